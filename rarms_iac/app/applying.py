@@ -74,9 +74,11 @@ def apply(
 
 
 def _refuse_unsigned(plan: Plan) -> None:
-    """Where a key is set, a plan that was written to a file has a signature that fits it."""
+    """Where a key is set, a plan has a signature that fits it; where its manifest demands one, a key is set."""
     key = plan_key()
     if key is None:
+        if plan.needs_key:
+            raise UseCaseError(Outcome.REFUSED, [refusals.without_key(plan.id)])
         return
     wrong = [part.host.name for part in plan.hosts if not is_signed(plan.id, plan.application, part, key)]
     if wrong:
@@ -87,10 +89,13 @@ def _refuse_unsigned(plan: Plan) -> None:
 def _refuse_unsigned_runs(hosts: Sequence[LiveHost]) -> None:
     """Where a key is set, an unfinished run is finished only if its journal holds a plan that was signed with it."""
     key = plan_key()
-    if key is None:
-        return
     with host_errors():
         runs = [(host.name, run) for host in hosts if (run := host.unfinished()) is not None]
+    if key is None:
+        demanding = {run.started.plan for _, run in runs if isinstance(run, Journal) and run.started.needs_key}
+        if demanding:
+            raise UseCaseError(Outcome.REFUSED, [refusals.without_key(plan) for plan in sorted(demanding)])
+        return
     findings = [
         refusals.unsigned(name, run.started.plan, is_begun=True) for name, run in runs if not _is_signed_run(run, key)
     ]

@@ -155,6 +155,7 @@ def _begin_or_resume(host: StepwiseHost, plan: Plan, part: HostPlan, origin: Run
         plan=plan.id,
         application=plan.application,
         robot=plan.robot,
+        needs_key=plan.needs_key,
         started_by=origin.by,
         started_at=origin.at,
         history=history_of(last_run),

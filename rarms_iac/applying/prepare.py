@@ -90,6 +90,7 @@ def prepare(request: PlanRequest, observed: Mapping[str, State]) -> PlanningResu
         rarms_version=__version__,
         application=request.application,
         robot=request.system.application.robot,
+        needs_key=request.system.policy.signed_plans,
         purpose=request.purpose,
         manifest=request.manifest,
         manifest_digest=request.manifest_digest,

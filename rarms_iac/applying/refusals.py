@@ -106,6 +106,16 @@ def unsigned(host: str, plan: str, *, is_begun: bool) -> Diagnostic:
     )
 
 
+def without_key(plan: str) -> Diagnostic:
+    """The policy of the plan's manifest demands signed plans, and no key is set that a signature could fit."""
+    return UNSIGNED.at(
+        None,
+        f"The manifest of plan {plan} says `signed_plans: true`, and no key is set in this environment.",
+        "Set RARMS_PLAN_KEY or RARMS_PLAN_KEY_FILE, where plans are made and where they are applied.",
+        values={"plan": plan},
+    )
+
+
 def is_run_of(journal: Journal | ScriptRun, application: Application) -> bool:
     """Whether a run was this application's, and this robot's; one that names no robot is any robot's."""
     started = journal.started

@@ -69,6 +69,7 @@ class RunStarted:
     serials: Mapping[str, int]  # of every application on the host, this run counted
     started_at: str  # as of `RunOrigin`
     robot: str = ""  # of `Application`
+    needs_key: bool = False  # of `Plan`
     history: tuple[PastRun, ...] = ()  # runs before this one, the oldest first
     kind: Literal["run_started"] = "run_started"
 

@@ -208,6 +208,7 @@ class Plan:
     findings: tuple[Diagnostic, ...]  # warnings and notes that the reviewer should see
     accepted: tuple[Diagnostic, ...]
     robot: str = ""  # of `Application`
+    needs_key: bool = False  # `Policy.signed_plans`
     placement: Placement | None = None  # how good the choice of hosts is; None where there was nothing to choose
     format_version: Internal[Literal["rarms-plan/2"]] = "rarms-plan/2"
 

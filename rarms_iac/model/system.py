@@ -266,6 +266,7 @@ class Policy:
     max_disruption: Disruption = Disruption.HOST_RESTART
     measuring: MeasuringLimits = MeasuringLimits()
     unused: Unused = Unused.KEEP
+    signed_plans: bool = False  # nothing is applied where no key is set that plans are signed with
     accept: Mapping[str, Acceptance] = field(default_factory=dict)
 
 

@@ -54,6 +54,11 @@ class PolicyBlock(Block):
         "needs `max_disruption: removal`. Elsewhere it is removed in any case: it holds nothing that could be lost.",
         "keep",
     )
+    signed_plans: bool = optional(
+        "Whether plans are applied only where a key is set (`RARMS_PLAN_KEY`, `RARMS_PLAN_KEY_FILE`) that they are "
+        "signed with.",
+        False,
+    )
     accept: Maybe[Annotated[dict[Code, AcceptanceBlock], KeysLike(CODE_PATTERN)]] = optional(
         "Findings that are known and accepted, by their id."
     )

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 47e2df85cc15 of application robot, for the host itself.
+    rarms apply script: plan c4ef5e730cc5 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '47e2df85cc15'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'c4ef5e730cc5'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'da4e58657d15eae8bc46c7dbdcda66fb79450353c8addd79bee2ca1722d845f1'
+        UndoDigest = '36fc3bd62a2fae652be353caa6494fa0c725c3100cfc79d518c2a8a031b98c36'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 47e2df85cc15 of application robot, for the host itself.
+    rarms undo script: plan c4ef5e730cc5 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '47e2df85cc15'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'c4ef5e730cc5'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan ad8cdfe4742c of application robot, for the host itself.
+    rarms apply script: plan 8252b1e20461 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'ad8cdfe4742c'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '8252b1e20461'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'e69f96be1a8b5f7da45e80404d78ced54525d5e461f4a42a01011dd216810168'
+        UndoDigest = '2d912fb33093415849a99276cbc838afc52e975d1f4cc40bb2c52abca9d117e3'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan a45072f7aa6f of application robot, for the host itself.
+    rarms apply script: plan 86446542a1cd of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'a45072f7aa6f'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '86446542a1cd'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '2dcb8f1db939ad825d7057db501d98c0e983494c58a6ca3965ccd15081206db9'
+        UndoDigest = '2f486c40f80779bdc0d4cc3a0d2a0ad0028610a6477e09de3be252718cae401b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

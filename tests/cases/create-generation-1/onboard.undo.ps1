@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan a45072f7aa6f of application robot, for the host itself.
+    rarms undo script: plan 86446542a1cd of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 1 stopped, 1 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'a45072f7aa6f'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '86446542a1cd'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan d955ceebfa90 of application robot, for the host itself.
+    rarms apply script: plan 56cec1056523 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,10 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'd955ceebfa90'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '56cec1056523'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '09a0263ae7eba6c5c236edf3448f11017e01fea7eee025561350d37db408d868'
+        UndoDigest = '8f7bd0b182f971fd39b9e0f5a893dc3f69f5b8fc54effee7fc0a619ed1748452'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

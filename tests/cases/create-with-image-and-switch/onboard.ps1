@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan a8f7708b7cb4 of application robot, for the host itself.
+    rarms apply script: plan 7e6bebf2c4b5 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,10 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'a8f7708b7cb4'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '7e6bebf2c4b5'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'aa0616258690ab72a280307abc2e3fcc07acdd5d1a41bab262d1e1167521d575'
+        UndoDigest = '7812e7b9799d5b26c7c4bb0a5b326818996363f437037a0e78253daa876dc291'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

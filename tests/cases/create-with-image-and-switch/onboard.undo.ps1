@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan a8f7708b7cb4 of application robot, for the host itself.
+    rarms undo script: plan 7e6bebf2c4b5 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 1 stopped, 1 removed; 1 disk deleted.
@@ -55,7 +55,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'a8f7708b7cb4'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '7e6bebf2c4b5'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 93a506cb6fed of application robot, for the host itself.
+    rarms apply script: plan 020a5d56c821 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '93a506cb6fed'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '020a5d56c821'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f712387f17c71fef0fc29eedd61f79ab1b3531684e9857513d89daf4bd955039'
+        UndoDigest = '6be4a96987efc58ab406da254d3fc20c4368d54573591e085cd26c27bed06ce8'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

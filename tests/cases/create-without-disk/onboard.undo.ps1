@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 93a506cb6fed of application robot, for the host itself.
+    rarms undo script: plan 020a5d56c821 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 1 stopped, 1 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '93a506cb6fed'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '020a5d56c821'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

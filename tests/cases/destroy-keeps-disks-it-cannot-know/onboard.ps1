@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan ac05b5bc1a09 of application robot, for the host itself.
+    rarms apply script: plan 32cbf49236c7 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 2 stopped, 2 removed; nothing deleted.
@@ -58,10 +58,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'ac05b5bc1a09'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '32cbf49236c7'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'a6ef802eaa98ad29163853ad9b6586bb476f46b27e5894e83d7e76c32a4f8e60'
+        UndoDigest = 'c044a9c571b2b9a2a34a11e70ceae8e53c18bf5b8d6500e3899ebdd0a53cbc16'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

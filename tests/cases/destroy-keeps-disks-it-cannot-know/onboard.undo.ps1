@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan ac05b5bc1a09 of application robot, for the host itself.
+    rarms undo script: plan 32cbf49236c7 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
@@ -57,7 +57,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'ac05b5bc1a09'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '32cbf49236c7'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan c729ae8b7f3b of application robot, for the host itself.
+    rarms apply script: plan f71f55bdd615 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 2 stopped, 2 removed; 1 disk deleted.
@@ -59,10 +59,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'c729ae8b7f3b'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'f71f55bdd615'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'cb03f75653a72c7097daadcbe7fcba71d76f3f4c486d94f6fbd3e1b154d0619f'
+        UndoDigest = '3101137fc602a5a31fb44dcefb2b45e0c79feb19fb13cfa8d55ea0f75beebed5'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

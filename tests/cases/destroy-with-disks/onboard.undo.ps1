@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan c729ae8b7f3b of application robot, for the host itself.
+    rarms undo script: plan f71f55bdd615 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
@@ -57,7 +57,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'c729ae8b7f3b'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'f71f55bdd615'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

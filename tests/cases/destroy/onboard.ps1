@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan b19cd843edad of application robot, for the host itself.
+    rarms apply script: plan ec8a8c5b3af6 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 2 stopped, 2 removed; nothing deleted.
@@ -58,10 +58,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'b19cd843edad'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'ec8a8c5b3af6'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'dbdd4682f5af2d66381332e2f44377d1245bbbd97688fb8669feabd455e4b012'
+        UndoDigest = '2386aa29dc73173ed55fd1b60dc1627d8434ad5e04ed321b37799761db8e2093'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

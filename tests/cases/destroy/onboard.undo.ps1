@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan b19cd843edad of application robot, for the host itself.
+    rarms undo script: plan ec8a8c5b3af6 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
@@ -57,7 +57,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'b19cd843edad'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'ec8a8c5b3af6'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan b9ae6f74368b of application robot, for the host itself.
+    rarms apply script: plan 03e25836ef82 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'b9ae6f74368b'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '03e25836ef82'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'cfe62445003187d5e42661910855a12410bb386fc6bd807288b5e76e67cb3d6b'
+        UndoDigest = '3443fe206c718414146c89d0e14c771617623743861091b3a5a19a736d296a3d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 3e04f07d7e2e of application robot, for the host itself.
+    rarms apply script: plan ff1a0db90fca of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,10 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '3e04f07d7e2e'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'ff1a0db90fca'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f3755469f68dfd27ccd26d1fc784c5a785aa573f20f93f9a5072932060465dfe'
+        UndoDigest = 'a6a9ff6b5d910ea588eac1c89cb668716f9928e138dcbde882bc9f0399eb7092'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

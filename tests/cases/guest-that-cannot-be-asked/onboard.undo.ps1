@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 3e04f07d7e2e of application robot, for the host itself.
+    rarms undo script: plan ff1a0db90fca of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,7 +55,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '3e04f07d7e2e'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'ff1a0db90fca'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 1e528aa7d3d3 of application robot, for the host itself.
+    rarms apply script: plan f404eff1873c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '1e528aa7d3d3'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'f404eff1873c'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd2689c95db2e8916b64631f7ffea43feeaea18918ba42b369674d219ceca903d'
+        UndoDigest = '1dc8874f3ddb323cca322f7e0a1b45335fc8ca523561fe676f71d4b7d8e661f9'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

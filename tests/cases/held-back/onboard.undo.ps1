@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 1e528aa7d3d3 of application robot, for the host itself.
+    rarms undo script: plan f404eff1873c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '1e528aa7d3d3'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'f404eff1873c'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

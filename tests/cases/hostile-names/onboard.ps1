@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 6f1188ec59fd of application robot, for the host itself.
+    rarms apply script: plan f49f147a0208 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '6f1188ec59fd'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'f49f147a0208'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'ef1da8f50767b39a3fa1a106ca57b7c0007700d0f577063b02da3bbaa6855de7'
+        UndoDigest = 'd6ff28a050e3d7fb73eb7e69d92ab2540f6868233b3a6ec510d8145a23b3d833'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

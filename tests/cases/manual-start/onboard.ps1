@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 6cd31fddd6dd of application robot, for the host itself.
+    rarms apply script: plan 219eb457a207 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     2 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,10 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '6cd31fddd6dd'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '219eb457a207'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '79de67c43bbb09ed5ee17ea1d123c7b3e990250035c956cc5fa8c9e0095f363d'
+        UndoDigest = '9d4e667528acbd3b34ca1f716eedb7b768d8018d5d94eadb1093cbc04a4abafe'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

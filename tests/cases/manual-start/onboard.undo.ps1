@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 6cd31fddd6dd of application robot, for the host itself.
+    rarms undo script: plan 219eb457a207 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 1 stopped, 2 removed; nothing deleted.
@@ -55,7 +55,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '6cd31fddd6dd'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '219eb457a207'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

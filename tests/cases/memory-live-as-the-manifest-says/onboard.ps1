@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 431592391cd5 of application robot, for the host itself.
+    rarms apply script: plan 51fca7d4a4a3 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '431592391cd5'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '51fca7d4a4a3'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '3dc1cf1c89c4460601714c7fe3d781a0659e7fe86933f0d352087375b6eec41c'
+        UndoDigest = 'c5b4a6582b49220ce235dd26d89b54516cf80c7c098ca3e77e8a0b7c8d2e3b1d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 431592391cd5 of application robot, for the host itself.
+    rarms undo script: plan 51fca7d4a4a3 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '431592391cd5'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '51fca7d4a4a3'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

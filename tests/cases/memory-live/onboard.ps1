@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan cbfdf2cdb472 of application robot, for the host itself.
+    rarms apply script: plan 68c8c5a80733 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'cbfdf2cdb472'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '68c8c5a80733'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'bec68acc8b28b1fa5a54026884da71a4e49873371d0695065e21717b76e724b3'
+        UndoDigest = '4889f372b61a7c78be65b9908c522bf4ea7c9ad80823fdffaf0fd2e95ab31f1f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

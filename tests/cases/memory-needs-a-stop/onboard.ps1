@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan ae688602056d of application robot, for the host itself.
+    rarms apply script: plan 346cf79fd37b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,10 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'ae688602056d'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '346cf79fd37b'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'cd945871378b75c876bb16ec80c9221f3fbd16e360e7f22c53931faa6f78a1fc'
+        UndoDigest = 'bee11ae2cefcf2de31f3a0de89d1cca0ae43254e84ed070b3c07e2b623a51400'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 3211fb8075c1 of application robot, for the host itself.
+    rarms apply script: plan 04fdb8172fc4 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,10 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '3211fb8075c1'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '04fdb8172fc4'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '658ce4ceb226107da8b9f9a31caf0e1e0ad127e02302933e6f31f2f2ed4c0e0f'
+        UndoDigest = '8f399888070cbb38806da2c7d33c4556f4520a72a583ab8658ff19da05906ec0'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

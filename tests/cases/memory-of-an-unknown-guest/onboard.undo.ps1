@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 3211fb8075c1 of application robot, for the host itself.
+    rarms undo script: plan 04fdb8172fc4 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,7 +55,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '3211fb8075c1'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '04fdb8172fc4'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

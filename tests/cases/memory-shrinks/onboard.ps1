@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 4ca32c76e72f of application robot, for the host itself.
+    rarms apply script: plan 0f2a1a2296ae of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,10 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '4ca32c76e72f'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '0f2a1a2296ae'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '82dd7a2c9ce4197e5c92acd0b22335415f2e1155470897e93b91d9d02ce4fd53'
+        UndoDigest = '0bd12ebe15d380c4a7ae21c983b149806ab5f5deb536ae45fb2508f7fa16a93d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

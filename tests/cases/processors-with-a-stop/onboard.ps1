@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 6e4ca5311748 of application robot, for the host itself.
+    rarms apply script: plan eb2f06d606b8 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,10 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '6e4ca5311748'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'eb2f06d606b8'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '62b963781136804e7dcf54185c07ce1a530acfec30c83ce521d28ac3627eee6a'
+        UndoDigest = '86cbf6f0c99c15ef3ba56a81c1bea0c9c2f28b8e3da3a4771c50fcc7e1ca825d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f3c5f6c21570 of application robot, for the host itself.
+    rarms apply script: plan d4895881d2be of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f3c5f6c21570'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'd4895881d2be'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '6143ceb1add49ecda529faa1ddd800e64f2b5367fd3ad2fe6dbb5869964f51a2'
+        UndoDigest = 'cf7990e5b2b7a501d06054c6489706f110ca13b49fc1edf48f3f4f07481479f4'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan f3c5f6c21570 of application robot, for the host itself.
+    rarms undo script: plan d4895881d2be of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'f3c5f6c21570'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'd4895881d2be'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f0dc7b5df460 of application robot, for the host itself.
+    rarms apply script: plan 9294890f78ba of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 1 stopped, 1 removed; nothing deleted.
@@ -56,10 +56,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f0dc7b5df460'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '9294890f78ba'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '3aecfc55c85f29d5afd75021a078fa788267e7306ca54e6825b4f6209709de2c'
+        UndoDigest = 'ff6164abbc3d00698d7d5063c5e3bce4f1077b7db8c3caf7aca494b13f47e5a1'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan f0dc7b5df460 of application robot, for the host itself.
+    rarms undo script: plan 9294890f78ba of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,7 +55,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'f0dc7b5df460'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '9294890f78ba'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

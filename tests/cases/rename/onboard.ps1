@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 8d0c6ee39de0 of application robot, for the host itself.
+    rarms apply script: plan 7a5e38bd2b3f of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '8d0c6ee39de0'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '7a5e38bd2b3f'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'bba27efa664db9be3b42a831a26a6bf3a63e6debd2e46aaf49c48d497a6d5e33'
+        UndoDigest = 'b9e9876a64873d92d8a96367da63467b48762e2470028a67a6f1cd90809c1d0d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 8d0c6ee39de0 of application robot, for the host itself.
+    rarms undo script: plan 7a5e38bd2b3f of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '8d0c6ee39de0'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '7a5e38bd2b3f'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 1ab285b6143c of application robot, for the host itself.
+    rarms apply script: plan 714c040478b8 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '1ab285b6143c'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '714c040478b8'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '96a15551d92fab4751600807eebed4bd1c73721c202c0600b16d3ee99d5c1fbb'
+        UndoDigest = '5c72821540c9e98c0d59ab5a134117508d46982c0f055fbae7784c9aad5af48c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 1ab285b6143c of application robot, for the host itself.
+    rarms undo script: plan 714c040478b8 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '1ab285b6143c'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '714c040478b8'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

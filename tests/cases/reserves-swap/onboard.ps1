@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan aa3634b3e923 of application robot, for the host itself.
+    rarms apply script: plan b02b64d5f70b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,10 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'aa3634b3e923'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'b02b64d5f70b'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '726b84e895dc4f645a73fae6fa462df27ce3c2a69956c88244e3391360c78d41'
+        UndoDigest = '6cc342a082b1a3ef777346b0021dec13dea096bfc33ffd017901d3a24fd1eb40'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan aa3634b3e923 of application robot, for the host itself.
+    rarms undo script: plan b02b64d5f70b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,7 +55,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'aa3634b3e923'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'b02b64d5f70b'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

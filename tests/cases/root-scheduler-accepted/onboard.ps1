@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 102a60b7a71a of application robot, for the host itself.
+    rarms apply script: plan f3d37cd22705 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,10 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '102a60b7a71a'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'f3d37cd22705'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f3102c0b34c51775ed821e3fe02e8a75dc04a41bd29320d158e4ce23ee2facab'
+        UndoDigest = '6b5b0a93680e681d2880853d0a564bcff82a1598dd04985e04dcc060a3a1af7c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 102a60b7a71a of application robot, for the host itself.
+    rarms undo script: plan f3d37cd22705 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 1 stopped, 1 removed; nothing deleted.
@@ -55,7 +55,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '102a60b7a71a'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'f3d37cd22705'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 623a2ba512ae of application robot, for the host itself.
+    rarms apply script: plan fe2fbec67b8f of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,10 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '623a2ba512ae'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'fe2fbec67b8f'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'ee770cfb943c6f58f9aabc33bf8ffc2d75fe9730f84445ce114f9919f092ec16'
+        UndoDigest = '0003f9fcbbb59790b2342c8492dc24d28160f2579a13e8bf1e44a1f4ac3569d1'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

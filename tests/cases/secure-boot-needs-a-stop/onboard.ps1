@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 922598f45d75 of application robot, for the host itself.
+    rarms apply script: plan f665430cc73e of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,10 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '922598f45d75'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'f665430cc73e'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '1d9b9b34590a25995e8250f0cd42c9851a1445b4652275f02b87b9cc717dc203'
+        UndoDigest = '6ea383c9dde0dcb35a3fe234091e3d09138a4a711327c0793ab535fbf9437425'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 922598f45d75 of application robot, for the host itself.
+    rarms undo script: plan f665430cc73e of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,7 +55,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '922598f45d75'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'f665430cc73e'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 4a5984dffe37 of application robot, for the host itself.
+    rarms apply script: plan bdc4907f20bd of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     3 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -56,10 +56,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '4a5984dffe37'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'bdc4907f20bd'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'a5a7bad0768e4cb1ddf8ec7e94403cdd12f89f9b6625f153cc38d76715b29ef8'
+        UndoDigest = '7861aec91cd6bedadb17a9375838ac6f16a36e33a8306c673fd87fa34a101f09'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 8

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 4a5984dffe37 of application robot, for the host itself.
+    rarms undo script: plan bdc4907f20bd of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 3 stopped, 3 removed; nothing deleted.
@@ -56,7 +56,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '4a5984dffe37'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'bdc4907f20bd'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 78bd3dd8069a of application robot, for the host itself.
+    rarms apply script: plan fac25d4b328c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     3 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -56,10 +56,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '78bd3dd8069a'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'fac25d4b328c'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'a78829508458b6ceac7c96f2fec90bd503727549cfefce6d16e633b58b8f9883'
+        UndoDigest = '4e08bfb1f55cb1af6eb911c60720cf2c468a84acdb1c2c90959fcd3828d5479a'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

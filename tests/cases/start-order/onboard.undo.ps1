@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 78bd3dd8069a of application robot, for the host itself.
+    rarms undo script: plan fac25d4b328c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 3 stopped, 3 removed; nothing deleted.
@@ -56,7 +56,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '78bd3dd8069a'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'fac25d4b328c'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan fc35f975f9f8 of application robot, for the host itself.
+    rarms apply script: plan 974ed6c835f0 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'fc35f975f9f8'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '974ed6c835f0'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '6a9aa53a195b803d8996047eb5c9002413b3eee740e3c1a1777aa7224da99654'
+        UndoDigest = '92ffa69a59b99245598b1db0a29b612f840bc6babd3ce13aa059eb2daaa34745'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

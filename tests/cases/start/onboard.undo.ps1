@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan fc35f975f9f8 of application robot, for the host itself.
+    rarms undo script: plan 974ed6c835f0 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'fc35f975f9f8'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '974ed6c835f0'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

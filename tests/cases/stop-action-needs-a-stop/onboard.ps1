@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan a00cb7f5e749 of application robot, for the host itself.
+    rarms apply script: plan 7daf6b46adb4 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,10 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'a00cb7f5e749'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '7daf6b46adb4'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'e9e48fbbfeabf0003aa0612f1dad89c11143f1775f0472544aa92bc7a554051e'
+        UndoDigest = '0167a2e156d7b5b15ed2bd966e6639e5202f5b6927dbf708666369bea7857ecc'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e5426d161637 of application robot, for the host itself.
+    rarms apply script: plan 16a6184d517c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 2 changed, 2 stopped, 0 removed; nothing deleted.
@@ -56,10 +56,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'e5426d161637'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '16a6184d517c'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'b5f5c5a7ef1b95bc9625a95ad1747d2948610240b78c72fdaabad98e2b5d3b5b'
+        UndoDigest = '6fac7f2007861544c6c29a7d9c4006aa4d245f7f06a6f4e78c024e775364967f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

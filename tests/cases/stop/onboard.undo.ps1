@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan e5426d161637 of application robot, for the host itself.
+    rarms undo script: plan 16a6184d517c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
@@ -56,7 +56,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'e5426d161637'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '16a6184d517c'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan af1fd7a7ba54 of application robot, for the host itself.
+    rarms apply script: plan 0befad783f8e of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'af1fd7a7ba54'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '0befad783f8e'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'e9cc0f472236f88699ddf7ca5ee82beeefb3d6495fbaaa4445fa79184f04ad9f'
+        UndoDigest = 'd134e763b1d935fd2dfdb08e9698e179bdc141fc812063dfb8dbe99b2c689f5b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan af1fd7a7ba54 of application robot, for the host itself.
+    rarms undo script: plan 0befad783f8e of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'af1fd7a7ba54'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '0befad783f8e'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

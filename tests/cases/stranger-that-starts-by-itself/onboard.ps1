@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 46ab198a60b1 of application robot, for the host itself.
+    rarms apply script: plan 401e0e53de58 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '46ab198a60b1'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '401e0e53de58'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '1b69d1943a21a3e25cba799c6af48f1403be832a3d1b9526e416c206c802f8bb'
+        UndoDigest = 'b6493e2b9db3da228d729ec7bc8a386842dfe49c351f032a0ed035661892680a'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

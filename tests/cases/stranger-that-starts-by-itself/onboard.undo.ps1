@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 46ab198a60b1 of application robot, for the host itself.
+    rarms undo script: plan 401e0e53de58 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 1 stopped, 1 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '46ab198a60b1'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '401e0e53de58'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 4d54ae874e52 of application robot, for the guest of partition vision.
+    rarms apply script: plan e12b09827e6b of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '4d54ae874e52'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'e12b09827e6b'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = 'ee1e322749215700c356b2b84e21bc9350891a2e88af6f2f322a1fac6a29154b'
+        UndoDigest = '87d99d6fcccb3ccc37898f21370505362c27c800b50868127dd16866fe1e01f1'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 4d54ae874e52 of application robot, for the guest of partition vision.
+    rarms undo script: plan e12b09827e6b of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '4d54ae874e52'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'e12b09827e6b'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = ''; Guest = 'vision'
         UndoDigest = ''

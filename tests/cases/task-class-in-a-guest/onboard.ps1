@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 4d54ae874e52 of application robot, for the host itself.
+    rarms apply script: plan e12b09827e6b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '4d54ae874e52'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'e12b09827e6b'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7538f98b97c0c8e892424147b1594eca6e7839a94cd20a10a7ee9beed6d4a909'
+        UndoDigest = 'fcc3da936d05554f10207e4b664ee7e4232883c471752f2bba3207035557d6fe'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 0afc31937f99 of application robot, for the host itself.
+    rarms apply script: plan 303ad58902c4 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,10 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '0afc31937f99'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '303ad58902c4'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7a28dba66fdff16507d442187dfa420af2df2ead56d6a2ea918f9da156a78a61'
+        UndoDigest = '2da9b56225e70ff95a5afba5fa9511c1965ffe7ced328cfc01bd4f5c6d85e0f1'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 0afc31937f99 of application robot, for the host itself.
+    rarms undo script: plan 303ad58902c4 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,7 +55,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '0afc31937f99'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '303ad58902c4'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

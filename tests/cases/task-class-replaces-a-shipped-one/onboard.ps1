@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 19cd97fa8417 of application robot, for the host itself.
+    rarms apply script: plan ffb5db5fad58 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '19cd97fa8417'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'ffb5db5fad58'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '1b67e67fd5448ef4c1f7347994d003f0870f2912963b7f3fc680fe3aee3337c6'
+        UndoDigest = '15899f91a983e5cd24f973a7f068657d78f24d6fed8c68dc25d6e33293fa10fd'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

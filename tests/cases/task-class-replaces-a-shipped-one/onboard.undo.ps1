@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 19cd97fa8417 of application robot, for the host itself.
+    rarms undo script: plan ffb5db5fad58 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '19cd97fa8417'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'ffb5db5fad58'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

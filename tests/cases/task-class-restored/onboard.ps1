@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 37d490a4f812 of application robot, for the host itself.
+    rarms apply script: plan cf3e7d5e03f4 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '37d490a4f812'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'cf3e7d5e03f4'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '900b1a847881e3371f97b7fcd5d38d597baf51ef20140554e1fe82e155dece83'
+        UndoDigest = 'cafc1a2dfc85f8e7af73b4a45d25a4fb2340d97fa1279b74c8b89392c82cd998'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 37d490a4f812 of application robot, for the host itself.
+    rarms undo script: plan cf3e7d5e03f4 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '37d490a4f812'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'cf3e7d5e03f4'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 64937eafdd20 of application robot, for the host itself.
+    rarms apply script: plan 6ecbe3c4af51 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,10 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '64937eafdd20'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '6ecbe3c4af51'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'cc86b35220688ea3bffd68b0a09d1cdc72fbcb76678c1f6dac071fc1d099a265'
+        UndoDigest = '641ed4a162e71e15dc6cff853b5453f63ea5480e2c9f6e47cf185d62a01973bc'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 64937eafdd20 of application robot, for the host itself.
+    rarms undo script: plan 6ecbe3c4af51 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,7 +55,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '64937eafdd20'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '6ecbe3c4af51'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 9f2e76c260cf of application robot, for the host itself.
+    rarms apply script: plan bf871e7b643c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '9f2e76c260cf'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'bf871e7b643c'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7d03c0dbdf4a1957cdb81e01dbf08d8712eb75a9397bd060b0cd56cf402cfe5e'
+        UndoDigest = '1872dae657c9519d61ca66aec8a9a08f4f8f77d92a477dc6c945ae1e46974e33'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

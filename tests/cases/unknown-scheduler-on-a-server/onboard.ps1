@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 957e1746890d of application robot, for the host itself.
+    rarms apply script: plan 989099b6f790 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,10 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '957e1746890d'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '989099b6f790'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f8f0b6c07dfdcecebede4f1adc76893bbdccb1602194bc6e7717e6a061effe66'
+        UndoDigest = 'c331e8466aa0db68f9513ad69a08becb14cb6f975d46828820b71d62800e02a5'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

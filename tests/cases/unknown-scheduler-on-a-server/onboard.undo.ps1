@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 957e1746890d of application robot, for the host itself.
+    rarms undo script: plan 989099b6f790 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 1 stopped, 1 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '957e1746890d'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '989099b6f790'; Application = 'robot'; Serial = 0
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

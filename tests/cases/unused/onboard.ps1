@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 1f1fb934b05a of application robot, for the host itself.
+    rarms apply script: plan e68aa343c233 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,10 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '1f1fb934b05a'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'e68aa343c233'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'a0f52418cec03e5647535dcfc3fd136684a3de115f044f4ea2dcd1228681d72f'
+        UndoDigest = '1e56b78aaaf889bcb52e4b96bf0c839adcf3de6739592d183b745a142128ba47'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

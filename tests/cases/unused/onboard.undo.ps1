@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 1f1fb934b05a of application robot, for the host itself.
+    rarms undo script: plan e68aa343c233 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,7 +55,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '1f1fb934b05a'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'e68aa343c233'; Application = 'robot'; Serial = 1
         Robot = ''
         Undo = ''; Guest = ''
         UndoDigest = ''

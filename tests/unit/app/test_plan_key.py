@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+import yaml
 
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.plan_key import FILE_VARIABLE, VARIABLE, plan_key
@@ -67,6 +68,47 @@ def test_a_plan_without_a_fitting_signature_is_refused(
     assert "error[RARMS341]" in of_another_key.err
     monkeypatch.setenv(VARIABLE, "short")
     assert rarms("apply", signed).code == 64
+
+
+@pytest.mark.parametrize("words", [("-f", "{manifest}", "--auto-approve"), ("{plan}",)])
+def test_where_the_policy_demands_signed_plans_nothing_is_applied_without_a_key(
+    robot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+) -> None:
+    document = yaml.safe_load(robot.read_text(encoding="utf-8"))
+    document.setdefault("policy", {})["signed_plans"] = True
+    robot.write_text(yaml.safe_dump(document), encoding="utf-8")
+    plan = str(tmp_path / "some.plan")
+    apply = ["apply", *(word.format(manifest=robot, plan=plan) for word in words)]
+    assert rarms("plan", "-f", str(robot), "--out", plan).code == 0
+
+    refused = rarms(*apply)
+    monkeypatch.setenv(VARIABLE, KEY)
+    assert rarms("plan", "-f", str(robot), "--out", plan).code == 0
+    done = rarms(*apply)
+
+    assert (refused.code, done.code) == (3, 0)
+    assert "says `signed_plans: true`, and no key is set" in " ".join(refused.err.split())
+
+
+def test_an_unfinished_run_that_demands_a_key_is_not_finished_without(
+    robot: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    faults = '{ faults: { broken: { operation: start_partition, at: "*", effect: refuse, times: 1 } } }'
+    document = yaml.safe_load(robot.read_text(encoding="utf-8"))
+    document.setdefault("policy", {})["signed_plans"] = True
+    for host in document["hosts"].values():
+        host["simulated"] = yaml.safe_load(faults)
+    robot.write_text(yaml.safe_dump(document), encoding="utf-8")
+    monkeypatch.setenv(VARIABLE, KEY)
+    assert rarms("apply", "-f", str(robot), "--auto-approve").code == 1
+    monkeypatch.delenv(VARIABLE)
+
+    refused = rarms("apply", "-f", str(robot), "--auto-approve")
+    monkeypatch.setenv(VARIABLE, KEY)
+
+    assert refused.code == 3
+    assert "error[RARMS341]" in refused.err
+    assert rarms("apply", "-f", str(robot), "--auto-approve").code == 0
 
 
 def test_an_unfinished_run_is_finished_only_where_its_plan_was_signed(

@@ -108,6 +108,7 @@ policy:
   headroom: equal
   max_disruption: partition_stop
   unused: keep
+  signed_plans: true
   measuring: { setting: 5 min, proof: 1 h }
   accept:
     RARMS041: { at: [partition/senses], reason: Known., until: '2027-01-31' }

@@ -214,6 +214,7 @@ def test_the_rest() -> None:
         headroom=m.Headroom.EQUAL,
         max_disruption=m.Disruption.PARTITION_STOP,
         measuring=m.MeasuringLimits(setting=ms("300000"), proof=ms("3600000")),
+        signed_plans=True,
         accept={"RARMS041": accept},
     )
     assert SYSTEM.moved == {"ears": "senses"}
