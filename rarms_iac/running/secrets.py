@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from urllib.parse import quote, quote_plus
 
 from rarms_iac.model.run import FromEnvironment, Run
+from rarms_iac.model.wording import quoted
 
 LEAST = 6
 """Characters of a value that is looked for: a shorter one stands in other words, too."""
@@ -19,23 +20,47 @@ def hide_secrets(run: Run, own: Mapping[str, str]) -> Callable[[str], str]:
 
     Returns:
         A function of a text, which has `<NAME>` in place of each value of at least `LEAST` characters, as it is or as
-        JSON or an address writes it; the longest first, so that none is left in part.
+        JSON, an address or a message writes it, whole or line by line; the longest first, so that none is left in part.
+        Of a value that is cut off by an end of the text, or by `...`, what is left is replaced, if it is as long.
     """
     names = {value.name for value in run.environment.values() if isinstance(value, FromEnvironment)}
     forms = {
         form: name
         for name in sorted(names)
         if len(value := own.get(name, "")) >= LEAST
-        for form in (value, json.dumps(value)[1:-1], json.dumps(value, ensure_ascii=False)[1:-1], *_in_addresses(value))
+        for part in (value, *value.splitlines())
+        if len(part) >= LEAST
+        for form in _forms(part)
     }
     ordered = sorted(forms, key=lambda form: (-len(form), form))
 
     def hide(text: str) -> str:
         for form in ordered:
             text = text.replace(form, f"<{forms[form]}>")
+        for form in ordered:
+            text = _without_cut_off(text, form, f"<{forms[form]}>")
         return text
 
     return hide
+
+
+def _without_cut_off(text: str, form: str, name: str) -> str:
+    """The text without the end of a form at its beginning, and without the beginning of one at its end or a `...`."""
+    if form[:LEAST] in text:
+        for size in range(len(form) - 1, LEAST - 1, -1):
+            text = text.replace(f"{form[:size]}...", f"{name}...")
+            if text.endswith(form[:size]):
+                text = f"{text[:-size]}{name}"
+    if form[-LEAST:] in text:
+        for size in range(len(form) - 1, LEAST - 1, -1):
+            if text.startswith(form[-size:]):
+                return f"{name}{text[size:]}"
+    return text
+
+
+def _forms(value: str) -> tuple[str, ...]:
+    as_json = (json.dumps(value)[1:-1], json.dumps(value, ensure_ascii=False)[1:-1])
+    return (value, *as_json, quoted(value)[1:-1], *_in_addresses(value))
 
 
 def _in_addresses(value: str) -> tuple[str, ...]:

@@ -25,6 +25,39 @@ def test_a_value_is_hidden_in_each_form(form: str) -> None:
     assert hide(f"login {form} failed") == "login <MINE> failed"
 
 
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ('not a JSON object: "login s3cr3t-va..."', 'not a JSON object: "login <MINE>..."'),
+        ("RuntimeError: s3cr3t-valu", "RuntimeError: <MINE>"),
+        ("3t-value failed", "<MINE> failed"),
+        ("s3cr3t is a word, t-value another", "s3cr3t is a word, t-value another"),
+    ],
+)
+def test_what_a_cut_left_of_a_value_is_hidden(text: str, shown: str) -> None:
+    run = replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE")})
+
+    assert hide_secrets(run, {"MINE": "s3cr3t-value"})(text) == shown
+
+
+def test_a_line_of_a_value_is_hidden() -> None:
+    run = replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE")})
+
+    assert hide_secrets(run, {"MINE": "first-line\nsecond-line"})("read second-line;") == "read <MINE>;"
+
+
+def test_a_value_in_a_long_line_is_in_no_reason(tmp_path: Path) -> None:
+    run = a_run("say('x' * 40 + os.environ['TOKEN'])\ntime.sleep(60)", until=1, failures=1)
+    run = replace(run, environment={**run.environment, "TOKEN": FromEnvironment(name="MINE")})
+    context = StartContext(base=tmp_path, environment={"MINE": "s3cr3t-value" * 4, "PATH": ""})
+
+    with ComponentRun("vision", run, context) as running:
+        (sample,) = list(running)
+
+    assert "s3cr3t" not in sample.failure
+    assert "<MINE>..." in sample.failure
+
+
 def test_a_short_value_and_one_of_another_variable_stay() -> None:
     run = replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE"), "OTHER": "visible text"})
 
