@@ -160,7 +160,7 @@ KINDS: dict[str, tuple[str, Callable[..., None]]] = {
     "processors": (MORE, _processors),
     "apt": (r"(c\d+): mean_response_time at most (\S+ \w+) instead of .*", _apt),
     "combine": (rf"(?:Combining may be enough, .*: )?{COMBINED} together need .* up to (\S+ %) fits", _together),
-    "anew": (rf"{MORE}(?:, with `processors: (\d+)` for (.*) as now)?, may be enough:.*", _anew),
+    "anew": (rf"{MORE}(?:, with `processors: (\d+)` for (.*) as now)?,? may be enough.*", _anew),
     "moving": (r"`--max-disruption removal`, .*", _nothing),
 }
 
