@@ -137,6 +137,7 @@ class Relaxation:
 
     changes: tuple[str, ...]  # needed together
     kind: RelaxationKind = RelaxationKind.CERTAIN
+    host: str = ""  # where it has to be measured, if the hosts differ in platform
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

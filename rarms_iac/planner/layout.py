@@ -144,11 +144,12 @@ def describe_possibility(way: Relaxation) -> Wording:
         A sentence.
     """
     changes = in_a_list(way.changes)
+    tune = command("tune", host=way.host) if way.host else command("tune")
     match way.kind:
         case RelaxationKind.FEWER_PROCESSORS:
             return prose("Fewer virtual processors may be enough, and ", MEASURE, f" tells: {changes}.")
         case RelaxationKind.COMBINING:
-            return prose("Combining may be enough, and ", command("tune"), f" measures it: {changes}.")
+            return prose("Combining may be enough, and ", tune, f" measures it: {changes}.")
         case RelaxationKind.MORE_PROCESSORS:
             return prose(
                 f"{changes[:1].upper()}{changes[1:]} may be enough. How much each partition needs there, ",

@@ -208,8 +208,8 @@ def ways_out(problem: Problem, conflict: Sequence[str], start: Variant) -> tuple
     return (*_narrowing(groups, problem, conflict, trials), *sure, *perhaps)
 
 
-def _relaxation(edits: Edits, kind: RelaxationKind = RelaxationKind.CERTAIN) -> Relaxation:
-    return Relaxation(changes=tuple(edit.message for edit in edits), kind=kind)
+def _relaxation(edits: Edits, kind: RelaxationKind = RelaxationKind.CERTAIN, host: str = "") -> Relaxation:
+    return Relaxation(changes=tuple(edit.message for edit in edits), kind=kind, host=host)
 
 
 def _moving(problem: Problem, trials: Trials) -> Iterator[Edits]:
@@ -247,15 +247,16 @@ def _narrowing(
 def _combining(problem: Problem, conflict: Sequence[str], trials: Trials) -> Iterator[Relaxation]:
     """A pair of the conflict, of the least critical first; where none is enough, several, of all partitions."""
     pairs = islice(pair_relaxations(problem, conflict), PAIRS)
-    edits = next(filter(None, (smallest_edits([pair], trials) for pair in pairs)), ())
+    tried = ((smallest_edits([pair], trials), pair.host) for pair in pairs)
+    edits, host = next((way for way in tried if way[0]), ((), ""))
     if not edits:
         disjoint: list[RelaxationRange] = []
         for pair in pair_relaxations(problem, problem.claims.keys()):
             if not any(set(pair.partitions) & set(other.partitions) for other in disjoint):
                 disjoint.append(pair)
-        edits = smallest_edits(disjoint, trials)
+        edits, host = smallest_edits(disjoint, trials), disjoint[0].host if disjoint else ""
     if edits:
-        yield _relaxation(edits, RelaxationKind.COMBINING)
+        yield _relaxation(edits, RelaxationKind.COMBINING, host)
 
 
 def _ways_with_more_processors(relaxations: Sequence[RelaxationRange], trials: Trials) -> Iterator[Relaxation]:

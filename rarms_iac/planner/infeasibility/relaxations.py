@@ -23,7 +23,7 @@ from rarms_iac.model.quantities import (
     show_processors,
 )
 from rarms_iac.model.state import HostFacts
-from rarms_iac.model.system import Component, CpuRequest, Measured, PartitionRequest, Threshold
+from rarms_iac.model.system import AtLeast, Component, CpuRequest, Measured, PartitionRequest, Threshold
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.candidates import compound_of
 from rarms_iac.planner.combining.oracle import coi_as_measured, total
@@ -109,10 +109,15 @@ def _relaxed(group: Group, log: MeasuredTogether, reserve: int) -> Edits:
             if holds(curve, threshold, reserve):
                 continue
             met = tightest_threshold(curve, reserve)
-            if met is None:
+            if met is None or _is_too_little(threshold, met):
                 return ()
             edits.append(_relaxed_apt(member, index, met))
     return tuple(edits)
+
+
+def _is_too_little(asked: Threshold, met: Threshold) -> bool:
+    """Whether less than half is met of what has to be at least so much: no performance to offer."""
+    return isinstance(asked, AtLeast) and 2 * met.value < asked.value
 
 
 def _relaxed_apt(component: Component, name: str, threshold: Threshold) -> Edit:
@@ -288,6 +293,11 @@ def _pair_relaxation(minor: Group, leader: Group, hosts: Sequence[str], problem:
             ),
         )
 
+    platforms = {each.platform for each in problem.system.hosts.values()}
     return RelaxationRange(
-        partitions=(minor.name, leader.name), amounts=reserves, edits_at=edits_at, to_be_measured=True
+        partitions=(minor.name, leader.name),
+        amounts=reserves,
+        edits_at=edits_at,
+        to_be_measured=True,
+        host=host.name if len(platforms) > 1 else "",
     )

@@ -6,7 +6,8 @@ from dataclasses import replace
 from fractions import Fraction
 
 from rarms_iac.model.layout import Infeasible, Layout, Relaxation, RelaxationKind
-from rarms_iac.model.system import AtMost, PartitionRequest, System
+from rarms_iac.model.system import AtLeast, AtMost, PartitionRequest, System
+from rarms_iac.planner.infeasibility.relaxations import _is_too_little
 from rarms_iac.planner.layout import describe_possibility, in_a_list
 from tests.builders import a_component, a_cpu, a_host, a_system, at_most
 from tests.unit.planner.test_measured_reservations import Logs, a_log, planned
@@ -262,3 +263,21 @@ def test_several_ways_out_are_a_list_and_apts_that_belong_together_are_one_of_th
     assert [head, together] == ["Each of these alone would fit:", "- all of these:"], str(offered.advice)
     assert len(apts) > 1
     assert all(line.startswith("  - ") and LINE.search(line) for line in apts)
+
+
+def test_with_hosts_of_two_platforms_tuning_is_offered_with_its_host() -> None:
+    system = a_robot()
+    other = replace(a_host("rack", logical_processors=16), platform="server")
+    placed = {name: replace(each, hosts=("onboard",)) for name, each in system.components.items()}
+    two = replace(system, components=placed, hosts={**system.hosts, "rack": other})
+    logs: Logs = {(name,): a_log({39: 200, 40: 90}, name) for name in ("path", "speech", "vision")}
+
+    assert (pair_in(two, logs) or "").startswith("Combining may be enough, and `rarms tune --host onboard` measures it")
+
+
+def test_less_than_half_of_a_rate_that_was_asked_for_is_no_way_out() -> None:
+    asked = AtLeast(value=Fraction(95))
+
+    assert _is_too_little(asked, AtLeast(value=Fraction(47)))
+    assert not _is_too_little(asked, AtLeast(value=Fraction(48)))
+    assert not _is_too_little(AtMost(value=Fraction(100)), AtMost(value=Fraction(10)))
