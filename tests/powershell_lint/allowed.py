@@ -98,8 +98,8 @@ MEMBERS = READING_MEMBERS | words(
     GetAttributes GetBytes GetString Guard Guest
     CommandType InvocationInfo InvocationName Kind Length LogicalProcessors Lost Memory Move MyCommand Needs Number
     EndsWith Open OpenOrCreate Ordinal Percent Plan Position PrimaryOperationalStatus Processors
-    ContainsKey Detail Identity Read ReadAllBytes ReadAllText ReadWrite Remove ReparsePoint Robot Run ScriptLineNumber Serial
-    Set SetLength
+    ContainsKey Detail Identity Read ReadAllBytes ReadAllText ReadWrite Remove ReparsePoint Run ScriptLineNumber Serial
+    Robot Set SetLength
     SetSecurityDescriptorSddlForm ShouldProcess Sort Status Step Substring ThreadsPerCore ToString Undo
     UndoDigest Undoes UserName UtcNow WaitOne Write WriteAllText closing data kind number plan record run
     application history serials set started_at started_by status touched
