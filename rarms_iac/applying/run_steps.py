@@ -100,11 +100,13 @@ def _perform_batch(
                 if isinstance(outcome, Diagnostic):
                     return outcomes, outcome
                 outcomes[number] = outcome
-    except HostLocked as error:
-        return {}, refusals.locked(error)
+    except HostLocked:
+        raise
     except HostError as error:
         done = _recorded(host, steps)
-        failed = next(number for number in steps if number not in done)
+        failed = next((number for number in steps if number not in done), None)
+        if failed is None or len(steps) == 1:  # it was not an operation that failed
+            raise
         return done, refusals.step_failed(host.name, steps[failed], error)
     return outcomes, _missed(host, scope, steps) if len(steps) > 1 else None
 

@@ -32,7 +32,7 @@ def test_the_scripts_are_shown_and_pass_the_inspection(
     assert main(["measure", "--script", "--out", "scripts"]) == 0
 
     names = ["cell.remove.measure.ps1", "cell.vision.busy-loop.measure.ps1"]
-    assert [path.name for path in sorted((tmp_path / "scripts").iterdir())] == names
+    assert [path.name for path in sorted((tmp_path / "scripts").iterdir())] == [".gitattributes", *names]
     assert all(name in shown for name in names)
     assert "Add-TestPartition -Name 'rarms-p1'" in shown
     for name in names:

@@ -95,6 +95,7 @@ def with_a_hyperv_host() -> None:
 PREPARED: Mapping[str, Callable[[], None]] = {
     "README.md": with_a_measured_robot,
     "hyperv.md": on_a_bare_server,
+    "library.md": with_a_measured_robot,
     "pull-requests.md": with_a_cell,
     "scripts.md": with_a_hyperv_host,
     "tutorial.md": in_an_empty_folder,

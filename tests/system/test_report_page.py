@@ -100,9 +100,9 @@ def planned(apts: Mapping[str, Mapping[str, Threshold]]) -> int | None:
 
 
 def message(page: "WebDriver", card: str) -> int | None:
-    """The reserve that the page shows."""
+    """The reserve that the page shows, in per cent of the component's two processors."""
     shown = text(page, f"{card}-reserve")
-    return None if shown == "Not achieved" else int(shown.removeprefix("Reserve ").removesuffix(" %"))
+    return None if shown == "Not achieved" else round(50 * float(shown.removeprefix("Reserve ").removesuffix(" LP")))
 
 
 def test_a_line_dragged_by_mouse_reserves_what_the_planner_would(page: "WebDriver") -> None:
@@ -152,7 +152,7 @@ def test_the_keyboard_moves_a_line_over_every_step_and_says_so(page: "WebDriver"
     assert "no measured reserve is enough" in (slider.get_attribute("aria-valuetext") or "")
     slider.send_keys(Keys.END)
     assert message(page, "m1") == 10
-    assert "needs a reserve of 10 %" in (slider.get_attribute("aria-valuetext") or "")
+    assert "needs 0.2 LP (10 % of its 2 VPs)" in (slider.get_attribute("aria-valuetext") or "")
     slider.send_keys(*[Keys.PAGE_DOWN] * 40)
     for _ in range(12):
         slider.send_keys(*[Keys.ARROW_DOWN] * 7)
@@ -181,7 +181,7 @@ def test_every_step_of_every_line_agrees_with_the_planner(page: "WebDriver") -> 
     assert len(found) > 500
     for value, shown in found:
         least = least_reserve([(curve, AtMost(value=Fraction(value)))])
-        assert shown == ("Not achieved" if least is None else f"Reserve {least} %"), value
+        assert shown == ("Not achieved" if least is None else f"Reserve {least / 50:g} LP"), value
 
 
 def test_a_line_follows_a_finger(page: "WebDriver") -> None:
@@ -205,15 +205,15 @@ def test_a_line_follows_a_finger(page: "WebDriver") -> None:
 def test_headroom_follows_the_lines_and_reset_brings_them_back(page: "WebDriver") -> None:
     from selenium.webdriver import Keys
 
-    assert "Headroom of onboard: 14 % (0.28 LP)" in text(page, "fit-1")
+    assert "Headroom of onboard: 0.28 LP (14 % of onboard)" in text(page, "fit-1")
     line(page, FACES).send_keys(Keys.END)
-    assert text(page, "m1-headroom") == "Headroom of onboard: 64 % (1.28 LP)."
+    assert text(page, "m1-headroom") == "Headroom of onboard: 1.28 LP (64 % of onboard)."
     line(page, SUCCESS).send_keys(Keys.END)
     reset = page.find_element("id", "m1-reset")
     reset.click()
     page.find_element("id", "m2-reset").click()
 
-    assert "Headroom of onboard: 14 % (0.28 LP)" in text(page, "fit-1")
+    assert "Headroom of onboard: 0.28 LP (14 % of onboard)" in text(page, "fit-1")
     assert (message(page, "m1"), message(page, "m2"), reset.is_displayed()) == (60, 16, False)
 
 

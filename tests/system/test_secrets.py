@@ -84,7 +84,7 @@ def test_a_credential_and_a_guests_target_stay_in_the_manifest(tmp_path: Path, m
         rarms("show", "cell.plan", "--script", "--out", "scripts"),
     ]
 
-    assert [answer.code for answer in answers] == [2, 0, 0], planned.err
+    assert [answer.code for answer in answers] == [0, 0, 0], planned.err
     assert not [answer for answer in answers if re.search("pl4nted|gu3st", answer.out + answer.err)]
     made = [file for file in tmp_path.rglob("*") if file.is_file() and file.name != "rarms.yaml"]
     assert len(made) >= 4
@@ -105,7 +105,7 @@ def test_a_variable_that_is_referred_to_reaches_its_component_and_nothing_else(
     answers = [rarms(*words) for words in ROUTE]
     Path("seen.py").unlink()
 
-    assert {words[0]: answer.code for words, answer in zip(ROUTE, answers, strict=True) if answer.code} == {"plan": 2}
+    assert {words[0]: answer.code for words, answer in zip(ROUTE, answers, strict=True) if answer.code} == {}
     assert not [answer for answer in answers if SECRET in answer.out + answer.err]
     files = [file for file in tmp_path.rglob("*") if file.is_file()]
     assert len(files) > 10

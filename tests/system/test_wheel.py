@@ -61,7 +61,7 @@ def do_the_main_job(programs: Path, folder: Path) -> None:
     script: list[tuple[int, tuple[str, ...]]] = [
         (0, ("rarms", "init")),
         (0, ("rarms", "validate")),
-        (2, ("rarms", "plan", "--out", "robot.plan")),
+        (0, ("rarms", "plan", "--out", "robot.plan")),
         (0, ("rarms", "apply", "--auto-approve")),
         (0, ("rarms", "plan")),
     ]
