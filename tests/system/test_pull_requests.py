@@ -255,7 +255,7 @@ def test_the_action_validates_plans_and_keeps_one_comment(tmp_path: Path) -> Non
     assert [comment["id"] for comment in comments] == [2]
     body = comments[0]["body"]
     assert body.startswith("<!-- rarms plan: cell/rarms.yaml -->\n")
-    assert "1.8 LP (90 %)" in body
+    assert "1.8 LP (90 % of onboard)" in body
     assert "What changed in the scripts" in body
     assert "### rarms plan: cell" in (of_second / "summary.md").read_text(encoding="utf-8")
     assert (wrong["Validate"], "Plan" in wrong) == (2, False)
