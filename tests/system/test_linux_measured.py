@@ -80,7 +80,7 @@ def test_real_processes_are_measured_planned_applied_proven_mended_and_removed(w
 
     paper = ("measure", "--strategy", "paper")
     measured = run_twice(walk, paper, (*paper, "--again"))
-    planned = run(walk, "plan", "--out", plan, ends=2)
+    planned = run(walk, "plan", "--out", plan)
     proven = run_twice(walk, ("apply", plan, "--prove", "--load-host"), ("prove", "--load-host"))
     applied = groups.read("eyes")
     groups.write("eyes", GroupValues(shares_percent=applied.shares_percent + 10, memory=applied.memory))

@@ -100,6 +100,7 @@ def test_a_file_beyond_the_bytes_is_left_out_where_one_only_looks(home: Path) ->
     assert named(home, "*") == ["small"]
 
 
+@pytest.mark.needs("posix")  # Windows keeps no time of a change of state
 def test_a_large_file_that_was_read_is_not_read_again(home: Path) -> None:
     large, subject = home / "model.bin", running(Command(words=("x",)), "*")
     large.write_bytes(b"\0" * LARGE)
