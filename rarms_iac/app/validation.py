@@ -13,14 +13,9 @@ from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
 from rarms_iac.manifest.load import DEFAULT_NAME, load, manifest_path
 from rarms_iac.manifest.text.reading import MAX_BYTES
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity, first_of_each_kind, in_order
-from rarms_iac.model.run import FromEnvironment
-from rarms_iac.model.system import System
-from rarms_iac.model.wording import did_you_mean, quoted
-from rarms_iac.running.secrets import LEAST
+from rarms_iac.model.diagnostics import Diagnostic, Severity, first_of_each_kind, in_order
+from rarms_iac.model.wording import did_you_mean
 from rarms_iac.storage.reading import STANDARD_INPUT, read_file
-
-SHORT_SECRET = Finding.note("RARMS345", "A value from the environment is too short to be hidden")
 
 _KEY = re.compile(rb"^([A-Za-z_]+)[ \t]*:", re.MULTILINE)
 _OVERLAY_KEYS = frozenset(
@@ -95,28 +90,13 @@ def validate_manifest(source: ManifestSource) -> Validation:
     errors = [finding for finding in loaded.diagnostics if finding.severity is Severity.ERROR]
     beyond = declared_host_findings(Manifest(source=source, system=system, loaded=loaded), errors)
     remaining, accepted = apply_acceptances(
-        in_order([*loaded.diagnostics, *beyond, *_short_secrets(system, loaded.places, os.environ)]),
+        in_order([*loaded.diagnostics, *beyond]),
         system.policy,
         loaded.places,
         source.today,
         codes=CODES,
     )
     return Validation(sources=loaded.sources, findings=remaining, accepted=accepted)
-
-
-def _short_secrets(system: System, places: Places, own: Mapping[str, str]) -> Iterator[Diagnostic]:
-    """Variables of components whose values in rarms' own environment are too short to be found in what is recorded."""
-    for component in system.components.values():
-        for variable, value in (component.run.environment if component.run is not None else {}).items():
-            if isinstance(value, FromEnvironment) and 0 < len(own.get(value.name, "")) < LEAST:
-                yield SHORT_SECRET.at(
-                    places.value("components", component.name, "run", "environment", variable),
-                    f"{value.name} has fewer than {LEAST} characters here: what {quoted(component.name)} prints of it "
-                    "is recorded as it is.",
-                    f"Give it a value of at least {LEAST} characters if it is a secret.",
-                    address=f"component/{component.name}",
-                    values={"component": component.name, "variable": value.name},
-                )
 
 
 def sources_in(paths: Sequence[str], source: ManifestSource) -> tuple[ManifestSource, ...]:

@@ -218,23 +218,3 @@ def test_an_acceptance_is_held_against_all_findings_before_the_rest_is_only_coun
     assert [finding.address for finding in accepted] == [hosts[-1]]
     assert {finding.code for finding in shown} == {"RARMS159"}
     assert [finding.detail for finding in shown if not finding.address] == ["999 more of this kind follow."]
-
-
-def test_a_value_from_the_environment_that_is_too_short_to_be_hidden_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    run = "run: { command: [./vision], environment: { TOKEN: { from_env: VISION_TOKEN } } }"
-    file = tmp_path / "rarms.yaml"
-    file.write_text(
-        "schema: rarms/v1\napplication: { name: robot }\n"
-        "hosts: { onboard: { provider: simulated, logical_processors: 2, memory: 4 GiB } }\n"
-        f"components: {{ vision: {{ criticality: 3, memory: 512 MiB, cpu: {{ reserve: 40 % }}, {run} }} }}\n",
-        encoding="utf-8",
-    )
-
-    def named(value: str) -> bool:
-        monkeypatch.setenv("VISION_TOKEN", value)
-        found = validate([ManifestSource(manifest=str(file), today=date(2026, 1, 1))]).findings
-        return "RARMS345" in [finding.code for finding in found]
-
-    assert [named(value) for value in ("", "short", "longer")] == [False, True, False]
