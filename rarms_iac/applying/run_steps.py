@@ -15,7 +15,7 @@ from rarms_iac.diff.readings import readings
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunStarted, StepRecorded, StepStatus
-from rarms_iac.model.plan import Reading, Readings, Scope, Step
+from rarms_iac.model.plan import Reading, Readings, Scope, Step, owner_of
 from rarms_iac.providers.interface import BatchingHost, HostError, HostLocked, LiveHost, StepwiseHost
 
 ShouldStop = Callable[[], bool]
@@ -80,7 +80,7 @@ def _batches(host: StepwiseHost, numbers: Sequence[int], steps: Sequence[Step]) 
     if not (isinstance(host, BatchingHost) and host.is_distant):
         yield from ((number,) for number in numbers)
         return
-    for _, batch in groupby(numbers, key=lambda number: steps[number].address.partition or str(steps[number].address)):
+    for _, batch in groupby(numbers, key=lambda number: owner_of(steps[number])):
         yield tuple(batch)
 
 
