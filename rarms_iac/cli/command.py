@@ -19,6 +19,7 @@ from rarms_iac.cli.completion import completer_of
 from rarms_iac.cli.ending import ExitCode, WrongRequest
 from rarms_iac.cli.session import Session, common_options, session_flag
 from rarms_iac.cli.table import COMMANDS
+from rarms_iac.model.names import robot_of
 
 T = TypeVar("T")
 
@@ -61,6 +62,7 @@ def rarms_command(name: str, *, json: bool = True) -> Callable[[Callable[..., Ex
                 for source in given.values():
                     if isinstance(source, ManifestSource):
                         _repeat_in_advice(context, session, source)
+                        _name_robot(session, source)
                 return function(session, **given)
             except RequestError as error:
                 raise WrongRequest(error, context) from error
@@ -111,6 +113,12 @@ def _repeat_in_advice(context: click.Context, session: Session, source: Manifest
     if context.get_parameter_source("manifest") is ParameterSource.COMMANDLINE:
         words = ["-f", source.manifest, *words]
     session.terminal.manifest_options = f" {shlex.join(words)}" if words else ""
+
+
+def _name_robot(session: Session, source: ManifestSource) -> None:
+    """Say which robot all that follows is about: hosts have the same names on each."""
+    if source.overlays:
+        session.terminal.talk(f"The robot is {robot_of(source.overlays)}.")
 
 
 def parameters_of(request: type) -> list[click.Parameter]:

@@ -13,7 +13,7 @@ from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.manifest.text.reading import ParsedText, read
 from rarms_iac.model.commands import INIT, prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, has_errors, in_order
-from rarms_iac.model.names import is_name
+from rarms_iac.model.names import is_name, robot_of
 from rarms_iac.model.system import System
 from rarms_iac.storage.reading import STANDARD_INPUT
 
@@ -109,7 +109,7 @@ def load(
     from rarms_iac.manifest.document.structure import NotAManifest, read_document
     from rarms_iac.manifest.to_system import to_system
 
-    robot = Path(texts[-1].source.file).stem if overlays else ""
+    robot = robot_of(overlays)
     if overlays and not is_name(robot):
         return _loaded(texts, None, places, [not_a_robot(texts[-1].source.file, robot)])
     try:

@@ -1,8 +1,9 @@
 """Which names the manifest may give, and which name each of our partitions is to bear after `moved`."""
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 NAME_PATTERN = r"^[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?$"
 """Applications, hosts, partitions, components, interference: also good as folder, VM and control-group names."""
@@ -40,6 +41,15 @@ _TASK = re.compile(TASK_PATTERN.removesuffix("$") + r"\Z")
 def is_name(text: str) -> bool:
     """Whether an application, host, partition, component or interference may be called so."""
     return _NAME.match(text) is not None
+
+
+def robot_of(overlays: Sequence[str]) -> str:
+    """Return the name of the robot that overlays describe: that of the last one's file without its ending.
+
+    Args:
+        overlays: paths of files; empty: the manifest describes no robot in particular, and has none.
+    """
+    return Path(overlays[-1]).stem if overlays else ""
 
 
 def is_task(text: str) -> bool:

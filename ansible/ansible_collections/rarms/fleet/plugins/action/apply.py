@@ -85,8 +85,8 @@ class ActionModule(RobotAction):
         ended = {"changed": any(host.changed for host in report.hosts), "run": json_value(report)}
         if report.ending in {RunEnding.DONE, RunEnding.NOTHING}:
             return ended
-        message = "" if report.findings else f"The run was {report.ending.value}."
-        return {**failure(message, report.findings), **ended}
+        findings = ended["run"]["findings"]
+        return {**failure("" if findings else f"The run was {report.ending.value}.", findings), **ended}
 
 
 def _request(robot: Robot, arguments: Mapping[str, Any]) -> Any:

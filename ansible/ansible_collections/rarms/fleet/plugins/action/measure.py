@@ -34,11 +34,10 @@ class ActionModule(RobotAction):
             answer, logs = json_value(outcome), sorted({result.log for result in outcome.experiments})
         else:
             channel = self.channel(robot)
-            ran = run_on_robot(channel, arguments, ["measure", *arguments["components"]])
+            ran = run_on_robot(channel, robot, arguments, ["measure", *arguments["components"]])
             answer, logs = ran["answer"], fetch_measurements(channel, robot, arguments["folder"])
         new = sum(experiment["new"] for experiment in answer.get("experiments", ()))
         result = {"changed": new > 0, "measured": answer, "logs": logs, "new_settings": new}
         if answer.get("kind") != "measure":  # the findings of a refusal
-            reasons = "; ".join(f"{each['summary']} ({each['code']}): {each['detail']}" for each in answer["findings"])
-            return {**result, **failure(reasons)}
+            return {**result, **failure(findings=answer["findings"])}
         return result

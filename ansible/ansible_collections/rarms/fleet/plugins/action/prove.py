@@ -36,9 +36,8 @@ class ActionModule(RobotAction):
             answer = json_value(prove_layout(robot.hosts))
         else:
             channel = self.channel(robot)
-            answer = run_on_robot(channel, arguments, ["prove", "--load-host"])["answer"]
+            answer = run_on_robot(channel, robot, arguments, ["prove", "--load-host"])["answer"]
             fetch_measurements(channel, robot, arguments["folder"])
         if answer.get("kind") == "prove" and answer["met"]:
             return {"changed": False, "proof": answer}
-        reasons = "; ".join(f"{each['summary']} ({each['code']}): {each['detail']}" for each in answer["findings"])
-        return {**failure(reasons), "proof": answer}
+        return {**failure(findings=answer["findings"]), "proof": answer}

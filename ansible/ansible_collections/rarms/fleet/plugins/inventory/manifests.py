@@ -144,7 +144,7 @@ def _connection(host: Host) -> dict[str, Any]:
     if host.connect is None or host.provider is ProviderKind.SIMULATED:
         return {"ansible_connection": "local"}
     connect = host.connect
-    user, _, address = connect.ssh.rpartition("@")
+    user, address = connect.ssh.rpartition("@")[::2]
     common = {"ProxyJump": connect.jump, "ControlPath": connect.control_path}
     options = " ".join(shlex.quote(f"-o{name}={value}") for name, value in common.items() if value)
     variables = {

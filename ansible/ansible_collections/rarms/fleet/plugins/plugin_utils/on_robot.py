@@ -11,7 +11,8 @@ import re
 import shlex
 import tarfile
 from collections.abc import Sequence
-from pathlib import Path
+from os.path import relpath
+from pathlib import Path, PurePath
 from typing import Any
 
 from ansible_collections.rarms.fleet.plugins.plugin_utils.robot import RARMS_MISSING, ConnectionChannel, Result, Robot
@@ -21,6 +22,8 @@ if not RARMS_MISSING:
     from rarms_iac.app.files import make_folder, write_file
 
 SILENCE_S = 3600.0
+HERE = ".rarms/here"
+"""Folder of the overlays, in the robot's copy, by which it is reached without `connect`."""
 LOG = re.compile(r"[a-z0-9][a-z0-9-]*/[a-z0-9][a-z0-9+-]*(?:/[a-z0-9][a-z0-9-]*)?\.(?:jsonl|json)")
 """A file below `measurements/`, as rarms names them."""
 
@@ -31,11 +34,12 @@ RUN_ON_ROBOT = {
 """Arguments of an action that runs components."""
 
 
-def run_on_robot(channel: ConnectionChannel, arguments: Any, words: Sequence[str]) -> Result:
+def run_on_robot(channel: ConnectionChannel, robot: Robot, arguments: Any, words: Sequence[str]) -> Result:
     """Run a command of rarms in the robot's own copy of the manifest's folder.
 
     Args:
         channel: to the robot.
+        robot: whose overlays are given to the command, and a last one without `connect`: there the host is the robot.
         arguments: of the action; `folder` is where the robot keeps the manifest with its overlays.
         words: of the command, behind the program's name.
 
@@ -43,18 +47,39 @@ def run_on_robot(channel: ConnectionChannel, arguments: Any, words: Sequence[str
         Its JSON, exit code and what it said.
 
     Raises:
-        RequestError: no folder is named, or the command gave no JSON.
+        RequestError: no folder is named, `connect` stands in no overlay, or the command gave no JSON.
     """
     if not arguments["folder"]:
         raise RequestError(
             "The components run on the robot: say with `folder` where it keeps the manifest, and have rarms there."
         )
-    command = shlex.join([arguments["executable"], *words, "--json"])
+    command = shlex.join([arguments["executable"], *words, *_manifest_words(robot), "--json"])
+    if robot.connect is not None:
+        here = shlex.join(["printf", "%s\n", f"hosts: {{ {robot.host}: {{ connect: null }} }}"])
+        command = f"mkdir -p {shlex.quote(HERE)} && {here} > {shlex.quote(_here(robot))} && {command}"
     answer = channel.run(f"cd {shlex.quote(arguments['folder'])} && {command}", b"", SILENCE_S)
     try:
         return {"answer": json.loads(answer.output), "code": answer.code, "stderr": answer.error}
     except ValueError as error:
         raise RequestError(f"`{command}` ended with {answer.code} and no answer: {answer.error[-500:]}") from error
+
+
+def _manifest_words(robot: Robot) -> list[str]:
+    """The manifest and overlays as a command in their folder names them."""
+    source = robot.hosts.manifest.source
+    manifest, *overlays = (
+        PurePath(relpath(path, robot.hosts.folder)).as_posix() for path in (source.manifest, *source.overlays)
+    )
+    if robot.connect is not None:
+        if not overlays:
+            raise RequestError("Write `connect` in an overlay of the robot's own: on the robot it is left out.")
+        overlays.append(_here(robot))
+    return ["-f", manifest, *(word for overlay in overlays for word in ("--overlay", overlay))]
+
+
+def _here(robot: Robot) -> str:
+    """The last overlay, which keeps the robot's name."""
+    return f"{HERE}/{PurePath(robot.hosts.manifest.source.overlays[-1]).stem}.yaml"
 
 
 def fetch_measurements(channel: ConnectionChannel, robot: Robot, folder: str) -> list[str]:

@@ -7,6 +7,7 @@ channel, and results as plain values. rarms runs in Ansible's own process. Begin
 
 from __future__ import annotations
 
+import importlib
 import json
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
@@ -19,13 +20,12 @@ from ansible.errors import AnsibleActionFail, AnsibleConnectionFailure
 from ansible.plugins.action import ActionBase
 
 try:
-    import rarms_iac.providers.cgroups.remote  # noqa: F401 - so that it is there (`rehearse`)
     from rarms_iac.app.applying import apply
     from rarms_iac.app.errors import RequestError, UseCaseError
     from rarms_iac.app.hosts import Hosts, load
     from rarms_iac.app.planning import plan
-    from rarms_iac.model.diagnostics import Diagnostic, Findings
-    from rarms_iac.model.host import ProviderKind
+    from rarms_iac.model.diagnostics import Findings
+    from rarms_iac.model.host import Connect, ProviderKind
     from rarms_iac.providers.channel import CommandResult
     from rarms_iac.providers.interface import HostUnreachable
     from rarms_iac.views.json_output import json_of
@@ -67,6 +67,11 @@ class Robot:
         """What enforces reservations there."""
         return self.hosts.system.hosts[self.host].provider
 
+    @property
+    def connect(self) -> Connect | None:
+        """How the manifest says that the robot is reached; None: it is this machine."""
+        return self.hosts.system.hosts[self.host].connect
+
 
 class ConnectionChannel:
     """A `CommandChannel` of rarms: Ansible's own connection to the robot, with its `become`."""
@@ -85,7 +90,8 @@ class ConnectionChannel:
     def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:  # noqa: ARG002
         """Run one command there; how long it may be silent is said by the connection's own `timeout`."""
         try:
-            result = self._action._low_level_execute_command(command, in_data=data)
+            # NOTE: never without input: Ansible's ssh would ask for a terminal, and that joins error and output.
+            result = self._action._low_level_execute_command(command, in_data=data or b"\n")
         except AnsibleConnectionFailure as failure:
             advice = "Try `ansible -m ansible.builtin.raw -a true` on it."
             raise HostUnreachable(self._host, f"{self.target} cannot be reached: {failure}", advice) from failure
@@ -115,7 +121,7 @@ class RobotAction(ActionBase):
         except RequestError as error:
             result = failure(str(error))
         except UseCaseError as error:
-            result = failure("", error.findings)
+            result = failure(findings=json_value(Findings(findings=tuple(error.findings)))["findings"])
         if result.get("failed"):
             self.remove_stale(arguments)
         if result.get("rarms_unreachable") and arguments["unreachable"] == "unreachable":
@@ -181,6 +187,7 @@ def rehearse() -> None:
     Ansible imports an action before it forks a process for each robot. What rarms imports and works out when it is
     first needed is then there for all of them: it takes 0.2 s once instead of 40 ms a robot.
     """
+    importlib.import_module("rarms_iac.providers.cgroups.remote")
     with TemporaryDirectory(prefix="rarms-") as folder:
         manifest = Path(folder) / "rarms.yaml"
         manifest.write_text(REHEARSAL, encoding="utf-8")
@@ -189,19 +196,20 @@ def rehearse() -> None:
         json_value(plan(hosts))
 
 
-def failure(message: str, findings: Sequence[Diagnostic] = ()) -> Result:
+def failure(message: str = "", findings: Sequence[Result] = ()) -> Result:
     """Make a failed result.
 
     Args:
         message: for people; empty: the findings say it.
-        findings: the reasons.
+        findings: the reasons, as rarms writes them in JSON.
     """
+    reasons = (f"{each['summary']} ({each['code']}): {each['detail']}" for each in findings[:MOST_REASONS])
     return {
         "failed": True,
         "changed": False,
-        "msg": message or "; ".join(f"{each.summary} ({each.code}): {each.detail}" for each in findings[:MOST_REASONS]),
-        "findings": json_value(Findings(findings=tuple(findings)))["findings"],
-        "rarms_unreachable": any(each.values.get("unreachable", False) for each in findings),
+        "msg": message or "; ".join(reasons),
+        "findings": list(findings),
+        "rarms_unreachable": any(each["values"].get("unreachable", False) for each in findings),
     }
 
 
