@@ -14,6 +14,30 @@ TABLES = Path(__file__).resolve().parent / "tables"
 
 
 FROM_PAGES: dict[str, dict[str, Any]] = {
+    "Export-ModuleMember": {
+        "module": "Microsoft.PowerShell.Core",
+        "should_process": False,
+        "in_7": True,
+        "not_in_7": [],
+        "parameters": {
+            "Alias": {"type": "String[]", "sets": {"__AllParameterSets": "n"}},
+            "Cmdlet": {"type": "String[]", "sets": {"__AllParameterSets": "n"}},
+            "Function": {"type": "String[]", "sets": {"__AllParameterSets": "pvn"}},
+            "Variable": {"type": "String[]", "sets": {"__AllParameterSets": "n"}},
+        },
+    },
+    "Get-Alias": {
+        "module": "Microsoft.PowerShell.Utility",
+        "should_process": False,
+        "in_7": True,
+        "not_in_7": [],
+        "parameters": {
+            "Definition": {"type": "String[]", "sets": {"Definition": ""}},
+            "Exclude": {"type": "String[]", "sets": {"Default": "", "Definition": ""}},
+            "Name": {"type": "String[]", "sets": {"Default": "pvn"}},
+            "Scope": {"type": "String", "sets": {"Default": "", "Definition": ""}},
+        },
+    },
     "Move-VMStorage": {
         "module": "Hyper-V",
         "should_process": True,
@@ -24,6 +48,21 @@ FROM_PAGES: dict[str, dict[str, Any]] = {
             "SnapshotFilePath": {"type": "String", "sets": {"VMMultiple": ""}},
             "VM": {"type": "VirtualMachine", "sets": {"VMMultiple": "mp"}},
             "VirtualMachinePath": {"type": "String", "sets": {"VMMultiple": ""}},
+        },
+    },
+    "New-Module": {
+        "module": "Microsoft.PowerShell.Core",
+        "should_process": False,
+        "in_7": True,
+        "not_in_7": [],
+        "parameters": {
+            "ArgumentList": {"type": "Object[]", "sets": {"Name": "", "ScriptBlock": ""}},
+            "AsCustomObject": {"type": "SwitchParameter", "sets": {"Name": "", "ScriptBlock": ""}},
+            "Cmdlet": {"type": "String[]", "sets": {"Name": "", "ScriptBlock": ""}},
+            "Function": {"type": "String[]", "sets": {"Name": "", "ScriptBlock": ""}},
+            "Name": {"type": "String", "sets": {"Name": "mpv"}},
+            "ReturnResult": {"type": "SwitchParameter", "sets": {"Name": "", "ScriptBlock": ""}},
+            "ScriptBlock": {"type": "ScriptBlock", "sets": {"Name": "mp", "ScriptBlock": "mp"}},
         },
     },
     "Update-ClusterVirtualMachineConfiguration": {
@@ -40,7 +79,8 @@ FROM_PAGES: dict[str, dict[str, Any]] = {
     },
 }
 """What the file of facts lacks: by hand from windows-powershell-docs, docset/winserver2025-ps/FailoverClusters and
-docset/winserver2019-ps/hyper-v; of Move-VMStorage the set of parameters that scripts use."""
+docset/winserver2019-ps/hyper-v, and from PowerShell-Docs, reference/5.1; of Move-VMStorage the set of parameters that
+scripts use."""
 
 
 def compact(facts: dict[str, Any]) -> dict[str, Any]:

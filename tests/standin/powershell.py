@@ -28,10 +28,12 @@ from pathlib import Path
 from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, READY, command
 from rarms_iac.storage.codec import decode
 from rarms_iac.storage.lock import Locked, hold
+from tests.twin.compiling import compiled
 from tests.twin.guests import drop_sessions
 from tests.twin.host import Killed, WindowsHost
-from tests.twin.run import FOLDER, _compiled, _walk, why_unsigned
+from tests.twin.run import FOLDER, walk
 from tests.twin.scopes import Session
+from tests.twin.signing import why_unsigned
 from tests.twin.values import ScriptError
 
 STAND_IN = "This is a stand-in of rarms' tests and no PowerShell."
@@ -136,8 +138,7 @@ def run_file(folder: Path, how: How, script: Path, given: Sequence[str]) -> int:
                     waiting.write_file(f"{FOLDER}\\{sign.name}", sign.read_bytes())
 
         host.watch, host.slept = watch, slept
-        path_there, what_if = f"{FOLDER}\\{script.name}", "-WhatIf" in given
-        session = Session(host, windows_powershell=False, path=path_there, what_if=what_if)
+        session = Session(host, windows_powershell=False, path=f"{FOLDER}\\{script.name}")
         session.unanswered = True
         session.output = Predictions(how.step_ms)
         file = host.file(session.path)
@@ -147,11 +148,12 @@ def run_file(folder: Path, how: How, script: Path, given: Sequence[str]) -> int:
             print(f"File {file.path} cannot be loaded. {refusal}", file=sys.stderr)
             return 1
         try:
-            code = _walk(
+            switches = ("asjson", "abandon", "force", "whatif")
+            code = walk(
                 session,
-                _compiled(file.data),
+                compiled(file.data),
                 {
-                    **{switch: f"-{switch}" in map(str.lower, given) for switch in ("asjson", "abandon", "force")},
+                    **{switch: f"-{switch}" in map(str.lower, given) for switch in switches},
                     "locktimeout": _lock_timeout(given),
                 },
             )

@@ -16,7 +16,7 @@ from tests.standin.powershell import STAND_IN
 from tests.standin.remote import Ended, Remote, a_remote, finish
 from tests.twin.host import WindowsHost
 from tests.twin.observing import JOURNAL, host_from
-from tests.twin.run import signed
+from tests.twin.signing import signed
 
 pytestmark = [pytest.mark.needs("ssh", "linux")]
 

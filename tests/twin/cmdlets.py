@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Callable, Mapping
 
-from tests.twin import guests, hyperv
+from tests.twin import guests, hyperv, modules
 from tests.twin.commands import refused
 from tests.twin.dotnet import AccessList, content
 from tests.twin.host import ADMINISTRATORS, Entry, Interrupted, Key
@@ -367,9 +368,29 @@ def write_information(scope: Scope, given: Given) -> Value:
 
 
 def convert_to_json(scope: Scope, given: Given) -> str:
-    if given["depth"] != 20 or not given["compress"]:
+    nested = isinstance(given["inputobject"], Table) and any(
+        isinstance(value, Table | list | Record) for _, value in given["inputobject"].items()
+    )
+    if not given["compress"] or (given.get("depth") != 20 and nested):
         raise Unsupported("JSON in another form")
     return to_json(given["inputobject"], windows_powershell=scope.session.windows_powershell)
+
+
+def set_strict_mode(scope: Scope, given: Given) -> Value:
+    """Of the scope that it is called in, and of those below that say nothing else."""
+    if "off" not in given and text(given["version"]) not in ("3.0", "3", "Latest"):
+        raise Unsupported("another strict mode than 3.0")
+    scope.strict = "off" not in given
+    return EMPTY
+
+
+def get_file_hash(scope: Scope, given: Given) -> Value:
+    """It opens the file for reading and shares it for reading: a file that is open for writing is refused."""
+    path = text(given["literalpath"])
+    if text(given.get("algorithm", "SHA256")) != "SHA256":
+        raise Unsupported("another hash than SHA256")
+    digest = hashlib.sha256(content(scope, path)).hexdigest().upper()
+    return Record(Algorithm="SHA256", Hash=digest, Path=path)
 
 
 def _silent(scope: Scope, given: Given) -> Value:
@@ -392,7 +413,7 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
     "start-sleep": start_sleep,
     "write-information": write_information,
     "write-verbose": _silent,
-    "set-strictmode": _silent,
+    "set-strictmode": set_strict_mode,
     "convertto-json": convert_to_json,
     "convertfrom-json": lambda scope, given: from_json(text(given["inputobject"])),
     "get-module": lambda scope, given: [Record(Version=version) for version in scope.session.host.module],
@@ -401,9 +422,12 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
         for where, policy in scope.session.host.execution_policy
     ],
     "get-content": get_content,
-    "get-command": lambda scope, given: Record(
-        CommandType=Enumerated("Cmdlet" if scope.session.host.loads_hyperv else "Function")
-    ),
+    "get-command": modules.get_command,
+    "get-alias": modules.get_alias,
+    "export-modulemember": modules.export_module_member,
+    "import-module": modules.import_module,
+    "new-module": modules.new_module,
+    "get-filehash": get_file_hash,
     "new-pssession": guests.new_session,
     "remove-pssession": guests.remove_session,
     "invoke-command": guests.invoke_command,

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from typing import TYPE_CHECKING
 
 from rarms_iac.powershell.tree import text_of
 from tests.powershell_lint.cmdlets import cmdlet, problems_of_call
-from tests.twin.expressions import Expression, expression, invoke, run_block
-from tests.twin.scopes import Body, Function, Scope
+from tests.twin import members
+from tests.twin.expressions import Expression, expression, invoke, only, run_block
+from tests.twin.scopes import Block, Body, FunctionInfo, Scope
 from tests.twin.values import EMPTY, ScriptError, Thing, Unsupported, Value, number, text, truth
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ class Written:
     name: str
     given: tuple[tuple[str, Expression | None], ...]
     positional: tuple[Expression, ...]
+    splatted: tuple[Expression, ...]  # tables behind `@`
     line: int  # of its piece of the script, from 1
 
 
@@ -35,13 +37,16 @@ def command(node: Node) -> Body:
     if node.children[0].type == "command_invokation_operator":
         return _invocation(node)
     written = _written(node)
+    low = written.name.lower()
 
     def run(scope: Scope, out: list[Value]) -> None:
-        function = scope.session.functions.get(written.name.lower())
+        alias = scope.session.host.aliases.get(low)
+        meant = replace(written, name=alias) if alias else written
+        function = scope.function(meant.name.lower())
         if function is not None:
-            _call_function(function, written, scope, out)
+            _call_function(function, meant, scope, out)
         else:
-            _emit(out, _call_cmdlet(written, scope))
+            _emit(out, _call_cmdlet(meant, scope))
 
     return run
 
@@ -54,16 +59,54 @@ def _emit(out: list[Value], value: Value) -> None:
 
 
 def _invocation(node: Node) -> Body:
-    if text_of(node.children[0]) != "&" or node.child_count != 2:
+    """`&` of a script block or a function."""
+    operator, called, *elements = node.children
+    if text_of(operator) != "&":
         raise Unsupported(text_of(node)[:80])
-    block = expression(node.children[1].children[0].children[0])
-    return lambda scope, out: _emit(out, run_block(block(scope), scope))
+    parts = [part for group in elements for part in group.children if part.type != "command_argument_sep"]
+    first = called.children[0]
+    if first.type == "path_command_name" and first.child_count > 1:
+        target = _method(first, expression(parts.pop(0)))
+    else:
+        target = expression(first.children[0] if first.type == "path_command_name" else first)
+    written = _with_arguments(text_of(node)[:40], parts, node.start_point.row + 1)
+
+    def run(scope: Scope, out: list[Value]) -> None:
+        held = target(scope)
+        if isinstance(held, FunctionInfo):
+            _call_function(held, written, scope, out)
+        elif isinstance(held, Block) and not written.given and not written.splatted:
+            arguments = [argument(scope) for argument in written.positional] if written.positional else None
+            _emit(out, run_block(held, scope, arguments=arguments))
+        else:
+            raise Unsupported(f"{written.name} calls {held!r}")
+
+    return run
+
+
+def _method(path: Node, argument: Expression) -> Expression:
+    """Members of a variable, the last of which is called with one argument: `& $x.Module.Method($y)`."""
+    start = expression(path.children[0])
+    *names, method = text_of(path.children[1]).removeprefix(".").split(".")
+
+    def read(scope: Scope) -> Value:
+        held = start(scope)
+        for name in names:
+            held = members.get(held, name)
+        return members.call(held, method, [argument(scope)])
+
+    return read
 
 
 def _written(node: Node) -> Written:
     name, parts = text_of(node.children[0]), node.children[1].children if node.child_count > 1 else []
+    return _with_arguments(name, parts, node.start_point.row + 1)
+
+
+def _with_arguments(name: str, parts: list[Node], line: int) -> Written:
     given: list[tuple[str, Expression | None]] = []
     positional: list[Expression] = []
+    splatted: list[Expression] = []
     waiting = False
     for part in parts:
         if part.type == "command_argument_sep":
@@ -72,33 +115,59 @@ def _written(node: Node) -> Written:
             given.append((text_of(part).removeprefix("-"), None))
             waiting = True
             continue
+        if text_of(part).startswith("@") and only(part).type == "variable":
+            variable = text_of(part).removeprefix("@").lower()
+            splatted.append(lambda scope, variable=variable: scope.read(variable))  # type: ignore[misc]  # its own name
+            waiting = False
+            continue
         value = _bare(text_of(part)) if part.type == "generic_token" else expression(part)
         if waiting:
             given[-1] = (given[-1][0], value)
         else:
             positional.append(value)
         waiting = False
-    line = node.start_point.row + 1
-    return Written(name=name, given=tuple(given), positional=tuple(positional), line=line)
+    return Written(name=name, given=tuple(given), positional=tuple(positional), splatted=tuple(splatted), line=line)
 
 
 def _bare(word: str) -> Expression:
     return lambda scope: word
 
 
-def _call_function(function: Function, written: Written, scope: Scope, out: list[Value]) -> None:
+def _call_function(called: FunctionInfo, written: Written, scope: Scope, out: list[Value]) -> None:
+    function = called.function
     if written.positional:
         raise Unsupported(f"{written.name} is given a value without a name")
-    known = {parameter.name: parameter for parameter in function.parameters}
+    known = {parameter.name: parameter.type for parameter in function.parameters}
+    if function.binding:
+        known |= COMMON_PARAMETERS if function.binding.supports_should_process else {"erroraction": ""}
     given: dict[str, Value] = {}
     for name, value in written.given:
-        parameter = known.get(name.lower())
-        if parameter is None or name.lower() in given:
+        low = name.lower()
+        if low not in known or low in given:
             raise Unsupported(f"{written.name} has no parameter -{name}, or it is given twice")
-        if value is None and parameter.type != "switch":
+        if value is None and known[low] != "switch":
             raise Unsupported(f"-{name} of {written.name} has no value")
-        given[name.lower()] = True if value is None else value(scope)
-    invoke(function, given, scope, out)
+        given[low] = True if value is None else value(scope)
+    for name, value in _splatted(written, scope):
+        if name not in known or name in given:
+            raise Unsupported(f"{written.name} has no parameter -{name}, or it is given twice")
+        given[name] = value
+    invoke(function, called.state, given, scope, out)
+
+
+COMMON_PARAMETERS = {
+    "whatif": "switch",
+    "confirm": "switch",
+    "erroraction": "",
+    "warningaction": "",
+    "informationaction": "",
+}
+"""By lower-case name: types of what an advanced function takes besides its own, where it supports ShouldProcess."""
+
+
+def _splatted(written: Written, scope: Scope) -> list[tuple[str, Value]]:
+    """What tables behind `@` give, by lower-case name."""
+    return [(text(name).lower(), value) for table in written.splatted for name, value in table(scope).items()]
 
 
 def _call_cmdlet(written: Written, scope: Scope) -> Value:
@@ -109,6 +178,8 @@ def _call_cmdlet(written: Written, scope: Scope) -> Value:
     do = CMDLETS.get(plain.lower())
     if called is None or do is None or (called.module == "Hyper-V") is not (module == "Hyper-V"):
         raise Unsupported(f"the command {written.name}")
+    if written.splatted:
+        raise Unsupported(f"a table behind @ for {plain}")
     names = [name for name, _ in written.given]
     if problems := problems_of_call(called, names, positional=len(written.positional)):
         raise ScriptError(problems[0].message, error_id="NamedParameterNotFound", category="InvalidArgument")
@@ -129,12 +200,21 @@ def _call_cmdlet(written: Written, scope: Scope) -> Value:
         for machine in machines if isinstance(machines, list) else [machines]:
             if isinstance(machine, Thing):
                 refused(scope, f"{plain} {machine.get('Name')}")
+        if called.should_process and not _is_wanted(scope, plain):
+            return EMPTY
         return do(scope, bound)
     except ScriptError as error:
         if defaults.get("erroraction") == "SilentlyContinue":
             return EMPTY
         error.command, error.line = error.command or plain, error.line or written.line
         raise
+
+
+def _is_wanted(scope: Scope, name: str) -> bool:
+    """What a cmdlet that changes something asks by itself, as the preferences where it is called have it."""
+    if truth(scope.read("whatifpreference")):
+        raise AssertionError(f"{name}, which changes something, is reached under -WhatIf")
+    return scope.read("confirmpreference") != "Low" or scope.session.ask(name, name) in "YA"
 
 
 def _defaults(scope: Scope, name: str) -> dict[str, Value]:
@@ -164,7 +244,7 @@ def piped(node: Node) -> Pipe:
         assert block is not None
         return lambda scope, held: (
             [item for item in held if truth(run_block(block(scope), scope, this=item))]
-            if own not in scope.session.functions
+            if scope.function(own) is None and own not in scope.session.host.aliases
             else []  # a profile's own
         )
     if written.name == "Sort-Object" and set(given) <= {"Descending"}:

@@ -7,7 +7,7 @@ from base64 import b64decode
 from collections.abc import Callable
 
 from tests.twin import guests
-from tests.twin.host import File, WindowsHost
+from tests.twin.host import READ, READ_WRITE, WRITE, File, WindowsHost
 from tests.twin.operators import match_thing
 from tests.twin.scopes import Scope
 from tests.twin.text import regex
@@ -26,8 +26,6 @@ from tests.twin.values import (
 )
 
 REPARSE_POINT = 0x400
-OWNER = "\\owner.txt"
-"""Ends the path of the file that a run has open, shared for reading, while it holds its computer."""
 
 
 def static_property(kind: str, name: str, scope: Scope) -> Value:
@@ -97,16 +95,18 @@ class Stream(Thing):
 
     type_name = "System.IO.FileStream"
 
-    def __init__(self, host: WindowsHost, path: str, *, locks: bool = False) -> None:
+    def __init__(self, host: WindowsHost, path: str, access: frozenset[str], share: frozenset[str]) -> None:
         super().__init__()
         self.host = host
         self.path = path
         self.position = 0
-        self.locks = locks
-        if locks:
-            host.lock = "ours"
-        if host.file(path) is None:
-            host.effect(f"open {path}", lambda: host.write_file(path, b""))
+        self.handle = host.open(path, access, share)
+        try:
+            if host.file(path) is None:
+                host.effect(f"open {path}", lambda: host.write_file(path, b""))
+        except ScriptError:
+            host.close(self.handle)
+            raise
 
     @property
     def data(self) -> bytes:
@@ -141,13 +141,13 @@ class Stream(Thing):
         return EMPTY
 
     def do_read(self, into: Value, offset: Value, count: Value) -> int:
-        found = self.data[: number(count)]
+        found = self.data[self.position :][: number(count)]
+        self.position += len(found)
         into[number(offset) : number(offset) + len(found)] = found
         return len(found)
 
     def do_dispose(self) -> Value:
-        if self.locks:
-            self.host.lock = ""
+        self.host.close(self.handle)
         return EMPTY
 
 
@@ -191,17 +191,13 @@ def missing(path: str) -> ScriptError:
     return ScriptError(says, error_id="FileNotFoundException", kind="System.IO.FileNotFoundException")
 
 
-def used_elsewhere(path: str) -> ScriptError:
-    says = f"The process cannot access the file '{path}' because it is being used by another process."
-    return ScriptError(says, error_id="IOException", kind="System.IO.IOException")
-
-
 def content(scope: Scope, path: Value) -> bytes:
-    if scope.session.host.lock and text(path).endswith(OWNER):
-        raise used_elsewhere(text(path))  # these readers share it for reading alone
-    found = scope.session.host.file(text(path))
+    """What a reader gets that opens the file for reading, shares it for reading alone, and closes it."""
+    host = scope.session.host
+    found = host.file(text(path))
     if found is None or found.data is None:
         raise missing(text(path))
+    host.close(host.open(text(path), READ, READ))
     return found.data
 
 
@@ -214,6 +210,7 @@ def _attributes(scope: Scope, path: Value) -> int:
 
 def _write_all(scope: Scope, path: Value, data: Value) -> Value:
     host, where = scope.session.host, text(path)
+    host.close(host.open(where, WRITE, READ))
     host.effect(f"write {where}", lambda: host.write_file(where, text(data).encode()))
     return EMPTY
 
@@ -227,6 +224,7 @@ def _make_folder(scope: Scope, path: Value) -> Value:
 def _move(scope: Scope, old: Value, new: Value) -> Value:
     host, source, target = scope.session.host, text(old), text(new)
     data = content(scope, source)
+    host.require_unopened(source)
     if host.file(target):
         raise ScriptError("Cannot create a file when that file already exists.", error_id="IOException")
 
@@ -240,8 +238,7 @@ def _move(scope: Scope, old: Value, new: Value) -> Value:
 
 def _delete(scope: Scope, path: Value) -> Value:
     host, where = scope.session.host, text(path)
-    if host.lock and where.endswith(OWNER):
-        raise used_elsewhere(where)
+    host.require_unopened(where)
     host.effect(f"delete {where}", lambda: host.files.pop(where.lower(), None))
     return EMPTY
 
@@ -257,6 +254,8 @@ def _delete_folder(scope: Scope, path: Value) -> Value:
 def _replace(scope: Scope, old: Value, new: Value, backup: Value) -> Value:
     host, source, target, kept = scope.session.host, text(old), text(new), text(backup)
     data, before = content(scope, source), content(scope, target)
+    for path in (source, target):
+        host.require_unopened(path)
 
     def do() -> None:
         host.write_file(kept, before)
@@ -283,21 +282,19 @@ def _sort(scope: Scope, values: Value, comparer: Value) -> Value:
     return EMPTY
 
 
-def _new_stream(scope: Scope, path: Value, mode: Value, access: Value, share: Value = "") -> Stream:
+def _new_stream(scope: Scope, path: Value, mode: Value, access: Value, share: Value = "read") -> Stream:
     host, where = scope.session.host, text(path)
-    match str(mode).lower(), str(access).lower(), str(share).lower():
-        case "openorcreate", "write", "":
-            return Stream(host, where)
-        case "openorcreate", "write", "read" if where.endswith(OWNER):
-            if host.lock:
-                raise used_elsewhere(where)
-            return Stream(host, where, locks=True)
-        case "open", "read", "readwrite":
-            if host.file(where) is None:
-                raise missing(where)
-            return Stream(host, where)
-        case found:
-            raise Unsupported(f"a file opened with {found}")
+    how, wanted, shared = str(mode).lower(), _RIGHTS[str(access).lower()], _RIGHTS[str(share).lower()]
+    if how == "createnew" and host.file(where):
+        raise ScriptError(f"The file '{where}' already exists.", error_id="IOException", kind="System.IO.IOException")
+    if how == "open" and host.file(where) is None:
+        raise missing(where)
+    if how not in ("open", "openorcreate", "createnew"):
+        raise Unsupported(f"a file opened with {how}")
+    return Stream(host, where, wanted, shared)
+
+
+_RIGHTS = {"read": READ, "write": WRITE, "readwrite": READ_WRITE, "none": frozenset[str]()}
 
 
 def _identity(scope: Scope) -> Thing:

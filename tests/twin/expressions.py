@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from rarms_iac.powershell.literals import read_literal
 from rarms_iac.powershell.tree import text_of
 from tests.twin import dotnet, members, operators
-from tests.twin.scopes import Block, Function, Parameter, Return, Scope
-from tests.twin.values import EMPTY, Long, Table, Thing, Unsupported, Value, truth, unwrapped
+from tests.twin.scopes import Binding, Block, Cmdlet, Function, Parameter, Reference, Return, Scope, SessionState
+from tests.twin.values import EMPTY, Long, Record, ScriptError, Table, Thing, Unsupported, Value, text, truth, unwrapped
 
 if TYPE_CHECKING:
     from tree_sitter import Node
@@ -116,6 +116,12 @@ def _cast(node: Node) -> Expression:
     if to == "ordered":
         entries = table_entries(only(node.children[1]))
         return lambda scope: Table(_entries(entries, scope), ordered=True)
+    if to == "ref":
+        referred = only(node.children[1])
+        if referred.type != "variable":
+            raise Unsupported(text_of(node)[:80])
+        name = text_of(referred).lower().removeprefix("$")
+        return lambda scope: Reference(scope, name)
     inside = expression(node.children[1])
     return lambda scope: members.cast(to, inside(scope), scope)
 
@@ -178,12 +184,26 @@ def _member(node: Node) -> Expression:
         type_name = type_of(owner)
         return lambda scope: dotnet.static_property(type_name, plain, scope)
     inside = expression(owner)
-    return lambda scope: members.get(inside(scope), plain)
+    return lambda scope: _strictly(lambda: members.get(inside(scope), plain), scope)
+
+
+_LENIENT = {"PropertyNotFoundStrict", "IndexOutOfRangeException"}
+"""Errors of strict mode alone."""
+
+
+def _strictly(read: Callable[[], Value], scope: Scope) -> Value:
+    """What is read; without strict mode, what is not there is `$null`."""
+    try:
+        return read()
+    except ScriptError as error:
+        if error.error_id in _LENIENT and not scope.is_strict:
+            return None
+        raise
 
 
 def _element(node: Node) -> Expression:
     owner, index = expression(node.children[0]), expression(node.children[2])
-    return lambda scope: members.element(owner(scope), index(scope))
+    return lambda scope: _strictly(lambda: members.element(owner(scope), index(scope)), scope)
 
 
 def _call(node: Node) -> Expression:
@@ -194,7 +214,22 @@ def _call(node: Node) -> Expression:
         type_name = type_of(owner)
         return lambda scope: dotnet.static_call(type_name, plain, [argument(scope) for argument in given], scope)
     inside = expression(owner)
-    return lambda scope: members.call(inside(scope), plain, [argument(scope) for argument in given])
+
+    def run(scope: Scope) -> Value:
+        held = inside(scope)
+        if isinstance(held, Block) and plain.lower() == "getnewclosure":
+            return closure(held, scope)
+        return members.call(held, plain, [argument(scope) for argument in given])
+
+    return run
+
+
+def closure(block: Block, scope: Scope) -> Block:
+    """The block in a module of its own, with the variables of the scope that made it: of no other module any more."""
+    above = [*scope.above()][-1]
+    alone = Scope.of_module(scope.session, above, Thing(Name="__DynamicModule"))
+    alone.variables |= scope.variables
+    return Block(block.function, alone.state)
 
 
 def _arguments(node: Node) -> list[Expression]:
@@ -218,7 +253,7 @@ def _increment(node: Node) -> Expression:
 
 def _block(node: Node) -> Expression:
     function = function_of("", next((child for child in node.children if child.type == "script_block"), None))
-    return lambda scope: Block(function)
+    return lambda scope: Block(function, scope.state)
 
 
 def function_of(name: str, node: Node | None) -> Function:
@@ -226,10 +261,11 @@ def function_of(name: str, node: Node | None) -> Function:
     from tests.twin.statements import block_of
 
     parameters: tuple[Parameter, ...] = ()
+    binding: Binding | None = None
     bodies = []
     for part in node.children if node else []:
         if part.type == "param_block":
-            parameters = parameters_of(part)
+            parameters, binding = parameters_of(part), binding_of(part)
         elif part.type == "script_block_body":
             bodies += [block_of(child) for child in part.children if child.type == "statement_list"]
         elif part.type == "statement_list":
@@ -241,36 +277,83 @@ def function_of(name: str, node: Node | None) -> Function:
         for body in bodies:
             body(scope, out)
 
-    return Function(name=name, parameters=parameters, body=run)
+    return Function(name=name, parameters=parameters, body=run, binding=binding)
 
 
 def parameters_of(block: Node) -> tuple[Parameter, ...]:
     """The parameters of a `param( )`."""
-    found = []
-    for group in (child for child in block.children if child.type == "parameter_list"):
-        for child in (child for child in group.children if child.type == "script_parameter"):
-            variable = next(part for part in child.children if part.type == "variable")
-            types = [type_of(part) for part in child.children if part.type == "attribute_list"]
-            default = next((part for part in child.children if part.type == "script_parameter_default"), None)
-            found.append(
-                Parameter(
-                    name=text_of(variable).removeprefix("$").lower(),
-                    type=types[0] if types else "",
-                    default=expression(default.children[1]) if default else None,
-                )
-            )
-    return tuple(found)
+    return tuple(
+        _parameter(child)
+        for group in block.children
+        if group.type == "parameter_list"
+        for child in group.children
+        if child.type == "script_parameter"
+    )
 
 
-def invoke(function: Function, given: dict[str, Value], scope: Scope, out: list[Value]) -> None:
-    """Runs it in a new scope below its caller's."""
-    inner = Scope(scope.session, scope)
+def _parameter(node: Node) -> Parameter:
+    variable = next(part for part in node.children if part.type == "variable")
+    default = next((part for part in node.children if part.type == "script_parameter_default"), None)
+    attributes = [part for group in node.children if group.type == "attribute_list" for part in group.children]
+    types = [type_of(only(part)) for part in attributes if only(part).type == "type_literal"]
+    others = [_attribute(only(part)) for part in attributes if only(part).type != "type_literal"]
+    if unknown := [name for name, _ in others if name != "parameter"]:
+        raise Unsupported(f"the attribute {unknown[0]} of {text_of(variable)}")
+    return Parameter(
+        name=text_of(variable).removeprefix("$").lower(),
+        type=types[0] if types else "",
+        default=expression(default.children[1]) if default else None,
+        mandatory=any("mandatory" in given for _, given in others),
+    )
+
+
+def _attribute(node: Node) -> tuple[str, dict[str, str]]:
+    """Its name, and by lower-case name what it is given."""
+    name = next(text_of(part) for part in node.children if part.type not in ("[", "("))
+    arguments = [argument for part in node.children for argument in _attribute_arguments(part)]
+    return name.lower(), dict(arguments)
+
+
+def _attribute_arguments(node: Node) -> list[tuple[str, str]]:
+    if node.type != "attribute_arguments":
+        return []
+    given = [text_of(child).partition("=") for child in node.children if child.type != ","]
+    return [(name.strip().lower(), value.strip(" '")) for name, _, value in given]
+
+
+def binding_of(block: Node) -> Binding | None:
+    """What a `param( )` says of how it is called: an attribute `CmdletBinding`, or one of a parameter."""
+    attributes = [_attribute(only(part)) for part in _attributes_of(block)]
+    given = next((given for name, given in attributes if name == "cmdletbinding"), None)
+    if given is None:
+        return Binding() if "[Parameter(" in text_of(block) else None
+    return Binding("supportsshouldprocess" in given, given.get("confirmimpact", "Medium"))
+
+
+def _attributes_of(block: Node) -> list[Node]:
+    lists = [part for part in block.children if part.type in ("attribute_list", "attribute")]
+    return [inner for part in lists for inner in (part.children if part.type == "attribute_list" else [part])]
+
+
+def invoke(
+    function: Function, state: SessionState, given: dict[str, Value], scope: Scope, out: list[Value], **own: Value
+) -> None:
+    """Runs it in a new scope, below the innermost one of the session or module that it is of.
+
+    `own` are variables that the scope has besides its parameters.
+    """
+    inner = Scope(scope.session, state.current)
+    inner.variables |= own
+    if function.name:
+        _describe_call(function, state, given, inner)
     for parameter in function.parameters:
         if parameter.name in given:
             value = given.pop(parameter.name)
             inner.variables[parameter.name] = (
                 members.cast(parameter.type, value, scope) if parameter.type else _plain(value)
             )
+        elif parameter.mandatory:
+            raise Unsupported(f"{function.name} is called without -{parameter.name}, for which PowerShell would ask")
         elif parameter.default:
             inner.variables[parameter.name] = members.cast(parameter.type, parameter.default(inner), scope)
         else:
@@ -279,11 +362,43 @@ def invoke(function: Function, given: dict[str, Value], scope: Scope, out: list[
             )
     if given:
         raise Unsupported(f"{function.name} has no parameter -{', -'.join(given)}")
+    session = scope.session
+    outer, before = state.current, session.state
+    state.current, session.state = inner, state
     try:
         function.body(inner, out)
     except Return:
         return
+    finally:
+        state.current, session.state = outer, before
 
+
+def _describe_call(function: Function, state: SessionState, given: dict[str, Value], inner: Scope) -> None:
+    """The variables that PowerShell itself gives to a function, and what its common parameters set."""
+    called = Record(Name=function.name, Module=state.module)
+    inner.variables["myinvocation"] = Record(MyCommand=called, InvocationName=function.name)
+    inner.variables["psboundparameters"] = Table(list(given.items()))
+    if function.binding is None:
+        return
+    what_if = confirm = None
+    if function.binding.supports_should_process:
+        if "whatif" in given:
+            inner.variables["whatifpreference"] = what_if = truth(given.pop("whatif"))
+        if "confirm" in given:
+            confirm = truth(given.pop("confirm"))
+            inner.variables["confirmpreference"] = "Low" if confirm else "None"
+    for name, preference in _PREFERENCES.items():
+        if name in given:
+            inner.variables[preference] = text(given.pop(name))
+    inner.variables["pscmdlet"] = Cmdlet(inner.session, function.binding.impact, what_if, confirm)
+
+
+_PREFERENCES = {
+    "erroraction": "erroractionpreference",
+    "warningaction": "warningpreference",
+    "informationaction": "informationpreference",
+}
+"""By common parameter: the variable that it sets for what an advanced function calls."""
 
 _FILLED = {"string", "int", "long", "bool", "switch"}
 
@@ -296,13 +411,13 @@ def run_block(block: Value, scope: Scope, *, this: Value = EMPTY, arguments: lis
     """What a script block gives, called with `$_` or `$args`."""
     if not isinstance(block, Block):
         raise Unsupported(f"{block!r} is no script block")
-    inner = Scope(scope.session, scope)
+    own: dict[str, Value] = {}
     if this is not EMPTY:
-        inner.variables["_"] = this
+        own["_"] = this
     if arguments is not None:
-        inner.variables["args"] = arguments
+        own["args"] = arguments
     out: list[Value] = []
-    invoke(block.function, {}, inner, out)
+    invoke(block.function, block.state, {}, scope, out, **own)
     return unwrapped(out)
 
 

@@ -111,6 +111,7 @@ class Runner:
         session = Session(self.host, windows_powershell=True, path="", process=self.process)
         session.runner = self
         scope = Scope(session, None)
+        session.state = scope.state
         scope.variables |= {"pid": self.process, "told": told, "psdefaultparametervalues": Table()}
         try:
             block.function.body(scope, _Said(self))

@@ -132,6 +132,23 @@ class File:
     protected: bool = False  # only Administrators and SYSTEM may write it
 
 
+OWNER = "C:\\ProgramData\\rarms\\owner.txt"
+"""The file that a run has open, shared for reading, while it holds its computer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """A file that a process has open: what it does with it, and what it lets others do meanwhile."""
+
+    path: str  # lower case
+    access: frozenset[str]
+    share: frozenset[str]
+    here: bool  # by the script that runs
+
+
+READ, WRITE, READ_WRITE = frozenset({"read"}), frozenset({"write"}), frozenset({"read", "write"})
+
+
 @dataclass(slots=True)
 class WindowsHost:
     """Everything that observe.ps1 looks at, and what else a run leaves."""
@@ -169,7 +186,8 @@ class WindowsHost:
     profile: str = ""  # functions that were defined before a script runs, as PowerShell
     all_signed: bool = False  # a group policy: a script that is not signed does not run
     interrupt: bool = False  # Ctrl-C as soon as a script waits
-    lock: str = ""  # of the file that a run has open: free, `held` by another process, `ours`
+    opened: list[Opened] = field(default_factory=list)
+    aliases: dict[str, str] = field(default_factory=dict)  # a caller's: by lower-case name what is called instead
     clock: int = 0  # ms
     made: int = 0  # machines made so far, for their ids
     effects: list[str] = field(default_factory=list)  # what has been changed, in words
@@ -198,6 +216,48 @@ class WindowsHost:
             self.watch(self)
         if number == self.kill_after:
             raise Killed(says)
+
+    def open(self, path: str, access: frozenset[str], share: frozenset[str], *, here: bool = True) -> Opened:
+        """Open a file, as long as all who have it open let it be done, and it lets them.
+
+        Raises:
+            ScriptError: another process, or this one, has it open otherwise.
+        """
+        for other in self.opened:
+            if other.path == path.lower() and not (access <= other.share and other.access <= share):
+                raise used_elsewhere(path)
+        made = Opened(path.lower(), access, share, here)
+        self.opened.append(made)
+        return made
+
+    def close(self, handle: Opened) -> None:
+        """Close it; a second time does nothing."""
+        self.opened = [other for other in self.opened if other is not handle]
+
+    def close_all(self) -> None:
+        """A process that ends closes what it had open."""
+        self.opened = [other for other in self.opened if not other.here]
+
+    @property
+    def opened_here(self) -> list[Opened]:
+        return [other for other in self.opened if other.here]
+
+    def require_unopened(self, path: str) -> None:
+        """Raise where a process has the file open: none shares it for being deleted or moved."""
+        if any(other.path == path.lower() for other in self.opened):
+            raise used_elsewhere(path)
+
+    @property
+    def lock(self) -> str:
+        """Who has the file open that a run holds its computer by: none, `held` by another process, `ours`."""
+        found = [other for other in self.opened if other.path == OWNER.lower()]
+        return "" if not found else "ours" if found[0].here else "held"
+
+    @lock.setter
+    def lock(self, held: str) -> None:
+        self.opened = [other for other in self.opened if other.path != OWNER.lower()]
+        if held:
+            self.open(OWNER, WRITE, READ, here=held == "ours")
 
     def copy(self, **changed: object) -> WindowsHost:
         """A copy, calm: nothing is to be killed or to fail, unless it is said."""
@@ -236,3 +296,8 @@ class WindowsHost:
     def write_file(self, path: str, data: bytes | None, owner: str = ADMINISTRATORS) -> None:
         kept = self.file(path) or File(path=path, data=None, owner=owner)
         self.files[path.lower()] = replace(kept, data=data)
+
+
+def used_elsewhere(path: str) -> ScriptError:
+    says = f"The process cannot access the file '{path}' because it is being used by another process."
+    return ScriptError(says, error_id="IOException", kind="System.IO.IOException")

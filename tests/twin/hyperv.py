@@ -97,8 +97,6 @@ def _changing(scope: Scope) -> None:
         raise ScriptError(
             "You do not have the required permission.", error_id="AccessDenied", category="PermissionDenied"
         )
-    if scope.session.what_if:
-        raise AssertionError("a changing cmdlet is reached under -WhatIf")
 
 
 def _off(vm: Vm, what: str, command: str) -> None:

@@ -3,10 +3,11 @@
 import re
 from collections.abc import Callable
 
-from tests.twin.scopes import Block, Scope
+from tests.twin.scopes import Block, Cmdlet, Reference, Scope
 from tests.twin.values import (
     EMPTY,
     Char,
+    Enumerated,
     Guid,
     Record,
     ScriptError,
@@ -193,6 +194,12 @@ def cast(to: str, value: Value, scope: Scope) -> Value:
             return _held(value, Block, to)
         case "system.collections.idictionary":
             return _held(value, Table, to)
+        case "ref":
+            return _held(value, Reference, to)
+        case "system.management.automation.pscmdlet":
+            return _held(value, Cmdlet, to)
+        case "system.management.automation.confirmimpact":
+            return Enumerated(text(value))
         case _:
             raise Unsupported(f"a cast to {to}")
 

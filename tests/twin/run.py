@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
-from rarms_iac.powershell.tree import sound
-from tests.twin.expressions import parameters_of
+from tests.twin.compiling import compiled
 from tests.twin.guests import drop_sessions
 from tests.twin.host import Interrupted, Killed, WindowsHost
-from tests.twin.scopes import Body, Cmdlet, Exit, Parameter, Scope, Session
-from tests.twin.statements import block_of
+from tests.twin.scopes import Cmdlet, Exit, Function, Scope, Session
+from tests.twin.signing import why_unsigned
 from tests.twin.values import Enumerated, Record, ScriptError, Table, Value, text
 
 FOLDER = "C:\\run"
@@ -31,6 +27,7 @@ class Ran:
     code: int | None  # None: it was killed
     lines: tuple[str, ...]  # standard output
     talk: tuple[str, ...]
+    prompts: int = 0  # how often a person was asked
 
     @property
     def events(self) -> list[dict[str, Any]]:
@@ -45,62 +42,6 @@ class Ran:
     def says(self) -> str:
         """All of it, to be shown where a test fails."""
         return "\n".join((f"exit {self.code}", *self.lines, *self.talk))
-
-
-@dataclass(slots=True)
-class _Compiled:
-    parameters: tuple[Parameter, ...]
-    body: Body
-    impact: str = ""  # what its ConfirmImpact says
-
-
-@lru_cache(maxsize=64)
-def _compiled(script: bytes) -> _Compiled:
-    pieces = [_piece(text) for text in re.split(_EDGE, script.decode("ascii"))]
-
-    def body(scope: Scope, out: list[Value]) -> None:
-        for piece in pieces:
-            piece.body(scope, out)
-
-    impact = re.search(rb"ConfirmImpact = '([A-Za-z]+)'", script)
-    parameters = tuple(parameter for piece in pieces for parameter in piece.parameters)
-    return _Compiled(parameters, body, impact[1].decode() if impact else "Medium")
-
-
-_EDGE = r"(?=# --- runtime: )|(?<=-\r\n)(?=# --- part )|(?<=-\r\n)(?=Invoke-(?:Run|Measuring) )"
-"""Between what is fixed in scripts and what follows it: the tree of the whole is those of its pieces, one by one."""
-
-
-@lru_cache(maxsize=64)
-def _piece(text: str) -> _Compiled:
-    parameters: tuple[Parameter, ...] = ()
-    bodies: list[Body] = []
-    for part in sound(text).children:
-        if part.type == "param_block":
-            parameters = parameters_of(part)
-        elif part.type == "statement_list":
-            bodies.append(block_of(part))
-        elif part.type != "comment":
-            raise AssertionError(f"{part.type} in a script")
-    (body,) = bodies
-    return _Compiled(parameters, body)
-
-
-SIGNED = re.compile(rb"\r\n# SIG # Begin signature block\r\n# ([0-9a-f]{64})\r\n# SIG # End signature block\r\n")
-
-
-def signed(script: bytes) -> bytes:
-    """A script with a made signature: as Windows adds one, with a digest in the place of the certificate's word."""
-    digest = hashlib.sha256(script).hexdigest().encode()
-    return script + b"\r\n# SIG # Begin signature block\r\n# " + digest + b"\r\n# SIG # End signature block\r\n"
-
-
-def why_unsigned(script: bytes) -> str:
-    """Why a Windows that wants signed scripts refuses this one."""
-    found = SIGNED.search(script)
-    if found is None or found.end() != len(script):
-        return "The file is not digitally signed."
-    return "" if signed(script[: found.start()]) == script else "The hash of the file does not match."
 
 
 def put(host: WindowsHost, scripts: Mapping[str, bytes]) -> None:
@@ -123,6 +64,8 @@ def run(
     force: bool = False,
     dot_sourced: bool = False,
     lock_timeout: int = 0,
+    at_prompt: bool = False,
+    answers: str = "",
     output: list[Value] | None = None,
 ) -> Ran:
     """Runs the script of this name that lies on the host, as an elevated operator would; its lines go to `output`."""
@@ -131,46 +74,61 @@ def run(
     assert file.data is not None
     if host.all_signed and (refusal := why_unsigned(file.data)):
         return Ran(code=1, lines=(), talk=(f"File {file.path} cannot be loaded. {refusal}",))
-    session = Session(host, windows_powershell=windows_powershell, path=file.path, what_if=what_if, declined=declined)
-    session.unanswered = unanswered
+    session = Session(host, windows_powershell=windows_powershell, path=file.path, declined=declined)
+    session.unanswered, session.answers = unanswered, answers
     session.invoked_by = "." if dot_sourced else file.path
-    session.confirm = confirm or bool(declined)
     session.output = [] if output is None else output
     host.clock += BETWEEN_RUNS_MS
+    given: dict[str, bool | int] = {"asjson": as_json, "abandon": abandon, "force": force, "locktimeout": lock_timeout}
+    if what_if:
+        given["whatif"] = True
+    if confirm or declined or answers:
+        given["confirm"] = True
     code: int | None
     try:
-        arguments = {"asjson": as_json, "abandon": abandon, "force": force, "locktimeout": lock_timeout}
-        code = _walk(session, _compiled(file.data), arguments)
+        code = walk(session, compiled(file.data), given, at_prompt=at_prompt)
     except Interrupted:
         code = 0
     except Killed:
         code = None
         drop_sessions(session)
-        host.lock = "" if host.lock == "ours" else host.lock
-    assert host.lock != "ours", "a process that ends closes its files"
+        host.close_all()
+    assert not host.opened_here, "a process that ends closes its files"
     assert code is None or not session.jobs, "jobs are removed"
-    return Ran(code=code, lines=tuple(map(text, session.output)), talk=tuple(session.talk))
+    return Ran(code=code, lines=tuple(map(text, session.output)), talk=tuple(session.talk), prompts=session.prompts)
 
 
-def _walk(session: Session, script: _Compiled, arguments: Mapping[str, int]) -> int:
-    scope = Scope(session, None)
-    scope.variables |= {
-        "whatifpreference": session.what_if,
-        "confirmpreference": "Low" if session.confirm else "High",
-        "psboundparameters": Table([("Confirm", True)] if session.confirm else []),
-        "psscriptroot": FOLDER,
-        "myinvocation": Record(InvocationName=session.invoked_by),
-        "pscommandpath": session.path,
-        "pscmdlet": Cmdlet(scope, script.impact),
+def walk(session: Session, script: Function, given: Mapping[str, bool | int], *, at_prompt: bool = False) -> int:
+    """Runs a script as `-File` does, in the global scope, or as `&` does at a prompt, below it."""
+    outermost = Scope(session, None)
+    session.state = outermost.state
+    outermost.variables |= {
+        "whatifpreference": False,
+        "confirmpreference": "High",
         "pid": session.process,
         "psversiontable": _versions(session),
         "executioncontext": Record(SessionState=Record(LanguageMode=Enumerated(session.host.language))),
         "psdefaultparametervalues": Table(list(session.host.defaults.items())),
     }
-    for parameter in script.parameters:
-        scope.variables[parameter.name] = arguments[parameter.name]
     if session.host.profile:
-        _compiled(session.host.profile.encode("ascii")).body(scope, session.output)
+        compiled(session.host.profile.encode("ascii")).body(outermost, session.output)
+    scope = Scope(session, outermost, is_script=True) if at_prompt else outermost
+    scope.state.current = scope
+    what_if, confirm = bool(given.get("whatif")) or None, bool(given.get("confirm")) or None
+    scope.variables |= {
+        "psboundparameters": Table([(_WRITTEN[name], value) for name, value in given.items() if value is not False]),
+        "psscriptroot": session.path.rpartition("\\")[0],
+        "myinvocation": Record(InvocationName=session.invoked_by),
+        "pscommandpath": session.path,
+        "pscmdlet": Cmdlet(session, script.binding.impact if script.binding else "Medium", what_if, confirm),
+    }
+    if what_if:
+        scope.variables["whatifpreference"] = True
+    if confirm:
+        scope.variables["confirmpreference"] = "Low"
+    for parameter in script.parameters:
+        default = parameter.default(scope) if parameter.default else False
+        scope.variables[parameter.name] = given.get(parameter.name, default)
     try:
         script.body(scope, session.output)
     except Exit as end:
@@ -179,6 +137,17 @@ def _walk(session: Session, script: _Compiled, arguments: Mapping[str, int]) -> 
         session.talk.append(error.says)
         return 1
     return 0
+
+
+_WRITTEN = {
+    "asjson": "AsJson",
+    "abandon": "Abandon",
+    "force": "Force",
+    "locktimeout": "LockTimeout",
+    "test": "Test",
+    "whatif": "WhatIf",
+    "confirm": "Confirm",
+}
 
 
 def _versions(session: Session) -> Value:

@@ -10,7 +10,7 @@ from rarms_iac.powershell.tree import text_of
 from tests.twin import commands, members, operators
 from tests.twin.expressions import Expression, expression, function_of, only, type_of
 from tests.twin.host import Interrupted
-from tests.twin.scopes import Body, Continue, Exit, Return, Scope
+from tests.twin.scopes import Body, Continue, Exit, FunctionInfo, Return, Scope
 from tests.twin.values import (
     EMPTY,
     Record,
@@ -341,7 +341,7 @@ def _function(node: Node) -> Body:
     function = function_of(name, next((child for child in node.children if child.type == "script_block"), None))
 
     def run(scope: Scope, out: list[Value]) -> None:
-        scope.session.functions[name.lower()] = function
+        scope.functions[name.lower()] = FunctionInfo(function, scope.state)
 
     return run
 

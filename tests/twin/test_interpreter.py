@@ -10,7 +10,8 @@ from tests.twin.values import Unsupported
 
 def told(*statements: str, what_if: bool = False) -> list[str]:
     """The lines that a script of these statements writes with `Out`, then its exit code."""
-    head = "param([switch] $AsJson, [switch] $Abandon)\nfunction Out {\nparam($V)\n'{0}' -f [string] $V\n}\n"
+    head = "param([switch] $AsJson, [switch] $Abandon)\nSet-StrictMode -Version 3.0\n"
+    head += "function Out {\nparam($V)\n'{0}' -f [string] $V\n}\n"
     script = head + "\n".join(statements)
     host = WindowsHost()
     put(host, {"s.ps1": script.encode("ascii")})

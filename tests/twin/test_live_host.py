@@ -27,7 +27,7 @@ from tests.twin.cell import apply, scripts_of
 from tests.twin.cells import everything, fresh
 from tests.twin.host import WindowsHost
 from tests.twin.observing import JOURNAL, PENDING, PROFILE, RECORDS, document_of
-from tests.twin.run import signed
+from tests.twin.signing import signed
 from tests.twin.transport import TwinTransport
 
 

@@ -14,7 +14,8 @@ from tests.twin.cell import apply, apply_script, scripts_of, undo, undo_script
 from tests.twin.cells import Prepared, everything, fresh
 from tests.twin.host import Entry, Killed, WindowsHost
 from tests.twin.observing import JOURNAL, PROFILE
-from tests.twin.run import Ran, put, run, signed
+from tests.twin.run import Ran, put, run
+from tests.twin.signing import signed
 from tests.twin.test_scripts import seen
 
 PENDING_FOLDER = "c:\\run\\"

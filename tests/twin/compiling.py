@@ -1,0 +1,46 @@
+"""A script's or module's text, made into what can be run: once for each text."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+
+from rarms_iac.powershell.tree import sound
+from tests.twin.expressions import binding_of, parameters_of
+from tests.twin.scopes import Binding, Body, Function, Parameter, Scope
+from tests.twin.statements import block_of
+from tests.twin.values import Value
+
+
+@lru_cache(maxsize=64)
+def compiled(script: bytes) -> Function:
+    """A script or module of this text; without `CmdletBinding` it has none."""
+    pieces = [_piece(text) for text in re.split(_EDGE, script.decode("ascii"))]
+
+    def body(scope: Scope, out: list[Value]) -> None:
+        for piece in pieces:
+            piece.body(scope, out)
+
+    parameters = tuple(parameter for piece in pieces for parameter in piece.parameters)
+    binding = next((piece.binding for piece in pieces if piece.binding), None)
+    return Function(name="", parameters=parameters, body=body, binding=binding)
+
+
+_EDGE = r"(?=# --- runtime: )|(?<=-\r\n)(?=# --- part )|(?<=-\r\n)(?=Invoke-(?:Run|Measuring) )"
+"""Between what is fixed in scripts and what follows it: the tree of the whole is those of its pieces, one by one."""
+
+
+@lru_cache(maxsize=64)
+def _piece(text: str) -> Function:
+    parameters: tuple[Parameter, ...] = ()
+    binding: Binding | None = None
+    bodies: list[Body] = []
+    for part in sound(text).children:
+        if part.type == "param_block":
+            parameters, binding = parameters_of(part), binding_of(part)
+        elif part.type == "statement_list":
+            bodies.append(block_of(part))
+        elif part.type != "comment":
+            raise AssertionError(f"{part.type} in a script")
+    (body,) = bodies
+    return Function(name="", parameters=parameters, body=body, binding=binding)
