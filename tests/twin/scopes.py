@@ -119,7 +119,7 @@ class Session:
         """What the person at the prompt says: Y, N, A or L.
 
         Raises:
-            ScriptError: nobody can answer.
+            ScriptError: there is no console at which a prompt could be answered.
         """
         if self.unanswered:
             raise ScriptError("Exception calling ShouldProcess: Windows PowerShell is in NonInteractive mode.")
