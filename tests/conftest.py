@@ -1,13 +1,14 @@
 """What holds for every test: hypothesis' counts, the needs of tests, and no silent skips in CI."""
 
 import os
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from tests import needs
-from tests.effort import LONG, examples
+from tests.effort import LONG, TRIED, Attempt, examples
 
 # The usual run tries the same examples everywhere, so that a failure is one for everybody; the long run explores.
 settings.register_profile(
@@ -42,6 +43,26 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     needs.require(*_needed_by(item))
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    """Has a test's report carry what it tried, also from another process."""
+    TRIED.clear()
+    try:
+        yield
+    finally:
+        item.user_properties.extend(TRIED.items())
+
+
+def _tried(reporter: pytest.TerminalReporter) -> str:
+    """How often the run did each thing that is to harm rarms; empty: never."""
+    reports = [report for name in ("passed", "failed") for report in reporter.stats.get(name, [])]
+    counts: Counter[str] = Counter()
+    for report in reports:
+        if report.when == "call":
+            counts.update({name: number for name, number in report.user_properties if name in set(Attempt)})
+    return ", ".join(f"{counts[attempt]:,} {attempt}" for attempt in Attempt if counts[attempt])
+
+
 def _reason(report: pytest.TestReport | pytest.CollectReport) -> str:
     return str(report.longrepr[2]) if isinstance(report.longrepr, tuple) else str(report.longrepr)
 
@@ -63,7 +84,9 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    """Names the skips that failed the run."""
+    """Says how often rarms was to be harmed, and names the skips that failed the run."""
+    if tried := _tried(terminalreporter):
+        terminalreporter.write_line(f"Tried: {tried}.")
     if avoidable := _avoidable(config):
         terminalreporter.section("skips that fail this run (RARMS_NO_SKIPS=1)")
         for line in avoidable:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from rarms_iac.storage import disk
+from tests.effort import Attempt, tried
 
 KILLED = 137
 
@@ -34,6 +35,7 @@ def end_process() -> NoReturn:
 
 
 def crash() -> NoReturn:
+    tried(Attempt.KILL)
     raise Crash
 
 

@@ -26,6 +26,7 @@ import pytest
 from rarms_iac.storage import disk
 from rarms_iac.storage.lock import hold
 from tests.crashing import CrashingDisk, When
+from tests.effort import Attempt, tried
 from tests.standin import powershell
 from tests.unit.cli.running import rarms
 
@@ -60,6 +61,10 @@ WRITES = frozenset({"write", "append"})
 OPEN, START = "open", "start"
 ON_WRITE = [*KILLS, Disturbance.DISK_FULL, Disturbance.DISK_FAILED, Disturbance.SHORT_WRITE]
 ON_START = [Disturbance.KILLED_BEFORE, Disturbance.KILLED_AFTER, Disturbance.NO_PROCESS]
+
+
+Fault = tuple[int, Disturbance]
+"""The effect, from 1, and what becomes of it."""
 
 
 def disturbances_of(effect: str) -> Sequence[Disturbance]:
@@ -127,33 +132,42 @@ def end_of(folder: Path, words: Sequence[str]) -> tuple[End, Sequence[str]]:
     counting = CrashingDisk(0)
     with _disturbing(folder, counting):
         code = _run(folder, words)
-    return _look(folder, code), counting.effects
+    return look(folder, code), counting.effects
 
 
-def end_after(folder: Path, words: Sequence[str], at: int, disturbance: Disturbance, wanted: End) -> End:
-    """Run a command disturbed at the effect of this number, then again until it is as `wanted` or the user gives up."""
-    disturb(folder, words, at, disturbance)
+def end_after(folder: Path, words: Sequence[str], faults: Sequence[Fault], wanted: End) -> End:
+    """Run a command with one fault after the other, then again until it is as `wanted` or the user gives up."""
+    met = [disturb(folder, words, fault) for fault in faults]
+    if len(faults) > 1 and all(met):
+        tried(Attempt.PAIR)
     found = None
     for _ in range(ATTEMPTS):
         with disk.use(CrashingDisk(0)):  # without flushes, which take long
-            found = _look(folder, _run(folder, words))
+            found = look(folder, _run(folder, words))
         if found == wanted:
             break
     assert found is not None
     return found
 
 
-def disturb(folder: Path, words: Sequence[str], at: int, disturbance: Disturbance) -> None:
-    """Run a command disturbed at the effect of this number, from 1."""
+def disturb(folder: Path, words: Sequence[str], fault: Fault) -> bool:
+    """Run a command with a fault; whether it came as far as that."""
+    at, disturbance = fault
     if disturbance in KILLS:
-        _run_killed(folder, words, at, KILLS[disturbance])
+        was_met = _run_killed(folder, words, at, KILLS[disturbance])
     else:
         when, number = ERRORS[disturbance]
-        with _disturbing(folder, CrashingDisk(at, when, lambda: _fail(number))):
+        failing = CrashingDisk(at, when, lambda: fail(number))
+        with _disturbing(folder, failing):
             _run(folder, words)
+        was_met = len(failing.effects) >= at
+    if was_met:
+        tried(Attempt.KILL if disturbance in KILLS else Attempt.FAILED_CALL)
+    return was_met
 
 
-def _fail(number: int) -> NoReturn:
+def fail(number: int) -> NoReturn:
+    """Have a call fail with this number of `errno`."""
     raise OSError(number, os.strerror(number))
 
 
@@ -164,14 +178,15 @@ def _run(folder: Path, words: Sequence[str]) -> int:
     return answer.code
 
 
-def _run_killed(folder: Path, words: Sequence[str], at: int, when: When) -> None:
+def _run_killed(folder: Path, words: Sequence[str], at: int, when: When) -> bool:
     """In a process of its own: SIGKILL lets nothing clean up, and gives back every lock."""
     child = os.fork()
     if not child:
         with suppress(BaseException), _disturbing(folder, CrashingDisk(at, when, _kill_this_process)):
             _run(folder, words)
         os._exit(0)
-    os.waitpid(child, 0)
+    _, status = os.waitpid(child, 0)
+    return os.WIFSIGNALED(status)
 
 
 def _kill_this_process() -> NoReturn:
@@ -179,7 +194,8 @@ def _kill_this_process() -> NoReturn:
     raise AssertionError("nobody survives this")
 
 
-def _look(folder: Path, code: int) -> End:
+def look(folder: Path, code: int) -> End:
+    """What is there after a command that ended so."""
     names = frozenset(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
     logs = sorted(name for name in names if name.startswith("measurements") and name.endswith(".jsonl"))
     return End(
@@ -223,8 +239,10 @@ def _host_behind_pwsh(folder: Path) -> Mapping[str, Any]:
     return {vm.name: {"state": vm.state, "reserve": vm.reserve, "memory": vm.memory} for vm in machines}
 
 
-TIMES = frozenset({"when", "provenance", "taken", "length", "checksum"})
+TIMES = frozenset({"when", "begun", "provenance", "taken", "length", "checksum"})
 
 
 def _untimed(record: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in record.items() if key not in TIMES}
+    return {
+        key: _untimed(value) if isinstance(value, dict) else value for key, value in record.items() if key not in TIMES
+    }

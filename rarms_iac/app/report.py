@@ -247,6 +247,7 @@ def _proof(entry: Proven, proven: ProvenIndex, outdated: tuple[str, ...]) -> Com
         samples_needed=proven.samples_needed,
         outdated=outdated,
         machine=entry.machine,
+        serial=entry.serial,
     )
 
 

@@ -194,6 +194,7 @@ class ComponentProof:
     samples_needed: int | None  # that would show it, where it is not shown yet; None: nothing tells
     outdated: tuple[str, ...]  # what is no longer as it was when this was proven
     machine: Internal[str] = ""  # the identity of the host that it was made on; empty: not known
+    serial: Internal[int] = 0  # of `Proven`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -60,6 +60,7 @@ class HostOverview:
     last_run: PastRun | None = None
     problems: tuple[Diagnostic, ...] = ()  # why it could not be looked at; then nothing else is known
     machine: Internal[str] = ""  # its own identity
+    serial: Internal[int] = 0  # of the application's runs there
 
     @property
     @output
@@ -212,24 +213,17 @@ def _proofs_of_these_hosts(
     }
     present = {host.name: {name for part in host.partitions for name in part.components} for host in hosts}
     seen = {host.name for host in hosts if not host.problems}
-    undone = {
-        host.name: host.last_run.started_at for host in hosts if host.last_run and host.last_run.run is RunKind.UNDO
-    }
+    undone = {host.name: host.serial for host in hosts if host.last_run and host.last_run.run is RunKind.UNDO}
 
     def outdated(proof: ComponentProof) -> Iterator[str]:
         if proof.component in changed:
             yield "its partition was changed on the host"
-        if proof.host in undone and _moment(proof.when) < _moment(undone[proof.host]):
+        if proof.host in undone and proof.serial < undone[proof.host]:
             yield f"what was applied to {proof.host} was taken back"
         elif proof.host in seen and proof.component not in present[proof.host]:
             yield f"its partition is not on {proof.host}"
 
     return tuple(replace(proof, outdated=(*proof.outdated, *outdated(proof))) for proof in own)
-
-
-def _moment(text: str) -> str:
-    """A time of a journal or of a proof, so that the earlier one sorts first."""
-    return text.replace("T", " ").replace("Z", " UTC")
 
 
 def _observe_alone(hosts: Hosts, name: str) -> State:
@@ -281,6 +275,7 @@ def _host_overview(
     return HostOverview(
         name=name,
         machine=state.facts.id,
+        serial=state.serials.get(application, 0),
         totals=host_totals(
             system.hosts[name],
             state.facts,

@@ -1,6 +1,7 @@
 """What only a Linux host behind a shell does: who may connect, who holds it, and what of it is not believed."""
 
 import os
+import random
 import subprocess
 import sys
 import time
@@ -52,7 +53,7 @@ from tests.contracts.benches import (
 )
 from tests.contracts.runs import a_run
 from tests.contracts.test_apply_crashes import SECOND, Lab, apply_again, go_on
-from tests.effort import LONG
+from tests.effort import LONG, Attempt, examples, tried
 
 PROGRAM = Path("templates/shell/effects.sh").read_text(encoding="ascii")
 SCOPE = Scope(application="robot", plan="0123456789ab")
@@ -370,9 +371,55 @@ def test_an_apply_that_breaks_at_any_effect_reaches_the_same_end_when_it_is_run_
         breaking = open_remote(builders.a_host(), folder, Recording(at, is_unheard))
         with suppress(HostError):
             assert apply_again(lab.system(SECOND), breaking).ending is RunEnding.FAILED
+        tried(Attempt.CUT)
         host = lab.host(folder)
         go_on(lab, host)
         assert host.observe() == end, counting.effects[at]
+        forget_groups(folder)
+
+
+@dataclass
+class CutAtByte:
+    """A channel that is cut after so many bytes, of what is sent or of what comes back, and stays so."""
+
+    at: int = 2**62
+    cuts_answers: bool = False
+    target: str = "ann@onboard"
+    passed: int = 0
+
+    def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:
+        remaining = self.at - self.passed
+        if remaining <= 0:
+            return CommandResult(code=255, output="", error="Connection refused")
+        result = shell_channel().run(command, data if self.cuts_answers else data[:remaining], silence_s)
+        self.passed += len(result.output) if self.cuts_answers else len(data)
+        if self.passed < self.at:
+            return result
+        heard = result.output[:remaining] if self.cuts_answers else result.output
+        return CommandResult(code=255, output=heard, error="Connection closed")
+
+
+@pytest.mark.parametrize("cuts_answers", [False, True])
+def test_an_apply_whose_connection_is_cut_at_any_byte_reaches_the_same_end(
+    lab: Lab, tmp_path: Path, cuts_answers: bool
+) -> None:
+    counting = CutAtByte(cuts_answers=cuts_answers)
+    undisturbed = open_remote(builders.a_host(), lab.settled(tmp_path / "undisturbed"), counting)
+    assert apply_again(lab.system(SECOND), undisturbed).ending is RunEnding.DONE
+    end, dice = undisturbed.observe(), random.Random(counting.passed)
+
+    for number in range(examples(5)):
+        folder = lab.settled(tmp_path / str(number))
+        channel = CutAtByte(dice.randrange(1, counting.passed), cuts_answers)
+        with suppress(HostError):
+            assert apply_again(lab.system(SECOND), open_remote(builders.a_host(), folder, channel)).ending in {
+                RunEnding.FAILED,
+                RunEnding.DONE,  # the last batch gave the host back
+            }
+        tried(Attempt.CUT)
+        host = lab.host(folder)
+        go_on(lab, host)
+        assert host.observe() == end, channel.at
         forget_groups(folder)
 
 

@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 
 from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.storage.digest import digest
-from tests.effort import LONG, examples
+from tests.effort import LONG, Attempt, examples, tried
 from tests.files import copy_files
 from tests.measured_cell import DATA_LOG, HOST, JOURNAL, PLAN, READERS, make_cell
 from tests.unit.cli.running import Ran, rarms
@@ -109,6 +109,7 @@ def damage(
     folder: Path, name: str, number: int, draw: Callable[[list[tuple[Any, ...]]], tuple[Any, ...]], new: Any
 ) -> None:
     """Change one value of a file of `READERS`; of a log a value of this record."""
+    tried(Attempt.DOCUMENT)
     file = folder / name
     if name.endswith(".jsonl"):
         damage_line(file, number, draw, new)
@@ -320,6 +321,7 @@ def test_what_is_no_regular_file_is_a_finding(cell: Path, tmp_path: Path, file: 
         copy_files(cell, folder)
         (folder / file).unlink(missing_ok=True)
         place(folder / file)
+        tried(Attempt.DOCUMENT)
         with chdir(folder), in_time():
             check(rarms(*commands[number % len(commands)]))
 
@@ -334,6 +336,7 @@ def test_nothing_is_written_through_a_link(cell: Path, tmp_path: Path, file: str
         victim.write_bytes(content)
         (folder / file).unlink(missing_ok=True)
         (folder / file).symlink_to(victim)
+        tried(Attempt.DOCUMENT)
         with chdir(folder), in_time():
             check(rarms(*words))
         assert victim.read_bytes() == content, words

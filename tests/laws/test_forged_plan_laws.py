@@ -11,7 +11,7 @@ from rarms_iac.storage.codec import NotDecodable, decode
 from rarms_iac.storage.digest import digest
 from rarms_iac.storage.plan_file import plan_id
 from rarms_iac.storage.shipped import shipped
-from tests.effort import every_few
+from tests.effort import Attempt, every_few, tried
 from tests.laws.test_damaged_file_laws import changed, paths_in
 from tests.unit.cli.running import rarms
 
@@ -73,6 +73,7 @@ def test_no_value_that_a_reviewer_judges_by_can_be_forged(sealed: dict[str, Any]
             continue
         file = tmp_path / "forged.plan"
         file.write_text(json.dumps(document), encoding="utf-8")
+        tried(Attempt.FORGERY)
         answer = rarms("show", str(file), "--json")
         if answer.code == 3 and "RARMS180" in answer.err:
             refused += 1

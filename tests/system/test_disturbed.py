@@ -6,6 +6,7 @@ A usual run takes some of the points of each command; `make test-long` takes all
 """
 
 import json
+import random
 from collections.abc import Callable, Sequence
 from contextlib import chdir
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ import pytest
 from rarms_iac.providers import journaled
 from rarms_iac.storage import disk
 from tests.crashing import CrashingDisk
-from tests.disturbing import ON_START, START, Disturbance, End, disturb, disturbances_of, end_after, end_of
+from tests.disturbing import ON_START, START, Disturbance, End, Fault, disturb, disturbances_of, end_after, end_of
 from tests.effort import LONG
 from tests.files import copy_files
 from tests.measured_cell import MANIFEST
@@ -32,7 +33,7 @@ pytestmark = pytest.mark.needs("posix")
 
 POINTS = 300 if LONG else 12
 """The most points of a command, evenly over all of its."""
-
+PAIRS = 60 if LONG else 6
 
 FIXED = MANIFEST.replace("reserve: measured", "reserve: 30 %")
 
@@ -76,7 +77,7 @@ def prepare(folder: Path, scenario: Scenario) -> tuple[str, ...]:
     command = tuple(id_of(folder, "vision") if word == "ID" else word for word in scenario.words)
     if scenario.killed_at:
         _, effects = end_of(copy_files(folder, folder.with_name("whole")), command)
-        disturb(folder, command, round(scenario.killed_at * len(effects)), Disturbance.KILLED_AFTER)
+        disturb(folder, command, (round(scenario.killed_at * len(effects)), Disturbance.KILLED_AFTER))
     return command
 
 
@@ -86,51 +87,64 @@ def id_of(folder: Path, name: str) -> str:
     return next(str(machine["id"]) for machine in content["machines"].values() if machine["settings"]["name"] == name)
 
 
-def all_points(effects: Sequence[str]) -> list[tuple[int, Disturbance]]:
+def all_points(effects: Sequence[str]) -> list[Fault]:
     """Every effect with every disturbance that it can meet."""
     return [(at, kind) for at, effect in enumerate(effects, 1) for kind in disturbances_of(effect)]
 
 
-def points(effects: Sequence[str]) -> list[tuple[int, Disturbance]]:
+def points(effects: Sequence[str]) -> list[list[Fault]]:
     """Which effects are disturbed, and how."""
     every = all_points(effects)
     chosen = {number * (len(every) - 1) // (POINTS - 1) for number in range(POINTS)}
-    return [every[number] for number in sorted(chosen)]
+    return [[every[number]] for number in sorted(chosen)]
 
 
-def half_way(effects: Sequence[str]) -> list[tuple[int, Disturbance]]:
+def half_way(effects: Sequence[str]) -> list[list[Fault]]:
     """Every write, killed half-way through it."""
-    return [(at, kind) for at, kind in all_points(effects) if kind is Disturbance.KILLED_HALF_WAY]
+    return [[fault] for fault in all_points(effects) if fault[1] is Disturbance.KILLED_HALF_WAY]
 
 
-def starts(effects: Sequence[str]) -> list[tuple[int, Disturbance]]:
+def starts(effects: Sequence[str]) -> list[list[Fault]]:
     """Every start of a program, with all that it can meet; in a usual run of the last alone, which changes the host."""
-    every = [(at, kind) for at, kind in all_points(effects) if effects[at - 1].startswith(START)]
+    every = [[fault] for fault in all_points(effects) if effects[fault[0] - 1].startswith(START)]
     assert every
     return every if LONG else every[-len(ON_START) :]
 
 
+def pairs(effects: Sequence[str]) -> list[list[Fault]]:
+    """A fault, and a second one in the run after it, any two; the second run may be shorter than the first."""
+    dice, every = random.Random(len(effects)), all_points(effects)
+    early = [fault for fault in every if fault[0] <= len(effects) // 2]
+    return [[dice.choice(every), dice.choice(early)] for _ in range(PAIRS)]
+
+
 def bad_ends(
-    tmp_path: Path, scenario: Scenario, choose: Callable[[Sequence[str]], list[tuple[int, Disturbance]]] = points
-) -> list[tuple[str, Disturbance, list[str]]]:
-    """The points at which the disturbed command does not end as the undisturbed one."""
+    tmp_path: Path, scenario: Scenario, choose: Callable[[Sequence[str]], list[list[Fault]]] = points
+) -> list[tuple[list[tuple[str, Disturbance]], list[str]]]:
+    """The faults after which the command does not end as the undisturbed one."""
     start, work = tmp_path / "start", tmp_path / "cell"
     words = prepare(start, scenario)
     wanted, effects = end_of(copy_files(start, work), words)
     assert wanted.code == 0
     assert len(effects) >= 5
     bad = []
-    for at, kind in choose(effects):
+    for faults in choose(effects):
         clear(work)
-        found = end_after(copy_files(start, work), words, at, kind, wanted)
+        found = end_after(copy_files(start, work), words, faults, wanted)
         if found != wanted:
-            bad.append((f"{at}: {effects[at - 1]}", kind, differences(found, wanted)))
+            bad.append(([(f"{at}: {effects[at - 1]}", kind) for at, kind in faults], differences(found, wanted)))
     return bad
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_a_disturbed_command_is_repeated_and_ends_as_if_undisturbed(tmp_path: Path, name: str) -> None:
     assert bad_ends(tmp_path, SCENARIOS[name]) == []
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.thorough
+def test_a_command_that_is_disturbed_twice_ends_as_if_undisturbed(tmp_path: Path, name: str) -> None:
+    assert bad_ends(tmp_path, SCENARIOS[name], pairs) == []
 
 
 @pytest.mark.thorough

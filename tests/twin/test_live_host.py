@@ -8,6 +8,7 @@ import pytest
 
 from rarms_iac.app.wiring import read_script_output
 from rarms_iac.applying.run_script import apply_job
+from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import Rights
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.providers.hyperv.condition import findings_of
@@ -22,6 +23,7 @@ from rarms_iac.providers.interface import (
     ScriptExited,
 )
 from tests.builders import a_host, codes
+from tests.effort import Attempt, every_few, tried
 from tests.recorded_hosts import read_observation
 from tests.twin.cell import apply, scripts_of
 from tests.twin.cells import everything, fresh
@@ -139,6 +141,33 @@ def test_where_a_policy_wants_signatures_what_a_reviewer_signed_is_what_runs(tmp
 
     assert back == ScriptExited(code=0)
     assert there.observe().partitions == before.partitions
+
+
+@pytest.mark.parametrize("kill", ["kill_before", "kill_after"])
+def test_a_signed_run_that_is_killed_anywhere_is_finished_by_the_signed_text_in_its_journal(
+    tmp_path: Path, kill: str
+) -> None:
+    prepared = everything()
+    own = apply_job(prepared.plan.id, prepared.plan.hosts[0]).script
+    for name, text in {"observe.ps1": render_observe(), **scripts_of(prepared.plan)}.items():
+        (tmp_path / name).write_bytes(signed(text))
+    whole = prepared.copy(all_signed=True)
+    assert live(whole, signatures=tmp_path).run_script(own, NO_WAITING, Heard()) == ScriptExited(code=0)
+    wanted, effects = live(whole, signatures=tmp_path).observe(), len(whole.effects)
+
+    for number in every_few(effects, 8, first=kill == "kill_after"):
+        host = prepared.copy(all_signed=True, **{kill: number})
+        live(host, signatures=tmp_path).run_script(own, NO_WAITING, Heard())
+        tried(Attempt.SIGNED)
+        host = host.copy()
+        run = live(host, signatures=tmp_path).journal()
+        bundle, signatures = own, tmp_path
+        if isinstance(run, ScriptRun) and run.started.plan == prepared.plan.id:  # what is not signed would not run
+            bundle = ScriptBundle(runs=own.runs, files={**own.files, own.runs: run.started.script})
+            signatures = tmp_path / "nowhere"
+
+        assert live(host, signatures=signatures).run_script(bundle, NO_WAITING, Heard()) == ScriptExited(code=0), number
+        assert live(host, signatures=tmp_path).observe().partitions == wanted.partitions, number
 
 
 @pytest.mark.parametrize("changed", ["another text", "another line behind it", "no signature"])

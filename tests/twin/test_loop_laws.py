@@ -12,7 +12,7 @@ from rarms_iac.model.plan import Plan
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.providers.simulated.rules import packs
 from tests.builders import a_host
-from tests.effort import examples
+from tests.effort import Attempt, examples, tried
 from tests.strategies import FOREIGN_NAMES, systems
 from tests.twin.cell import Cell, apply, undo
 from tests.twin.cells import a_stranger, a_windows
@@ -106,6 +106,7 @@ def test_a_run_that_ends_anywhere_is_finished_by_the_next(cell: Cell, number: in
     plan = possible(cell)
     host = cell.host.copy(**{fault: number}, watch=within)
     apply(host, plan)
+    tried(Attempt.FAILED_CALL if fault == "fail_at" else Attempt.KILL, len(host.effects) > number)
     host = host.copy(watch=within)
 
     ran = apply(host, plan)

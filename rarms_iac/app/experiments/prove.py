@@ -193,6 +193,7 @@ def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]
                 interference=proof.interference,
                 robot=hosts.system.application.robot,
                 machine=states[proof.host].facts.id,
+                serial=states[proof.host].serials.get(application, 0),
                 partition=partition_of.get(component.name, ""),
                 reserve=reserves.get(partition_of.get(component.name, ""), 0),
                 beside=tuple(name for name in everyone if name != component.name),

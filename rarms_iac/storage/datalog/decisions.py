@@ -70,6 +70,8 @@ class Proven:
     interference: str | None = None  # the load beside all of them; None: there was none
     robot: str = ""  # of `Application`
     machine: str = ""  # the host's own identity (`HostFacts.id`): robots share names; empty: not known
+    # Of the application's runs on the host before it, undos among them: clocks jump back, a count of runs does not.
+    serial: int
 
 
 Entry = Chosen | Proven

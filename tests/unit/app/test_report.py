@@ -47,6 +47,7 @@ def a_proof(seen: ProvenIndex) -> Proven:
         host="onboard",
         partition="vision",
         reserve=64,
+        serial=1,
         beside=("speech",),
         indexes=(seen,),
     )

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.manifest.load import load
+from tests.effort import Attempt, tried
 from tests.hostile import HOSTILE, HOSTILE_VALUES, Hostile
 
 TODAY = date(2026, 1, 1)
@@ -28,6 +29,7 @@ for path in sys.argv[1:]:
 
 def told(path: Path, hostile: Hostile) -> list[tuple[str, int, int]]:
     path.write_bytes(hostile.make())
+    tried(Attempt.DOCUMENT)
     return [
         (diagnostic.code, diagnostic.place.line, diagnostic.place.column)
         for diagnostic in load(str(path), today=TODAY).diagnostics

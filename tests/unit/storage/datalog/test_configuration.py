@@ -30,6 +30,7 @@ def proven() -> Proven:
         host="onboard",
         partition="vision",
         reserve=62,
+        serial=3,
         beside=("speech",),
         indexes=(
             ProvenIndex(
