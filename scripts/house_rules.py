@@ -59,15 +59,21 @@ PROSE = frozenset({"summary", "detail", "advice", "message", "reason", "comment"
 """Fields and variables that hold sentences for people, of any type: most of them are `str`."""
 PROSE_TYPES = frozenset({"Prose", "Wording"})
 """Types whose values are sentences; fields, parameters and results of them count under any name."""
-RENDERING = ("show_", "describe_", "plain_text")
-"""How functions begin that make text of values."""
+RENDERING = ("show_", "describe_", "plain_text", "render")
+"""How functions begin that make text of values; those of views that return what is shown count as well."""
+SHOWN = frozenset({"RenderableType", "Text"})
 READING = frozenset({"removeprefix", "removesuffix", "replace", "split", "rsplit", "partition", "rpartition"}) | {
     "startswith",
     "endswith",
     "find",
     "index",
+    "count",
     "splitlines",
+    "casefold",
+    "lower",
 }
+STRIPPING = frozenset({"strip", "lstrip", "rstrip"})
+"""These read a sentence where they are told what to take off."""
 PATTERNS = frozenset({"search", "match", "fullmatch", "sub", "split", "findall", "finditer"})
 
 MAY_READ_PROSE = {
@@ -264,7 +270,7 @@ def _names_of_prose(trees: Iterable[ast.Module]) -> frozenset[str]:
                         each for each in body if isinstance(each, ast.AnnAssign) and _is_of_prose(each.annotation)
                     )
                     found |= {field.target.id for field in fields if isinstance(field.target, ast.Name)}
-                case ast.FunctionDef(name=name, returns=returns) if _is_of_prose(returns):
+                case ast.FunctionDef(name=name, returns=returns) if _is_of_prose(returns) or _is_shown(returns):
                     found.add(name)
                 case _:
                     pass
@@ -282,6 +288,11 @@ def _is_of_prose(annotation: ast.expr | None) -> bool:
             return False
 
 
+def _is_shown(annotation: ast.expr | None) -> bool:
+    """Whether it is a type of what rich shows."""
+    return isinstance(annotation, ast.Name | ast.Constant) and ast.unparse(annotation).strip("'") in SHOWN
+
+
 def _readers_of_prose(path: Path, tree: ast.Module, prose: frozenset[str]) -> Iterator[str]:
     scopes: list[ast.Module | ast.FunctionDef] = [tree]
     scopes += [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
@@ -297,15 +308,34 @@ def _local_prose(scope: ast.Module | ast.FunctionDef, prose: frozenset[str]) -> 
     arguments = (*scope.args.posonlyargs, *scope.args.args, *scope.args.kwonlyargs)
     names = {argument.arg for argument in arguments if _is_of_prose(argument.annotation)}
     for node in ast.walk(scope):
-        if isinstance(node, ast.Assign) and _is_prose(node.value, prose | names):
-            names |= {target.id for target in node.targets if isinstance(target, ast.Name)}
+        match node:
+            case ast.Assign(value=value, targets=targets) if _is_prose(value, prose | names):
+                names |= {target.id for target in targets if isinstance(target, ast.Name)}
+            case ast.NamedExpr(value=value, target=target) if _is_prose(value, prose | names):
+                names.add(target.id)
+            case ast.ExceptHandler(name=str(name)):  # its text is a sentence: what code needs, it has as attributes
+                names.add(name)
+            case _:
+                pass
     return frozenset(names)
 
 
 def _lines_that_read(scope: ast.Module | ast.FunctionDef, prose: frozenset[str]) -> Iterator[int]:
     for node in ast.walk(scope):
         match node:
+            case ast.Call(func=ast.Attribute(attr="replace" | "split" | "lstrip"), args=[*blanks]) if blanks and all(
+                _is_blank(blank) for blank in blanks
+            ):
+                pass  # it lays lines out
             case ast.Call(func=ast.Attribute(attr=attr, value=text)) if attr in READING and _is_prose(text, prose):
+                yield node.lineno
+            case ast.Call(func=ast.Attribute(attr=attr, value=text), args=[_]) if attr in STRIPPING and _is_prose(
+                text, prose
+            ):
+                yield node.lineno
+            case ast.Compare(left=text, ops=[ast.Eq() | ast.NotEq()], comparators=[ast.Constant(value=str(other))]) if (
+                other and _is_prose(text, prose)
+            ):
                 yield node.lineno
             case ast.Call(func=ast.Attribute(attr=attr), args=args) if attr in PATTERNS and any(
                 _is_prose(arg, prose) for arg in args
@@ -328,7 +358,7 @@ def _is_prose(node: ast.expr, prose: frozenset[str]) -> bool:
         case ast.Call(func=ast.Name(id="str"), args=[value]):
             return _is_prose(value, prose)
         case ast.Call(func=ast.Name(id=name)):
-            return name == "render" or name.startswith(RENDERING) or name in prose
+            return name.startswith(RENDERING) or name in prose
         case ast.Call(func=ast.Attribute(attr=name, value=value)):
             return name.startswith(RENDERING) or name in prose or _is_prose(value, prose)
         case ast.Subscript(value=value) | ast.FormattedValue(value=value):
@@ -339,6 +369,10 @@ def _is_prose(node: ast.expr, prose: frozenset[str]) -> bool:
             return _is_prose(left, prose) or _is_prose(right, prose)
         case _:
             return False
+
+
+def _is_blank(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, str) and not node.value.strip()
 
 
 def _other_readers(path: Path, tree: ast.Module) -> Iterator[str]:

@@ -5,7 +5,7 @@ from rarms_iac.app.drift import DriftReport
 from rarms_iac.app.experiments.measure import MeasureOutcome
 from rarms_iac.app.experiments.prove import ProveOutcome
 from rarms_iac.app.experiments.tune import TuningResult
-from rarms_iac.app.explanation import ComponentExplanation
+from rarms_iac.app.explanation import Explanation, HostExplanation
 from rarms_iac.app.graph import CandidateGraph, LayoutGraph
 from rarms_iac.app.guide import GuideFacts
 from rarms_iac.app.manifest_files import FormattedManifests, WrittenFiles
@@ -23,14 +23,15 @@ from rarms_iac.storage.finding_pages import FindingPage
 
 Answer = (
     CandidateGraph
-    | ComponentExplanation
     | DriftReport
     | Examinations
+    | Explanation
     | FindingPage
     | Findings
     | FormattedManifests
     | GuideFacts
     | History
+    | HostExplanation
     | LayoutGraph
     | MeasureOutcome
     | Overview

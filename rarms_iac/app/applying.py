@@ -18,7 +18,7 @@ from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.applying.undo import abandon, can_be_undone, not_undone_findings, steps_undone, undo
 from rarms_iac.manifest.load import manifest_digest
-from rarms_iac.model.commands import PLAN, PLAN_OUT, Wording, command, prose
+from rarms_iac.model.commands import PLAN, PLAN_OUT, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
@@ -31,6 +31,7 @@ from rarms_iac.storage.reading import STANDARD_INPUT
 
 RENAMED = Finding.error("RARMS331", "The plan is of another application than the manifest")
 ELSEWHERE = Finding.error("RARMS213", "The plan's simulated host is not in this folder")
+MANIFEST_CHANGED = Finding.note("RARMS371", "The manifest has changed since the plan was made")
 
 
 def apply(
@@ -247,27 +248,29 @@ def refuse_renamed(plan: Plan, source: ManifestSource) -> None:
     raise UseCaseError(Outcome.REFUSED, [RENAMED.at(None, message, advice, values=values)])
 
 
-def describe_changed_manifest(plan: Plan, source: ManifestSource) -> Wording | None:
-    """Say that a plan's manifest reads differently now; the plan is applied as it was reviewed all the same.
+def changed_manifest(plan: Plan, source: ManifestSource) -> tuple[Diagnostic, ...]:
+    """Find that a plan's manifest reads differently now; the plan is applied as it was reviewed all the same.
 
     Args:
         plan: The plan, with the digest of the texts that it was made of.
         source: As `manifest_of` returns it: the manifest, and the overlays that are laid over it.
 
     Returns:
-        Two sentences; None where the texts are the same, or cannot be read here.
+        A note; nothing where the texts are the same, or cannot be read here.
     """
     if source.manifest == STANDARD_INPUT:
-        return None
+        return ()
     if manifest_digest(source.manifest, source.overlays) in {None, plan.manifest_digest}:
-        return None
+        return ()
     overlays = "" if source.overlays else ", or the plan was made with overlays"
-    return prose(
-        f"{source.manifest} has changed since plan {plan.id} was made{overlays}. The plan is applied as it "
-        "was reviewed; ",
-        PLAN,
-        " shows what the manifest asks for now.",
+    note = MANIFEST_CHANGED.at(
+        None,
+        f"{source.manifest} has changed since plan {plan.id} was made{overlays}. The plan is applied as it was "
+        "reviewed.",
+        prose("See what the manifest asks for now with ", PLAN, "."),
+        values={"manifest": source.manifest, "plan": plan.id},
     )
+    return (note,)
 
 
 def combine_reports(reports: Sequence[RunReport]) -> RunReport:

@@ -11,6 +11,7 @@ from rarms_iac.applying.desired_hosts import desired_hosts
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.prepare import prepare
 from rarms_iac.diff.drift import DriftKind, ResourceDrift, drift, drift_of_marks, partitions_after_last_run
+from rarms_iac.model.commands import APPLY, PLAN, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.plan import HostPlan
@@ -85,6 +86,14 @@ class DriftReport:
     hosts: tuple[HostDrift, ...]
     unfinished: Mapping[str, str]
     problems: tuple[Diagnostic, ...] = ()  # why it is not known what the manifest wants; empty: it is compared
+
+    @property
+    @output
+    def commands(self) -> tuple[RecommendedCommand, ...]:
+        """What finishes the runs that are unfinished, and what shows how to make hosts as the manifest wants them."""
+        differs = any(host.host_changed or host.not_applied for host in self.hosts)
+        looks = self.problems or (differs and not self.unfinished)
+        return (*((APPLY,) if self.unfinished else ()), *((PLAN,) if looks else ()))
 
 
 def look_for_drift(hosts: Hosts) -> DriftReport:

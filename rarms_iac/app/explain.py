@@ -3,25 +3,27 @@
 Begin at `explain_component`; the values that it returns are in `explanation`.
 """
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 
 from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.explained_partition import ExplainedPartition, ExplainedPlace, partition_to_explain, place_of
-from rarms_iac.app.explanation import ComponentExplanation, DataLogSummary, Explanation, HostExplanation, MemberCurve
-from rarms_iac.app.explanation_steps import explain
+from rarms_iac.app.explained_sharing import own_partitions, partners, previous_tuning
+from rarms_iac.app.explanation import ComponentExplanation, DataLogSummary, ExplainedIndex, Explanation, HostExplanation
 from rarms_iac.app.hosts import observe_hosts, select_hosts
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import HostSelection
-from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import LogicalProcessors, in_processors
-from rarms_iac.model.system import Component, Measured
+from rarms_iac.model.system import Component, Measured, Threshold
 from rarms_iac.model.wording import suggestion
+from rarms_iac.planner.alternatives import ChosenPlace, elsewhere
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.problem import by_name
 from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, depends_on_a_log, names_of
+from rarms_iac.planner.totals import totals_by_host
+from rarms_iac.statistics.curves import Curve, holds
 from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.datalog.log import DataLog
 from rarms_iac.storage.finding_pages import known_codes
@@ -55,7 +57,7 @@ def explain_component(manifest: Manifest, name: str) -> ComponentExplanation:
         name: Of the component.
 
     Returns:
-        The steps from the APT to the reservation, and the errors that keep everything from fitting.
+        What its reservation rests on, and the errors that keep everything from fitting.
 
     Raises:
         RequestError: There is no such component.
@@ -66,37 +68,61 @@ def explain_component(manifest: Manifest, name: str) -> ComponentExplanation:
     if group is None:
         allowed = component.hosts if component.hosts is not None else system.hosts
         homes = tuple(host for host in by_name(system.hosts) if host.name in allowed)
-        return explain(HostExplanation(component=component, hosts=homes))
+        return HostExplanation(subject=component, places=homes)
     hosts = select_hosts(manifest, HostSelection())
     partition = partition_to_explain(hosts, measurements_of(manifest), group, observe_hosts(hosts, needed=()))
-    place = place_of(partition)
-    errors = [finding for finding in partition.planning.findings if has_errors([finding])]
-    return explain(_explanation(partition, place, component), tuple(errors) if place.no_host_because else ())
+    return _with_measurements(_explanation(partition, place_of(partition), component))
 
 
 def _explanation(partition: ExplainedPartition, place: ExplainedPlace, component: Component) -> Explanation:
-    group, host = partition.group, place.host
-    explanation = Explanation(
-        component=component,
-        partition=partition,
-        place=place,
-        wanted=_wanted(partition, host),
-        fixed_by="" if depends_on_a_log(group) else _fixed_by(group),
-        log=None,
-        least=None,
+    """All but what a data log says."""
+    group, host, layout = partition.group, place.host, partition.layout
+    by_log, previous = depends_on_a_log(group), previous_tuning(partition.measurements, host)
+    totals = None if layout is None else totals_by_host(partition.system, layout.partitions, partition.views)[host.name]
+    chosen = ChosenPlace(
+        partition=place.partition, layout=partition.layout, views=partition.views, stays=partition.why_bound
     )
+    own = group.request.cpu.reserve
+    fixed_partition = "" if by_log or own is None or isinstance(own, Measured) else group.name
+    fixed_members = [member.name for member in group.members if member.cpu.reserve is not None]
+    return Explanation(
+        subject=component,
+        shared=partition,
+        place=place,
+        totals=totals,
+        wanted_lp=_wanted(partition, host),
+        fixed_partition=fixed_partition,
+        fixed_members=() if by_log or fixed_partition else tuple(fixed_members),
+        previous=previous,
+        own_partitions=own_partitions(partition, place),
+        compounds=tuple(previous.rejected(names_of(group.members))) if by_log else (),
+        elsewhere=elsewhere(group, chosen, partition.system, partition.reservations),
+    )
+
+
+def _with_measurements(explanation: Explanation) -> Explanation:
+    """With what the data log of the partition says, if there is one that holds."""
+    partition, host = explanation.shared, explanation.place.host
+    group = partition.group
     if not depends_on_a_log(group):
-        log, least = _log_despite_fixed(partition, host) if explanation.fixed_by else (None, None)
-        return replace(explanation, log=log, least=least)
+        log, least = _log_despite_fixed(partition, host) if explanation.is_fixed else (None, None)
+        return replace(explanation, data_log=log, least=least)
     answer = partition.reservations.log(group.members, host)
     if not isinstance(answer, MeasuredTogether):
         return explanation
+    curves = tuple(_member_curves(group, answer))
+    least = partition.reservations.least(group.members, host)
+    at = least if least is not None else max(answer.measured, default=0)
     return replace(
         explanation,
-        log=_data_log_summary(partition.measurements, group, answer),
-        least=partition.reservations.least(group.members, host),
-        curves=tuple(_member_curves(group, answer)),
+        data_log=_data_log_summary(partition.measurements, group, answer),
+        least=least,
+        verdicts=tuple(_at_reserve(curves, at)),
+        one_less=() if least is None else tuple(_at_reserve(curves, least - 1)),
+        inconclusive=tuple(sorted({at for curve in curves for at in curve.curve.inconclusive})),
+        overloaded=tuple(sorted({at for curve in curves for at in curve.curve.overloaded})),
         remarks=tuple(remark.message for remark in answer.remarks),
+        partners=partners(partition, host),
     )
 
 
@@ -130,14 +156,6 @@ def _wanted(partition: ExplainedPartition, host: Host) -> LogicalProcessors | No
     return in_processors(own, host.logical_processors)
 
 
-def _fixed_by(group: Group) -> str:
-    own = group.request.cpu.reserve
-    if own is not None and not isinstance(own, Measured):
-        return f"the manifest's partition {group.name}"
-    names = [member.name for member in group.members if member.cpu.reserve is not None]
-    return f"the manifest, for {' and '.join(names)}," if names else ""
-
-
 def _data_log_summary(measurements: Measurements, group: Group, log: MeasuredTogether) -> DataLogSummary:
     loads = measurements.system.loads_of(names_of(group.members))
     whole = read_log(measurements.folder / log.path)
@@ -161,9 +179,36 @@ def _data_log_summary(measurements: Measurements, group: Group, log: MeasuredTog
     )
 
 
-def _member_curves(group: Group, log: MeasuredTogether) -> Iterator[MemberCurve]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _MemberCurve:
+    """One index of the APT of one member, with its curve."""
+
+    member: str
+    index: str
+    threshold: Threshold
+    curve: Curve
+
+
+def _member_curves(group: Group, log: MeasuredTogether) -> Iterator[_MemberCurve]:
     for member in group.members:
         for index, threshold in member.apt.items():
-            yield MemberCurve(
+            yield _MemberCurve(
                 member=member.name, index=index, threshold=threshold, curve=log.curves(member.name, index)
+            )
+
+
+def _at_reserve(curves: Iterable[_MemberCurve], reserve: int) -> Iterator[ExplainedIndex]:
+    """What the curves have there, those that end elsewhere left out."""
+    for each in curves:
+        point = each.curve.value_at(reserve)
+        if point is not None:
+            yield ExplainedIndex(
+                member=each.member,
+                index=each.index,
+                threshold=each.threshold,
+                reserve=reserve,
+                point=point,
+                estimate=each.curve.estimate_at(reserve),
+                met=holds(each.curve, each.threshold, reserve),
+                inconclusive=reserve in each.curve.inconclusive,
             )

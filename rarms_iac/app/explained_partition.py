@@ -120,7 +120,7 @@ def place_of(partition: ExplainedPartition) -> ExplainedPlace:
     for host, answer in answers:
         shape = size(_without_reserve(group), host, FixedReservations())
         if isinstance(shape, PlacedPartition) and isinstance(answer, Cause):
-            return ExplainedPlace(host=host, partition=shape, no_host_because=answer.message.rstrip("."))
+            return ExplainedPlace(host=host, partition=shape, no_host_because=answer.message)
     raise UseCaseError(Outcome.NEGATIVE, partition.planning.findings, partition.hosts.manifest.sources)
 
 

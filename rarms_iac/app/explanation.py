@@ -1,16 +1,22 @@
-"""The values of `rarms explain COMPONENT`: what a reservation rests on, and the steps from the APT to it."""
+"""The values of `rarms explain COMPONENT`: what a reservation rests on, and what was rejected."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from rarms_iac.app.explained_partition import ExplainedPartition, ExplainedPlace
-from rarms_iac.model.commands import Prose, RecommendedCommand
-from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.app.explained_sharing import TUNE, OwnPartitions, Partner, PreviousTuning, RejectedCompound
+from rarms_iac.model.commands import PLAN, RecommendedCommand
+from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.host import Host, SchedulerType
-from rarms_iac.model.output import Internal
+from rarms_iac.model.outcomes import Estimate
+from rarms_iac.model.output import Internal, OpenBound, output
 from rarms_iac.model.quantities import LogicalProcessors
-from rarms_iac.model.system import Component, Threshold
-from rarms_iac.statistics.curves import Curve
+from rarms_iac.model.state import PartitionSettings
+from rarms_iac.model.system import AtMost, Component, Threshold
+from rarms_iac.model.totals import HostTotals
+from rarms_iac.planner.alternatives import Elsewhere
+from rarms_iac.planner.reservations import depends_on_a_log
+from rarms_iac.statistics.curves import Point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,69 +40,166 @@ class DataLogSummary:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MemberCurve:
-    """One index of the APT of one member, with its curve."""
+class ExplainedIndex:
+    """One index of the APT of one member at a reservation, as the curve of the data log has it."""
 
     member: str
     index: str
     threshold: Threshold
-    curve: Curve
+    reserve: int  # CR, per cent of P1's processors
+    point: Internal[Point]  # of the curve, on which every reservation rests
+    estimate: Internal[Estimate | None]  # what was measured there; None: it is looked up between two settings
+    met: bool
+    inconclusive: Internal[bool]  # it was measured there, and that gave no verdict
+
+    @property
+    @output
+    def value(self) -> OpenBound:
+        """As measured, in the index's unit; where nothing was, as looked up."""
+        return (self.estimate or self.point).value
+
+    @property
+    @output
+    def samples(self) -> int | None:
+        """How many were measured there; None: none."""
+        return None if self.estimate is None else self.estimate.samples
+
+    @property
+    @output
+    def safe(self) -> OpenBound:
+        """The side of the curve's band that a reservation rests on."""
+        return self.point.upper if isinstance(self.threshold, AtMost) else self.point.lower
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation:
     """What the reservation of a component's partition rests on, and where that partition is."""
 
-    component: Component
-    partition: ExplainedPartition
-    place: ExplainedPlace
-    wanted: LogicalProcessors | None  # before rounding; None: nothing says how much
-    fixed_by: str  # who fixes the reserve in the manifest; empty: it rests on the data log, or there is none
-    log: DataLogSummary | None  # that holds; beside a fixed reserve, which does not rest on it, too
-    least: int | None  # by that log; None: no setting in it is enough
-    curves: tuple[MemberCurve, ...] = ()  # that the reservation rests on
+    kind: Literal["walk"] = "walk"
+    subject: Internal[Component]
+    shared: Internal[ExplainedPartition]
+    place: Internal[ExplainedPlace]
+    totals: Internal[HostTotals | None] = None  # of its host in the layout; None: there is no layout
+    wanted_lp: LogicalProcessors | None  # before rounding to the provider's grain; None: nothing says how much
+    fixed_partition: str = ""  # the partition whose reserve the manifest fixes; empty: it fixes none
+    fixed_members: tuple[str, ...] = ()  # the members whose reserves the manifest fixes, where no log counts
+    data_log: DataLogSummary | None = None  # that holds; beside a fixed reserve, which does not rest on it, too
+    least: int | None = None  # CR, of P1's virtual processors, by that log; None: no setting in it is enough
+    verdicts: tuple[ExplainedIndex, ...] = ()  # at the least reserve, or at the highest that was measured
+    one_less: tuple[ExplainedIndex, ...] = ()  # at one per cent less than the least
+    inconclusive: tuple[int, ...] = ()  # CRs that were measured and gave no verdict, ascending
+    overloaded: tuple[int, ...] = ()  # CRs at which it falls behind its jobs, ascending
     remarks: tuple[str, ...] = ()
+    previous: Internal[PreviousTuning]  # of its platform
+    own_partitions: OwnPartitions | None = None  # None: its members have none, or nothing would change
+    compounds: tuple[RejectedCompound, ...] = ()
+    partners: tuple[Partner, ...] = ()
+    elsewhere: tuple[Elsewhere, ...] = ()
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether the manifest fixes the reserve."""
+        return bool(self.fixed_partition or self.fixed_members)
 
     @property
     def measured(self) -> DataLogSummary | None:
         """The data log that the reservation rests on."""
-        return None if self.fixed_by else self.log
+        return None if self.is_fixed else self.data_log
+
+    @property
+    @output
+    def component(self) -> str:
+        """The name that the manifest has for it."""
+        return self.subject.name
+
+    @property
+    @output
+    def criticality(self) -> int:
+        """As the manifest has it."""
+        return self.subject.criticality
+
+    @property
+    @output
+    def partition(self) -> str:
+        """The name of its partition."""
+        return self.place.partition.name
+
+    @property
+    @output
+    def host(self) -> str:
+        """Where it runs; without a layout the first by name that could have it."""
+        return self.place.host.name
+
+    @property
+    @output
+    def fits(self) -> bool:
+        """Whether there is a layout."""
+        return self.shared.layout is not None
+
+    @property
+    @output
+    def reserved_lp(self) -> LogicalProcessors | None:
+        """What its partition is guaranteed; None: it is not known."""
+        return None if self.place.no_host_because else self.place.partition.reserved
+
+    @property
+    @output
+    def settings(self) -> PartitionSettings:
+        """What its partition gets; its reserve is 0 where it is not known."""
+        return self.place.partition.settings
+
+    @property
+    @output
+    def errors(self) -> tuple[Diagnostic, ...]:
+        """Why nothing can be said of how much it needs."""
+        findings = self.shared.planning.findings if self.place.no_host_because else ()
+        return tuple(finding for finding in findings if has_errors([finding]))
+
+    @property
+    @output
+    def commands(self) -> tuple[RecommendedCommand, ...]:
+        """What measures whether sharing saves something."""
+        untried = depends_on_a_log(self.shared.group) and not self.compounds and not self.previous.runs
+        return (TUNE,) if self.partners or untried else ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostExplanation:
     """A component that runs on the host itself, and where it may: it has no reservation to explain."""
 
-    component: Component
-    hosts: tuple[Host, ...]  # that it may run on, by name
+    kind: Literal["walk_on_host"] = "walk_on_host"
+    subject: Internal[Component]
+    places: Internal[tuple[Host, ...]]  # that it may run on, by name
+
+    @property
+    @output
+    def component(self) -> str:
+        """The name that the manifest has for it."""
+        return self.subject.name
+
+    @property
+    @output
+    def criticality(self) -> int:
+        """As the manifest has it."""
+        return self.subject.criticality
+
+    @property
+    @output
+    def hosts(self) -> tuple[str, ...]:
+        """Where it is started, by name."""
+        return tuple(host.name for host in self.places)
+
+    @property
+    @output
+    def task(self) -> str | None:
+        """Its robotic task class; None: it has none."""
+        return self.subject.task
+
+    @property
+    @output
+    def commands(self) -> tuple[RecommendedCommand, ...]:
+        """What shows the values of its task class."""
+        return (PLAN,) if self.subject.task else ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExplanationStep:
-    """A step of an explanation: what it is about, and its sentences."""
-
-    topic: str
-    sentences: tuple[Prose, ...]
-    repeats_findings: Internal[bool] = False  # says nothing but why there is no layout
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ComponentExplanation:
-    """How a component comes to what it gets; one that runs on the host itself has steps only."""
-
-    kind: Literal["walk"] = "walk"
-    component: str
-    criticality: int
-    partition: str | None = None
-    host: str | None = None  # where it runs; without a layout the first by name that could have it
-    fits: bool = True  # false: there is no layout
-    data_log: str | None = None
-    least: int | None = None  # CR, of P1's virtual processors; None: nothing was looked up
-    wanted_lp: LogicalProcessors | None = None  # before rounding to the provider's grain; None: nothing says how much
-    reserved_lp: LogicalProcessors | None = None  # after it
-    reserve: int | None = None  # whole per cent of each virtual processor
-    processors: int | None = None
-    limit: int | None = None
-    weight: int | None = None
-    steps: tuple[ExplanationStep, ...]
-    errors: tuple[Diagnostic, ...] = ()  # why nothing can be said of how much it needs
+ComponentExplanation: TypeAlias = Explanation | HostExplanation

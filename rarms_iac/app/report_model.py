@@ -10,6 +10,7 @@ from fractions import Fraction
 from typing import Literal
 
 from rarms_iac.model.changes import Address
+from rarms_iac.model.commands import APPLY, PLAN, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import PerformanceIndex
 from rarms_iac.model.measurement import Setting
@@ -212,6 +213,12 @@ class HostStatus:
     host: str
     is_planned: bool = True  # else there is no layout that could be applied
     differs: tuple[HostDifference, ...] = ()
+
+    @property
+    @output
+    def commands(self) -> tuple[RecommendedCommand, ...]:
+        """What shows why there is no layout, or what is to be done, and then what does it."""
+        return (PLAN, APPLY)[: 1 if not self.is_planned else 2 if self.differs else 0]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

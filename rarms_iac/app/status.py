@@ -13,6 +13,7 @@ from rarms_iac.app.report_model import ComponentProof, Report
 from rarms_iac.applying.preconditions import no_rights
 from rarms_iac.applying.state_after import totals_after
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
+from rarms_iac.model.commands import APPLY, DRIFT, MEASURE, PLAN, RecommendedCommand, command
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import PastRun, RunKind, history_of
 from rarms_iac.model.output import Internal, output
@@ -97,7 +98,7 @@ class HostOverview:
 class NextCommand:
     """The command that brings the application on, and why."""
 
-    command: str
+    command: RecommendedCommand
     reason: str
 
 
@@ -319,15 +320,15 @@ def _next_command(
         (proof.component, proof.index.name, proof.interference) for proof in proofs if proof.met and not proof.outdated
     }
     if unfinished:
-        return NextCommand(command="rarms apply", reason=f"finishes the run on {in_a_row(unfinished)}")
+        return NextCommand(command=APPLY, reason=f"finishes the run on {in_a_row(unfinished)}")
     if unmeasured:
-        return NextCommand(command="rarms measure", reason="finds the reservations that are not measured yet")
+        return NextCommand(command=MEASURE, reason="finds the reservations that are not measured yet")
     if any(kind.is_of_the_host for kind in kinds):
-        return NextCommand(command="rarms drift", reason="tells what was changed on a host")
+        return NextCommand(command=DRIFT, reason="tells what was changed on a host")
     if not has_layout:
-        return NextCommand(command="rarms plan", reason="tells why the manifest has no layout, and what would help")
+        return NextCommand(command=PLAN, reason="tells why the manifest has no layout, and what would help")
     if kinds - {DriftKind.UNUSED}:
-        return NextCommand(command="rarms plan", reason="shows what is not applied yet")
+        return NextCommand(command=PLAN, reason="shows what is not applied yet")
     if any(host.problems for host in hosts):
         return None
     missed = sorted(
@@ -335,16 +336,16 @@ def _next_command(
         & {name for name, _, _ in asked}
     )
     if missed:
-        words = f"rarms measure {' '.join(missed)} --again --stop-partitions"
-        return NextCommand(command=words, reason="measures again what missed its threshold together with all others")
+        again = command("measure", *missed, again=True, stop_partitions=True)
+        return NextCommand(command=again, reason="measures again what missed its threshold together with all others")
     stopped = sorted({partition.name for host in hosts for partition in host.partitions if partition.is_stopped})
     if stopped:
-        return NextCommand(command=f"rarms start {' '.join(stopped)}", reason="starts what was stopped")
+        return NextCommand(command=command("start", *stopped), reason="starts what was stopped")
     if not asked <= holding:
         off = sorted(partition.name for host in hosts for partition in host.partitions if not partition.running)
         if off:
             reason = "starts what does not run, so that thresholds can be proven"
-            return NextCommand(command=f"rarms start {' '.join(off)}", reason=reason)
+            return NextCommand(command=command("start", *off), reason=reason)
         reason = "runs all components together, and compares them with their thresholds"
-        return NextCommand(command="rarms prove", reason=reason)
+        return NextCommand(command=command("prove"), reason=reason)
     return None

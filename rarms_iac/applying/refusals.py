@@ -304,15 +304,15 @@ def script_refused(host: str, event: RunEvent) -> Diagnostic:
     )
 
 
-def script_failed(host: str, at: str, message: str, code: int) -> Diagnostic:
+def script_failed(host: str, at: str, printed: str, code: int) -> Diagnostic:
     """The script ended with another exit code, in the middle of a step or outside of all."""
     location = f"{at} on {host}" if at else host
     return (STEP_FAILED if at else SCRIPT_FAILED).at(
         None,
-        f"{location}: {message.strip().rstrip('.') or 'the script says nothing'} (exit code {code}).",
+        f"{location}: {printed.strip().rstrip('.') or 'the script says nothing'} (exit code {code}).",
         sentences("Mend that on the host.", GO_ON),
         address=at or f"host/{host}",
-        values={"host": host, "resource": at, "exit_code": code, "reason": message.strip()},
+        values={"host": host, "resource": at, "exit_code": code, "reason": printed.strip()},
     )
 
 

@@ -1,7 +1,7 @@
 """Running a plan at a terminal: show it, ask, do it, and report how it ended."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from rarms_iac.app.applying import apply, finish_runs
@@ -18,7 +18,7 @@ from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.session import Session
 from rarms_iac.manifest.checks.names import UNUSED_INTERFERENCE
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Sources
+from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.wording import quoted
 from rarms_iac.providers.interface import LiveHost
@@ -128,9 +128,11 @@ def ask(session: Session, question: str) -> None:
         raise UseCaseError(Outcome.REFUSED, [declined()])
 
 
-def report_end(session: Session, report: RunReport, *, quiet: bool = False) -> ExitCode:
-    """Say how a run ended, and give its exit code."""
-    tell(session.terminal, report.findings)
+def report_end(
+    session: Session, report: RunReport, *, quiet: bool = False, shown: Sequence[Diagnostic] = ()
+) -> ExitCode:
+    """Say how a run ended, but for findings that were shown before it began, and give its exit code."""
+    tell(session.terminal, [finding for finding in report.findings if finding not in shown])
     if session.as_json and not (session.answer_follows and report.ending in {RunEnding.DONE, RunEnding.NOTHING}):
         session.terminal.data(json_of(report, indent=None))
     elif not quiet and (report.hosts or report.ending in {RunEnding.NOTHING, RunEnding.INTERRUPTED}):

@@ -44,6 +44,7 @@ def run_guarded(
     except click.exceptions.Exit as ending:
         return ExitCode(ending.exit_code)
     except click.UsageError as error:
+        session.as_json = session.as_json or "--json" in arguments
         terminal.talk(usage_text(error))
         _tell_programs(session, [_usage_finding(error)])
         return ExitCode.USAGE

@@ -9,6 +9,7 @@ from typing import Literal
 
 from rarms_iac.model.changes import Address, Change, count
 from rarms_iac.model.claims import Claim
+from rarms_iac.model.commands import RecommendedCommand, command
 from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Placement
@@ -174,6 +175,13 @@ class HostPlan:
     def name(self) -> str:
         """The host's, as the manifest calls it."""
         return self.host.name
+
+    @property
+    @output
+    def commands(self) -> Mapping[str, RecommendedCommand]:
+        """By partition: what removes one that is unused, and what starts one that stays stopped."""
+        remove = {unused.name: command("destroy", target=f"partition/{unused.name}") for unused in self.unused}
+        return {**remove, **{name: command("start", name) for name in self.stopped}}
 
     @property
     def host_totals(self) -> HostTotals | None:

@@ -71,7 +71,7 @@ def _elsewhere(group: Group, chosen: ChosenPlace, host: Host, reservations: Rese
         return Elsewhere(host=host.name, reserved=None, message=f"{refused} may not run there (`hosts`)")
     answer = size(group, host, reservations)
     if isinstance(answer, Cause):
-        return Elsewhere(host=host.name, reserved=None, message=answer.message.rstrip("."))
+        return Elsewhere(host=host.name, reserved=None, message=answer.message)
     there = replace(answer, host=host.name, sharing=chosen.view(host).sharing(answer.name))
     layout = chosen.layout
     message = _without_layout(chosen, there) if layout is None else "; ".join(_compared(chosen, layout, there, host))

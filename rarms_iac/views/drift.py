@@ -33,7 +33,7 @@ def drift_text(report: DriftReport) -> "RenderableType":
     if report.unfinished:
         names = ", ".join(sorted(report.unfinished))
         parts.append(paragraph(prose(f"A run is unfinished on {names}: ", APPLY, " finishes it.")))
-    elif not problems and any(host.host_changed or host.not_applied for host in report.hosts):
+    elif not problems and PLAN in report.commands:
         parts.append(paragraph(prose(PLAN, " shows what would make it as the manifest wants it.")))
     if problems:
         reasons = name_findings(problems)
@@ -43,7 +43,7 @@ def drift_text(report: DriftReport) -> "RenderableType":
 
 def name_findings(findings: Sequence[Diagnostic]) -> str:
     """`RARMS014 (reservations exceed the platform)`, each once."""
-    return ", ".join(dict.fromkeys(f"{finding.code} ({finding.summary.lower()})" for finding in findings))
+    return ", ".join(dict.fromkeys(f"{finding.code} ({finding.summary})" for finding in findings))
 
 
 def _drifted_host(host: HostDrift) -> "Iterator[RenderableType]":

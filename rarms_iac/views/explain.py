@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.explanation import ComponentExplanation
 from rarms_iac.views.console import STRONG, paragraph, stack, styled
+from rarms_iac.views.explanation_steps import explanation_steps
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -17,7 +18,7 @@ def explanation_text(explanation: ComponentExplanation, *, without_errors: bool 
         without_errors: leave out why there is no layout, since the findings beside the text say it.
     """
     parts: list[RenderableType] = [paragraph(f"{explanation.component} (criticality {explanation.criticality})")]
-    for step in explanation.steps:
+    for step in explanation_steps(explanation):
         if without_errors and step.repeats_findings:
             continue
         first, *others = step.sentences

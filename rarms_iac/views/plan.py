@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, assert_never
 
 from rarms_iac.applying.undo import is_removal
 from rarms_iac.model.changes import Change, Create, Delete, Update, count
-from rarms_iac.model.commands import command, prose
+from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Place, Sources
 from rarms_iac.model.layout import describe_placement
 from rarms_iac.model.operations import RemoveDisk, RemovePartition, StartPartition, StopPartition
@@ -118,14 +118,14 @@ def _planned_host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[Ren
         yield paragraph(
             prose(
                 f"partition/{name} is unused and stopped: the manifest no longer names it{holds}. Remove it with ",
-                command("destroy", target=f"partition/{name}"),
+                part.commands[name],
                 ".",
             ),
             indent=2,
         )
     for name in part.stopped:
         yield paragraph(
-            prose(f"partition/{name} stays stopped, as asked for. ", command("start", name), " starts it."),
+            prose(f"partition/{name} stays stopped, as asked for. ", part.commands[name], " starts it."),
             indent=2,
         )
     yield from _not_undone(part)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import ComponentProof
 from rarms_iac.app.status import History, HostOverview, Overview, PartitionStatus
-from rarms_iac.model.commands import sentences
+from rarms_iac.model.commands import prose, sentences
 from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.journal import PastRun, RunKind
 from rarms_iac.model.quantities import share_of_processors, show_processors
@@ -44,7 +44,7 @@ def status_text(overview: Overview) -> "RenderableType":
     if overview.next_command is None:
         return stack(*parts, *([] if overview.unknown else [paragraph(_nothing_left(overview))]))
     step = overview.next_command
-    return stack(*parts, paragraph(styled((f"`{step.command}`", STRONG), f" {step.reason}."), start="Next: "))
+    return stack(*parts, paragraph(prose(step.command, f" {step.reason}."), start="Next: "))
 
 
 def _nothing_left(overview: Overview) -> str:

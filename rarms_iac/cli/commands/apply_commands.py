@@ -1,7 +1,7 @@
 """`rarms apply` does what a plan says, and `rarms undo` takes it back."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import click
 from click.core import ParameterSource
@@ -9,8 +9,8 @@ from click.core import ParameterSource
 from rarms_iac.app.applying import (
     LastApply,
     abandon_runs,
+    changed_manifest,
     combine_reports,
-    describe_changed_manifest,
     hosts_to_apply,
     last_applies,
     manifest_of,
@@ -75,10 +75,11 @@ def apply_command(
         plan = read_plan_file(options.plan_file)
         manifest_source = source if _is_named() else manifest_of(plan, source)
         refuse_renamed(plan, manifest_source)
-        if changed := describe_changed_manifest(plan, manifest_source):
-            session.terminal.tell(f"note: {changed}")
+        notes = changed_manifest(plan, manifest_source)
+        tell(session.terminal, notes)
         folder = folder_of(source.manifest) if _is_named() else None
-        code = report_end(session, run(session, plan, folder, how))
+        report = run(session, plan, folder, how)
+        code = report_end(session, replace(report, findings=(*notes, *report.findings)), shown=notes)
         if not options.proving:
             return code
         planned = HostSelection(hosts=tuple(part.host.name for part in plan.hosts))

@@ -45,17 +45,17 @@ def explain_command(session: Session, options: ExplainOptions, source: ManifestS
 
 def _component(session: Session, source: ManifestSource, name: str) -> ExitCode:
     from rarms_iac.app.explain import explain_component
+    from rarms_iac.app.explanation import Explanation
     from rarms_iac.app.manifests import load_manifest
     from rarms_iac.cli.messages import tell
     from rarms_iac.views.explain import explanation_text
 
     manifest = load_manifest(source)
     explained = explain_component(manifest, name)
-    tell(session.terminal, explained.errors, manifest.sources)
-    session.answer(
-        lambda: json_of(explained), lambda: explanation_text(explained, without_errors=bool(explained.errors))
-    )
-    return ExitCode.DONE if explained.fits else ExitCode.NO
+    errors, fits = (explained.errors, explained.fits) if isinstance(explained, Explanation) else ((), True)
+    tell(session.terminal, errors, manifest.sources)
+    session.answer(lambda: json_of(explained), lambda: explanation_text(explained, without_errors=bool(errors)))
+    return ExitCode.DONE if fits else ExitCode.NO
 
 
 def _guide(session: Session, source: ManifestSource, name: str) -> str:

@@ -19,7 +19,6 @@ from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import write_outputs
 from rarms_iac.cli.options import OutputOptions
 from rarms_iac.cli.session import Session
-from rarms_iac.model.commands import DRIFT, prose
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.views.doctor import doctor_as
 from rarms_iac.views.drift import drift_text
@@ -140,5 +139,5 @@ def simulate_command(
     """Change PARTITION on its simulated host behind rarms' back, so that `rarms drift` finds it."""
     hosts = select_hosts(load_manifest(source), host_selection)
     host = change_behind_rarms(hosts, change)
-    session.terminal.tell(prose(f"{host}: changed {change.partition} as another tool would. ", DRIFT, " finds it."))
+    session.terminal.tell(f"{host}: changed {change.partition} as another tool would.")
     return ExitCode.DONE

@@ -3,7 +3,7 @@
 from fractions import Fraction
 
 from rarms_iac.app.report_model import HostStatus, PlatformCapacity, PlatformTuning
-from rarms_iac.model.commands import APPLY, PLAN, Wording, prose
+from rarms_iac.model.commands import Wording, prose
 from rarms_iac.model.quantities import share_of_host, show_lp_percent, show_processors
 from rarms_iac.views.tune import describe_proof
 
@@ -36,11 +36,12 @@ def tuning_text(tuning: PlatformTuning) -> str:
 def status_text(status: HostStatus) -> Wording:
     """Whether what the manifest asks for is on the host, and what brings it there."""
     if not status.is_planned:
-        return prose("Nothing can be applied as it is: ", PLAN, " tells why.")
+        return prose("Nothing can be applied as it is: ", *status.commands, " tells why.")
     if not status.differs:
         return "Applied: the host is as the manifest wants it."
+    plan, apply = status.commands
     addresses_of: dict[str, list[str]] = {}
     for difference in status.differs:
         addresses_of.setdefault(difference.message, []).append(str(difference.address))
     parts = "; ".join(f"{message}: {', '.join(addresses)}" for message, addresses in addresses_of.items())
-    return prose(f"{parts[:1].upper()}{parts[1:]}. ", PLAN, " shows what is to be done, ", APPLY, " does it.")
+    return prose(f"{parts[:1].upper()}{parts[1:]}. ", plan, " shows what is to be done, ", apply, " does it.")

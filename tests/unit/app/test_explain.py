@@ -1,10 +1,13 @@
 """`rarms explain COMPONENT`, from manifest and data logs to text and exit code."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
+from rarms_iac.app.explain import explain_component
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import ManifestSource
 from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun, append_run, tuning_path
+from rarms_iac.views.explanation_steps import explanation_steps
 from tests.builders_measured import a_setting
 from tests.measuring import leave_log, steady
 from tests.unit.app.test_data_logs import MEANS, edit, here, measure
@@ -123,7 +126,8 @@ def steps(folder: Path, name: str, code: int = 0) -> dict[str, str]:
     answer = rarms("explain", name, "--json", "-f", str(folder))
     assert answer.code == code, answer.err
     check(answer.out)
-    found = {load["topic"]: " ".join(load["sentences"]) for load in json.loads(answer.out)["steps"]}
+    explanation = explain_component(load_manifest(ManifestSource(manifest=str(folder))), name)
+    found = {step.topic: " ".join(map(str, step.sentences)) for step in explanation_steps(explanation)}
     assert list(found)[: len(TOPICS)] == TOPICS
     return found
 

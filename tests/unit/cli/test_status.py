@@ -225,7 +225,7 @@ def test_a_manifest_that_does_not_fit_is_not_proven_next_but_planned() -> None:
     planned, answer = rarms("plan"), rarms("status")
 
     assert planned.code == 4
-    assert "No layout: RARMS014 (reservations exceed the platform)." in answer.out
+    assert "No layout: RARMS014 (Reservations exceed the platform)." in answer.out
     assert "Next: `rarms plan` tells why the manifest has no layout, and what would help." in answer.out
     assert [finding["code"] for finding in json.loads(rarms("status", "--json").out)["problems"]] == ["RARMS014"]
 
