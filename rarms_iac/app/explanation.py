@@ -144,9 +144,9 @@ class Explanation:
 
     @property
     @output
-    def settings(self) -> PartitionSettings:
-        """What its partition gets; its reserve is 0 where it is not known."""
-        return self.place.partition.settings
+    def settings(self) -> PartitionSettings | None:
+        """What its partition gets; None: how much it reserves is not known."""
+        return None if self.place.no_host_because else self.place.partition.settings
 
     @property
     @output

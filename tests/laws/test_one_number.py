@@ -67,7 +67,8 @@ def everywhere() -> set[int | None]:
     assert plan.code in (0, 2, 4), plan.err
     explained = json.loads(rarms("explain", "vision", "--json").out)
     (measurement,) = json.loads(rarms("report", "--json").out)["measurements"]
-    return {explained["least"], explained["settings"]["reserve"], measurement["least"]}
+    reserve = (explained["settings"] or {"reserve": None})["reserve"]
+    return {explained["least"], reserve, measurement["least"]}
 
 
 @pytest.mark.parametrize("seed", range(examples(4)))
