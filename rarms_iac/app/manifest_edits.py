@@ -31,30 +31,45 @@ class PartitionEdits:
             write_file(file, text.encode("utf-8"))
 
 
-def write_level(manifest: Manifest, component: Component, index: PerformanceIndex, level: str) -> str:
-    """Write a level of performance as the APT of a component, into the file that says it, or is to say it.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileEdit:
+    """What a file of a manifest holds, and what it is to hold."""
+
+    file: str
+    before: str
+    after: str
+
+    def write(self) -> None:
+        """Write the file where that changes something.
+
+        Raises:
+            UseCaseError: It cannot be written (failed).
+        """
+        if self.after != self.before:
+            write_file(self.file, self.after.encode("utf-8"))
+
+
+def edit_level(manifest: Manifest, component: Component, index: PerformanceIndex, level: str) -> FileEdit:
+    """Make a level of performance the APT of a component, in the file that says it, or is to say it.
 
     Args:
-        manifest: Its file is written where that changes something.
+        manifest: Its file is read; nothing is written yet.
         component: As the manifest has it.
         index: Of which the level is.
         level: As it was given: `100 ms`.
 
     Returns:
-        The file.
+        The edit; comments stay.
 
     Raises:
         CannotFormat: Its text is no manifest.
-        UseCaseError: It cannot be written (failed).
     """
     exists = index.name in component.apt
     path = ("components", component.name, "apt", index.name, index.direction)
     file = manifest.places.value(*path).file if exists else manifest.places.key(*path[:3]).file
     before = _read(file)
     after = set_value(before, path, level) if exists else set_value(before, path[:4], {index.direction: level})
-    if after != before:
-        write_file(file, after.encode("utf-8"))
-    return file
+    return FileEdit(file=file, before=before, after=after)
 
 
 def write_processors(manifest: Manifest, component: str, processors: int) -> str:

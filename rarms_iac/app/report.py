@@ -55,8 +55,7 @@ def report_of_manifest(manifest: Manifest, components: Sequence[str] = (), *, wi
     Args:
         manifest: The logs lie below its folder, and are compared with what it says now.
         components: Only logs with any of these; none: all.
-        with_candidates: Whether the report has the nodes of the candidate graph, parts before the compounds that
-            consist of them; without predictions, and none where a reservation is not known yet.
+        with_candidates: As of `measured_report`.
 
     Returns:
         Every log as the planner looks it up, with stale ones marked, and the totals of each platform in LPs.
@@ -66,35 +65,41 @@ def report_of_manifest(manifest: Manifest, components: Sequence[str] = (), *, wi
         UseCaseError: A log cannot be read, or there is none (negative).
     """
     logs = _logs_of(manifest, components)  # as long as they are in use, nothing below reads them again
+    report = _report(manifest, components, logs, with_candidates=with_candidates)
+    if not report.measurements:
+        raise UseCaseError(Outcome.NEGATIVE, [_nothing(components)])
     statuses, problems = _statuses(manifest)
-    findings = first_of_each_kind(in_order((*manifest.findings, *problems)))
-    report = replace(_report(manifest, components, logs), statuses=statuses, findings=findings)
-    return replace(report, candidates=_candidates(manifest)) if with_candidates else report
+    return replace(report, statuses=statuses, findings=first_of_each_kind(in_order((*manifest.findings, *problems))))
 
 
-def measured_report(manifest: Manifest, components: Sequence[str] = ()) -> Report:
-    """Read the same of the logs alone: no host is looked at, and no layout is made.
+def measured_report(manifest: Manifest, components: Sequence[str] = (), *, with_candidates: bool = False) -> Report:
+    """Read the same of the logs alone, of which there may be none: no layout is made.
 
     Args:
         manifest: As of `report_of_manifest`.
         components: Only logs with any of these; none: all.
+        with_candidates: Whether the report has the nodes of the candidate graph, parts before the compounds that
+            consist of them; without predictions, and none where a reservation is not known yet.
 
     Returns:
-        The report without the hosts' statuses and without candidates.
+        The report without the hosts' statuses and without findings.
 
     Raises:
         RequestError: A name is not in the manifest.
-        UseCaseError: A log cannot be read, or there is none (negative).
+        UseCaseError: A log cannot be read (negative).
     """
-    return _report(manifest, components, _logs_of(manifest, components))
+    return _report(manifest, components, _logs_of(manifest, components), with_candidates=with_candidates)
 
 
-def _report(manifest: Manifest, components: Sequence[str], logs: Sequence[ReportedLog]) -> Report:
-    planned = totals_at_hand(manifest)
-    report = report_of(manifest.system, logs, proofs_of(manifest, components), planned)
-    if not report.measurements:
-        raise UseCaseError(Outcome.NEGATIVE, [_nothing(components)])
-    return replace(report, tunings=tuple(tunings_of(measurements_of(manifest))))
+def _report(
+    manifest: Manifest, components: Sequence[str], logs: Sequence[ReportedLog], *, with_candidates: bool
+) -> Report:
+    report = report_of(manifest.system, logs, proofs_of(manifest, components), totals_at_hand(manifest))
+    return replace(
+        report,
+        tunings=tuple(tunings_of(measurements_of(manifest))),
+        candidates=_candidates(manifest) if with_candidates else (),
+    )
 
 
 def _candidates(manifest: Manifest) -> tuple[Node, ...]:

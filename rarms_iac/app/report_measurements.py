@@ -293,6 +293,9 @@ def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Thres
         failed=len(failures(series)),
         verdict=verdict_word(verdict) if apt else None,
         remark=_remark(verdict),
+        response_ms=tuple(
+            sample.response_ms for sample in series.samples if sample.successful and sample.response_ms is not None
+        ),
     )
     if not estimates:
         return point

@@ -48,6 +48,7 @@ class MeasuredPoint:
     verdict: VerdictWord | None = None  # None: there is no threshold
     error: float | None = None  # how probably the verdict is wrong
     remark: str = ""
+    response_ms: Internal[tuple[float, ...]] = ()  # of each job that was successful
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from typing import Literal
 from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of
 from rarms_iac.app.decision_logs import record_choices
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
-from rarms_iac.app.manifest_edits import write_level
+from rarms_iac.app.manifest_edits import FileEdit, edit_level
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.options import argument, flag, option
 from rarms_iac.app.totals import states_at_hand
@@ -21,7 +21,7 @@ from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import PerformanceIndex, find_index, show_value, threshold_of
 from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.outcomes import Estimate
-from rarms_iac.model.output import output
+from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import UNITS, NotAQuantity, Unit, guaranteed, plain
 from rarms_iac.model.system import Component, System, Threshold
 from rarms_iac.model.wording import quoted, suggestion
@@ -91,6 +91,7 @@ class Selection:
     why_no_headroom: str
     findings: tuple[Diagnostic, ...]
     file: str = ""  # of the manifest, with the level; empty: nothing was written
+    edit: Internal[FileEdit | None] = None  # of the manifest: what writing the level changes there
 
 
 class BeyondMeasured(UseCaseError):
@@ -209,13 +210,13 @@ def select_level(manifest: Manifest, request: SelectRequest) -> Selection:
     choice = _choice_of(manifest.system, request.component, request.level, request.index)
     measurements = measurements_of(manifest)
     changed = replace(measurements, system=_with_level(manifest.system, choice))
-    selection = _selection(manifest, changed, choice)
+    edit = edit_level(manifest, choice.component, choice.index, choice.text)
+    selection = replace(_selection(manifest, changed, choice), edit=edit)
     if request.dry_run:
         return selection
-    component = choice.component
-    file = write_level(manifest, component, choice.index, choice.text)
-    record_choices(changed, (component.name,))
-    return replace(selection, file=file)
+    edit.write()
+    record_choices(changed, (choice.component.name,))
+    return replace(selection, file=edit.file)
 
 
 def _choice_of(system: System, name: str, at: str, index: str | None) -> _Choice:

@@ -8,7 +8,7 @@ from typing import Literal
 from rarms_iac.app.drift import look_for_drift
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import Hosts, last_runs, observe_host
-from rarms_iac.app.report import NOTHING_MEASURED, measured_report, proofs_of
+from rarms_iac.app.report import measured_report
 from rarms_iac.app.report_model import ComponentProof, Report
 from rarms_iac.applying.preconditions import no_rights
 from rarms_iac.applying.state_after import totals_after
@@ -23,7 +23,6 @@ from rarms_iac.model.system import System
 from rarms_iac.model.totals import HostTotals, host_totals
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.planner.reservations import depends_on_a_log, names_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,11 +132,12 @@ class Overview:
         return tuple(host.name for host in self.hosts if host.problems)
 
 
-def overview_of(hosts: Hosts) -> Overview:
+def overview_of(hosts: Hosts, report: Report | None = None) -> Overview:
     """Look at the chosen hosts and at the logs beside the manifest. Changes nothing.
 
     Args:
         hosts: one that cannot be looked at is told as such, and the others are told all the same.
+        report: as `measured_report` returns it; None: the logs are read.
 
     Returns:
         Each host in name order; one that cannot be reached is told with its finding.
@@ -146,24 +146,19 @@ def overview_of(hosts: Hosts) -> Overview:
         UseCaseError: a data log cannot be read (negative).
     """
     hosts = hosts.with_one_look()
-    report = _report(hosts)
+    report = report or measured_report(hosts.manifest)
     overviews, problems = _host_overviews(hosts)
     used = {load for name in hosts.system.components for load in hosts.system.loads_of((name,))}
-    outdated_logs = [log for log in report.measurements if log.stale] if report else []
+    outdated_logs = [log for log in report.measurements if log.stale]
     stale = {log.log: log.stale for log in outdated_logs if log.interference in used}
-    unmeasured = (
-        report.unmeasured
-        if report
-        else tuple(names_of(group.members) for group in groups_of(hosts.system) if depends_on_a_log(group))
-    )
-    proofs = _proofs_of_these_hosts(report.proofs if report else proofs_of(hosts.manifest), overviews)
+    proofs = _proofs_of_these_hosts(report.proofs, overviews)
     return Overview(
         application=hosts.system.application.name,
         hosts=overviews,
         proofs=proofs,
         stale=stale,
-        unmeasured=unmeasured,
-        next_command=_next_command(hosts.system, overviews, unmeasured, proofs, has_layout=not problems),
+        unmeasured=report.unmeasured,
+        next_command=_next_command(hosts.system, overviews, report.unmeasured, proofs, has_layout=not problems),
         problems=problems,
         has_thresholds=any(component.apt for component in hosts.system.components.values()),
         unused_logs=len(outdated_logs) - len(stale),
@@ -184,16 +179,6 @@ def history_of_hosts(hosts: Hosts) -> History:
     """
     runs = {name: history_of(run) for name, run in last_runs(hosts)}
     return History(application=hosts.system.application.name, hosts=runs)
-
-
-def _report(hosts: Hosts) -> Report | None:
-    """What the logs beside the manifest say; None where there are none."""
-    try:
-        return measured_report(hosts.manifest)
-    except UseCaseError as error:
-        if any(problem.code != NOTHING_MEASURED.code for problem in error.findings):
-            raise
-        return None
 
 
 def _proofs_of_these_hosts(

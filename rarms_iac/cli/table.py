@@ -32,6 +32,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "run": "Run components on this machine, to see whether their `run` is right.",
         "graph": "Draw hosts, partitions and components.",
         "report": "Show performance against reservation, as a page with lines to drag.",
+        "studio": "Serve measuring, planning and applying as a page on this machine.",
         "export": "Write what was measured as CSV or XLSX.",
         "explain": "Explain a finding, or how a component comes to what it gets.",
         "schema": "Print a JSON Schema.",

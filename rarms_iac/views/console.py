@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
 from itertools import zip_longest
-from typing import TYPE_CHECKING, TextIO, TypeAlias, Union, cast
+from typing import TYPE_CHECKING, Protocol, TextIO, TypeAlias, Union, cast
 
 from rarms_iac.model.commands import Prose, plain_text
 from rarms_iac.views.harmless import GLUE, visible
@@ -305,6 +305,25 @@ def _console(stream: TextIO, width: int, *, terminal: bool, colour: bool) -> "Co
         emoji=False,
         _environ={},  # COLUMNS and NO_COLOR are asked by who knows the stream
     )
+
+
+class LiveRows(Protocol):
+    """A table whose last row changes while something runs, on a terminal or on a page."""
+
+    rows: list[Sequence[str]]
+    """The finished ones."""
+
+    def show(self, row: Sequence[str]) -> None:
+        """Show the finished rows and this one below them.
+
+        Args:
+            row: what runs, in cells.
+        """
+        ...
+
+    def hide(self) -> None:
+        """Take the running row away."""
+        ...
 
 
 class LiveTable:

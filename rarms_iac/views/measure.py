@@ -29,7 +29,7 @@ from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.error_probability import describe_error, describe_extreme
 from rarms_iac.statistics.verdicts import until_share
-from rarms_iac.views.console import LiveTable, paragraph, show_seconds, stack, table
+from rarms_iac.views.console import LiveRows, paragraph, show_seconds, stack, table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -202,7 +202,7 @@ class MeasuringProgress(MeasuringReporter):
     """
 
     def __init__(
-        self, say: Callable[["RenderableType"], None], clock: Callable[[], float], live: LiveTable | None = None
+        self, say: Callable[["RenderableType"], None], clock: Callable[[], float], live: LiveRows | None = None
     ) -> None:
         self._say = say
         self._clock = clock

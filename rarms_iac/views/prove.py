@@ -12,7 +12,7 @@ from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.series import Series
 from rarms_iac.model.wording import counted, in_a_row, natural_order
 from rarms_iac.statistics.error_probability import describe_error
-from rarms_iac.views.console import LiveTable, paragraph, stack, table
+from rarms_iac.views.console import LiveRows, paragraph, stack, table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -117,7 +117,7 @@ class ProofProgress:
         live: the table that is updated in place; None: there is no terminal, and nothing is shown.
     """
 
-    def __init__(self, live: LiveTable | None) -> None:
+    def __init__(self, live: LiveRows | None) -> None:
         self._live = live
 
     def __enter__(self) -> "ProofProgress":

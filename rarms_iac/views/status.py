@@ -87,8 +87,13 @@ def _row(partition: PartitionStatus) -> tuple[str, ...]:
         partition.name + members_of(partition.name, {partition.name: partition.components}),
         show_processors(partition.reserved_lp),
         share_of_processors(partition.reserve, partition.processors),
-        "; ".join(_remarks(partition)),
+        describe_partition(partition),
     )
+
+
+def describe_partition(partition: PartitionStatus) -> str:
+    """Say whether it runs, and what is not as it was applied or is wanted."""
+    return "; ".join(_remarks(partition))
 
 
 def _remarks(partition: PartitionStatus) -> Iterator[str]:
@@ -135,19 +140,21 @@ def history_text(history: History) -> "RenderableType":
     parts: list[RenderableType] = []
     for host, runs in history.hosts.items():
         parts.append(styled((f"Host {host}", STRONG), "" if runs else "  nothing was applied here"))
-        rows = [
-            (
-                run.started_at,
-                run.run.value,
-                run.plan,
-                run.application,
-                run.started_by,
-                _ending(run, later),
-            )
-            for run, later in _with_later(runs)
-        ]
+        rows = history_rows(runs)
         parts.append(table(rows, wrap=(0, 4), indent=2))
     return stack(*parts)
+
+
+def history_rows(runs: Sequence[PastRun]) -> Sequence[tuple[str, ...]]:
+    """When, what, which plan of which application, by whom, and how it ended; the last run first.
+
+    Args:
+        runs: of a host, the oldest first.
+    """
+    return [
+        (run.started_at, run.run.value, run.plan, run.application, run.started_by, _ending(run, later))
+        for run, later in _with_later(runs)
+    ]
 
 
 def _with_later(runs: Sequence[PastRun]) -> Iterator[tuple[PastRun, Sequence[PastRun]]]:

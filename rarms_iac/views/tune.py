@@ -10,7 +10,7 @@ from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.candidates import ASSUMED
 from rarms_iac.planner.combining.oracle import Answer, Coi, Members, SilentReporter
 from rarms_iac.storage.datalog.decisions import TunedPartition, TuningRun
-from rarms_iac.views.console import LiveTable, paragraph, stack, table
+from rarms_iac.views.console import LiveRows, paragraph, stack, table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -24,7 +24,7 @@ class TuningProgress(SilentReporter):
         live: the table in which measuring shows its running setting; None: there is no terminal.
     """
 
-    def __init__(self, say: Callable[["RenderableType"], None], live: LiveTable | None = None) -> None:
+    def __init__(self, say: Callable[["RenderableType"], None], live: LiveRows | None = None) -> None:
         self._say = say
         self._live = live
 

@@ -11,7 +11,17 @@ TEMPLATES = sorted(Path(str(shipped("templates"))).rglob("*.j2"))
 
 
 def test_there_are_templates_of_scripts_and_of_the_report() -> None:
-    assert [path.name for path in TEMPLATES] == ["script.ps1.j2", "report.html.j2"]
+    assert [path.name for path in TEMPLATES] == [
+        "script.ps1.j2",
+        "report.html.j2",
+        "studio-card.html.j2",
+        "studio-forms.html.j2",
+        "studio-history.html.j2",
+        "studio-plan.html.j2",
+        "studio-top.html.j2",
+        "studio-ways.html.j2",
+        "studio-work.html.j2",
+    ]
 
 
 SCRIPTS = [path for path in TEMPLATES if path.name.startswith("script.")]

@@ -6,6 +6,7 @@ browser, so that no text of a manifest or a log can become code even if escaping
 
 import json
 from base64 import b64encode
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import cache
 from hashlib import sha256
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 FOLDER = "templates/report"
+MODULES = ("lookup.js", "axis.js", "show.js", "move.js", "report.js")
+"""The page's ES modules, each after those that it imports: one script, in this order, where there is no server."""
 
 
 LARGE = Finding.warning("RARMS291", "The report is larger than a megabyte")
@@ -56,9 +59,29 @@ def as_html(report: Report) -> bytes:
     """The whole page in UTF-8 with LF; the same report gives the same bytes."""
     from markupsafe import Markup
 
+    style = _read("report.css") + _line_rules(cards_of(report))
+    script = joined_modules(MODULES)
+    return render_page(
+        report,
+        findings=report.findings,
+        style=Markup(style),  # noqa: S704 - ours, to the byte
+        script=Markup(script),  # noqa: S704 - ours, to the byte
+        policy=_policy(style, script),
+        studio=None,
+    )
+
+
+def render_page(report: Report, *, findings: Sequence[Diagnostic], **context: object) -> bytes:
+    """The page of a report, with or without a server: what both show is filled in here.
+
+    Args:
+        report: what was measured; it may be empty.
+        findings: what else is to be said.
+        context: how scripts and style come into the page, and what a server adds.
+    """
+    from markupsafe import Markup
+
     cards = cards_of(report)
-    style = _read("report.css") + _line_rules(cards)
-    script = _read("report.js")
     text = (
         _environment()
         .get_template("report.html.j2")
@@ -79,17 +102,26 @@ def as_html(report: Report) -> bytes:
             statuses=[
                 (bool(status.differs), status.host, plain_text(status_text(status))) for status in report.statuses
             ],
-            findings=[_finding(diagnostic) for diagnostic in report.findings],
+            findings=[_finding(diagnostic) for diagnostic in findings],
             reserves=RESERVES,
             lp=lambda reserve, processors: show_processors(guaranteed(reserve, processors)),
             errors=ERRORS_EXPLAINED,
-            style=Markup(style),  # noqa: S704 - ours, to the byte
-            script=Markup(script),  # noqa: S704 - ours, to the byte
             data=Markup(_script_json(data_of(report, cards))),  # noqa: S704 - no sign that HTML reads is left in it
-            policy=_policy(style, script),
+            **context,
         )
     )
     return text.encode("utf-8", "replace")
+
+
+def joined_modules(names: Sequence[str]) -> str:
+    """The modules as one script: what one of them exports, those after it see without an import.
+
+    Args:
+        names: of the files, each after those that it imports.
+    """
+    lines = [line for name in names for line in _read(name).splitlines()]
+    own = (line.removeprefix("export ") for line in lines if not line.startswith("import "))
+    return "\n".join(('"use strict";', "(() => {", *own, "})();", ""))
 
 
 def _bar(fit: PlatformCapacity) -> dict[str, str]:
@@ -116,7 +148,7 @@ def _finding(diagnostic: Diagnostic) -> dict[str, object]:
             name: ", ".join(value) if isinstance(value, tuple) else str(value)
             for name, value in diagnostic.values.items()
         },
-        "commands": [recommended.text for recommended in diagnostic.commands],
+        "commands": list(diagnostic.commands),
     }
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import isfinite
 
-from rarms_iac.app.report_model import CurveRow, IndexCurve, Measurement, PlatformCapacity, Report
+from rarms_iac.app.report_model import CurveRow, IndexCurve, MeasuredPoint, Measurement, PlatformCapacity, Report
 from rarms_iac.model.indexes import show_value
 from rarms_iac.model.quantities import plain, show_number
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
@@ -39,6 +39,7 @@ class Dot:
     top: str
     bottom: str
     text: str
+    point: int  # which of the curve's points it is, from 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,7 +177,7 @@ def _band(rows: Sequence[CurveRow], scale: Scale) -> str:
 
 
 def _dots(curve: IndexCurve, settings: Table, scale: Scale) -> Iterator[Dot]:
-    for point, row in zip(curve.points, settings.rows, strict=True):
+    for number, (point, row) in enumerate(zip(curve.points, settings.rows, strict=True)):
         if point.value is not None:
             yield Dot(
                 x=f"{point.reserve}",
@@ -184,6 +185,7 @@ def _dots(curve: IndexCurve, settings: Table, scale: Scale) -> Iterator[Dot]:
                 top=_y(scale, point.high),
                 bottom=_y(scale, point.low),
                 text=", ".join(filter(None, map(show_cell, row[:4]))),
+                point=number,
             )
 
 
@@ -207,6 +209,7 @@ def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
             {
                 "id": card.id,
                 "name": card.measurement.name,
+                "log": card.measurement.log,
                 "platform": card.measurement.platform,
                 "processors": card.measurement.processors,
                 "decides": card.measurement in counted,
@@ -254,8 +257,23 @@ def _plot_data(plot: Plot) -> dict[str, object]:
         "first": scale.first,
         "last": scale.last,
         "measured": [round(point.reserve) for point in curve.curve.points],
-        "rows": [[row.reserve, row.value, _finite(row.safe)] for row in curve.rows],
+        "rows": [[row.reserve, _finite(row.safe)] for row in curve.rows],
+        "samples": [_distribution(point) for point in curve.points],
     }
+
+
+BARS = 24
+"""Of a distribution."""
+
+
+def _distribution(point: MeasuredPoint) -> dict[str, object]:
+    """How many response times of a setting lie in each of equal parts of their range; in ms."""
+    times = point.response_ms
+    low, high = min(times, default=0.0), max(times, default=0.0)
+    counts = [0] * BARS
+    for time in times:
+        counts[min(int(BARS * (time - low) / (high - low)), BARS - 1) if high > low else 0] += 1
+    return {"reserve": point.reserve, "low": round(low, 3), "high": round(high, 3), "counts": counts}
 
 
 def _finite(value: float) -> float | None:

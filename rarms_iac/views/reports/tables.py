@@ -61,18 +61,27 @@ LEVELS = (
 
 def levels_table(report: Report) -> Table:
     """A row a threshold that a reservation rests on, most critical first; then what is fixed or not measured."""
-    return Table(columns=LEVELS, rows=tuple(_levels(report)))
+    return Table(columns=LEVELS, rows=tuple(row for _, row in _levels(report)))
 
 
-def _levels(report: Report) -> Iterator[Row]:
+def levels_of_component(report: Report, component: str) -> Table:
+    """The rows of that table that are about a component, alone or with the others of its partition."""
+    return Table(columns=LEVELS, rows=tuple(row for names, row in _levels(report) if component in names))
+
+
+def _levels(report: Report) -> Iterator[tuple[Sequence[str], Row]]:
+    """The components that a row is about, and the row."""
     for measurement in report.measurements:
         if measurement.decides:
-            yield from (_level(measurement, curve) for curve in measurement.indexes if curve.threshold is not None)
+            for curve in measurement.indexes:
+                if curve.threshold is not None:
+                    yield (curve.component,), _level(measurement, curve)
     for capacity in report.capacities:
-        yield from (_without_curve(part.name, part.reserved_lp, "fixed by the manifest") for part in capacity.fixed)
+        for part in capacity.fixed:
+            yield part.components, _without_curve(part.name, part.reserved_lp, "fixed by the manifest")
     for names in report.unmeasured:
         run = command("measure", *names, together=len(names) > 1)
-        yield _without_curve(" + ".join(names), None, str(prose("not measured: run ", run)))
+        yield names, _without_curve(" + ".join(names), None, str(prose("not measured: run ", run)))
 
 
 def _level(measurement: Measurement, curve: IndexCurve) -> Row:

@@ -1,0 +1,342 @@
+"""What can be done on the page: each action is a body in JSON, the command that does the same, and one use case.
+
+Every class has the fields of its body. `command` returns the words of a terminal, and `run` does the work in the thread
+of `work`. What an action may do without a question, the page asks in a box of its own, as the terminal asks or takes an
+option.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Annotated, ClassVar, assert_never
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from rarms_iac.app.applying import (
+    apply,
+    describe_changed_manifest,
+    finish_runs,
+    last_applies,
+    preview,
+    refuse_renamed,
+    undo_applies,
+)
+from rarms_iac.app.control import Control, StopSignal, always_consents, never_consents
+from rarms_iac.app.errors import RequestError
+from rarms_iac.app.experiments.measure import measure_components
+from rarms_iac.app.experiments.measure_request import MeasureRequest
+from rarms_iac.app.experiments.narrowing import narrow
+from rarms_iac.app.experiments.prove import ProveRequest, prove_layout
+from rarms_iac.app.experiments.tune import TuneRequest, UnattendedTuning, tune_components
+from rarms_iac.app.hosts import Hosts, select_hosts
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.planning import plan as make_plan
+from rarms_iac.app.requests import SILENCE_MS, HostSelection, ManifestSource, today_utc
+from rarms_iac.applying.run_report import RunEnding, RunReport
+from rarms_iac.model.commands import PLAN, RecommendedCommand, command, prose
+from rarms_iac.model.diagnostics import Diagnostic, has_errors
+from rarms_iac.model.plan import Plan
+from rarms_iac.model.wording import in_a_row, quoted
+from rarms_iac.providers.interface import WaitLimits
+from rarms_iac.studio.work import Ending, Transcript
+from rarms_iac.views.measure import summary_text
+from rarms_iac.views.prove import ProofProgress, proof_text
+from rarms_iac.views.run import run_text, undo_text
+from rarms_iac.views.tune import TuningProgress, manifest_changes, tuned_text
+
+WAITS = WaitLimits(silence_ms=SILENCE_MS)
+
+Percent = Annotated[int, Field(ge=1, le=100)]
+
+
+@dataclass(slots=True, kw_only=True)
+class Workspace:
+    """What actions work on: the manifest, and the plan that was made last on the page."""
+
+    source: ManifestSource
+    plan: Plan | None = None
+
+    def hosts(self) -> Hosts:
+        """Read the manifest as it is now.
+
+        Raises:
+            UseCaseError: it has errors (negative).
+        """
+        return select_hosts(load_manifest(replace(self.source, today=today_utc())), HostSelection())
+
+
+class Action(BaseModel):
+    """A body that the page sends; fields that it does not know are refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    changes: ClassVar[bool] = True
+    """Whether it changes a file or a host, or runs a component: refused where the studio is read-only."""
+
+    def command(self) -> RecommendedCommand:
+        """Return the words that do the same in a terminal."""
+        raise NotImplementedError
+
+    def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:
+        """Do it.
+
+        Args:
+            workspace: what it works on.
+            transcript: hears what a terminal would show.
+            stop: asked as use cases ask.
+
+        Returns:
+            How it ended: failed, too, where the answer is no.
+
+        Raises:
+            RequestError: it cannot be done as it was asked.
+            UseCaseError: as of the use case.
+        """
+        raise NotImplementedError
+
+
+class MeasureAction(Action):
+    """Measure components; without names all that have an APT."""
+
+    components: list[str] = []
+    together: bool = False
+    setting: Percent | None = None  # only this one; None: search
+    stop_partitions: bool = False
+    on_busy_host: bool = False
+    weak_load: bool = False
+    write_processors: bool = False
+
+    def command(self) -> RecommendedCommand:
+        """`rarms measure`."""
+        chosen: Mapping[str, str | int] = {} if self.setting is None else _only(self.setting)
+        return command(
+            "measure",
+            *self.components,
+            together=self.together,
+            **chosen,
+            stop_partitions=self.stop_partitions,
+            on_busy_host=self.on_busy_host,
+            weak_load=self.weak_load,
+            write_processors=self.write_processors,
+        )
+
+    def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:
+        """Measure; what is recorded stays."""
+        request = MeasureRequest(
+            components=tuple(self.components),
+            together=self.together,
+            reserves=() if self.setting is None else (self.setting,),
+            weak_load=self.weak_load,
+            on_busy_host=self.on_busy_host,
+        )
+        control = _measuring(transcript, stop, stops=self.stop_partitions, on_busy_host=self.on_busy_host)
+        hosts = workspace.hosts()
+        outcome = measure_components(hosts, request, control)
+        if self.write_processors:
+            outcome = narrow(hosts, request, outcome, control=control)
+        transcript.findings(outcome.findings, hosts.manifest.sources)
+        transcript.say(summary_text(outcome))
+        return _ending(outcome.findings, stopped=outcome.stopped)
+
+
+def _only(setting: int) -> Mapping[str, str]:
+    return {"from_": f"{setting}%", "to": f"{setting}%"}
+
+
+def _measuring(transcript: Transcript, stop: StopSignal, *, stops: bool, on_busy_host: bool) -> Control:
+    if stops and on_busy_host:
+        raise RequestError("Partitions are either stopped, or measured beside: choose one of the two boxes.")
+    return Control(reporter=transcript, stop=stop, consents=always_consents if stops else never_consents)
+
+
+class WatchedTuning(TuningProgress, UnattendedTuning):
+    """A `TuningPrompt` that shows how the search goes, and allows all of it."""
+
+
+class TuneAction(Action):
+    """Combine components."""
+
+    dry_run: bool = False
+    stop_partitions: bool = False
+    on_busy_host: bool = False
+
+    def command(self) -> RecommendedCommand:
+        """`rarms tune`."""
+        return command(
+            "tune", dry_run=self.dry_run, stop_partitions=self.stop_partitions, on_busy_host=self.on_busy_host
+        )
+
+    def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:
+        """Tune; what is found is written into the manifest."""
+        hosts = workspace.hosts()
+        control = _measuring(transcript, stop, stops=self.stop_partitions, on_busy_host=self.on_busy_host)
+        request = TuneRequest(dry_run=self.dry_run, on_busy_host=self.on_busy_host)
+        result = tune_components(hosts, request, control, WatchedTuning(transcript.say, transcript))
+        for sentence in manifest_changes(result):
+            transcript.message(sentence)
+        transcript.findings(result.findings, hosts.manifest.sources)
+        transcript.say(tuned_text(result))
+        return _ending(result.findings, stopped=result.run.ending == "stopped")
+
+
+class ProveAction(Action):
+    """Run all components in the applied layout."""
+
+    load_host: bool = False
+    without_load: bool = False
+
+    def command(self) -> RecommendedCommand:
+        """`rarms prove`."""
+        return command("prove", load_host=self.load_host, without_load=self.without_load)
+
+    def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:
+        """Prove; nothing is recorded where it is stopped."""
+        if not (self.load_host or self.without_load):
+            raise RequestError(
+                "A proof uses all idle time of the hosts: say so in its box, or prove what holds beside no load."
+            )
+        hosts = workspace.hosts()
+        request = ProveRequest(load_host=self.load_host, without_load=self.without_load)
+        with ProofProgress(transcript) as progress:
+            outcome = prove_layout(hosts, request, Control(reporter=transcript, stop=stop), progress)
+        if outcome.stopped:
+            return "stopped"
+        transcript.findings(outcome.findings, hosts.manifest.sources)
+        transcript.say(proof_text(outcome.proofs))
+        if outcome.not_proven:
+            transcript.message(f"Not proven, since they are on other hosts: {in_a_row(outcome.not_proven)}.")
+        return "failed" if outcome.findings else "done"
+
+
+class PlanAction(Action):
+    """Work out what would change, and keep that as the plan of the page."""
+
+    changes: ClassVar[bool] = False
+
+    def command(self) -> RecommendedCommand:
+        """`rarms plan`."""
+        return PLAN
+
+    def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:  # noqa: ARG002 - it is over soon
+        """Plan; the page shows the plan itself."""
+        workspace.plan = None
+        workspace.plan = make_plan(workspace.hosts())
+        transcript.message(f"Plan {workspace.plan.id} is made.")
+        return "done"
+
+
+class ApplyAction(Action):
+    """Do what the plan of the page says."""
+
+    plan: str  # its id, as the page showed it
+    application: str  # its name, typed
+
+    def command(self) -> RecommendedCommand:
+        """`rarms apply`."""
+        return command("apply")
+
+    def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:
+        """Apply exactly the plan that was shown."""
+        plan = workspace.plan
+        if plan is None or plan.id != self.plan:
+            raise RequestError(f"Plan {self.plan} is not the last one of this page: plan again.")
+        _refuse_other_name(self.application, plan.application)
+        source = workspace.source
+        refuse_renamed(plan, source)
+        if changed := describe_changed_manifest(plan, source):
+            transcript.message(prose("note: ", changed))
+        workspace.plan = None  # a plan is used once
+        return _report_end(
+            apply(plan, folder=workspace.hosts().folder, waits=WAITS, reporter=transcript, stop=stop), transcript
+        )
+
+
+class FinishAction(Action):
+    """Finish what an earlier run left on the hosts."""
+
+    application: str
+
+    def command(self) -> RecommendedCommand:
+        """`rarms apply`, which finishes first."""
+        return command("apply")
+
+    def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:
+        """Finish it, from its journal."""
+        hosts = workspace.hosts()
+        _refuse_other_name(self.application, hosts.system.application.name)
+        live = tuple(hosts.open(name) for name in hosts.chosen)
+        finished = finish_runs(live, waits=WAITS, reporter=transcript, stop=stop)
+        return _report_end(RunReport(ending=RunEnding.NOTHING) if finished is None else finished.report, transcript)
+
+
+class UndoAction(Action):
+    """Take the last apply back."""
+
+    application: str
+
+    def command(self) -> RecommendedCommand:
+        """`rarms undo`."""
+        return command("undo")
+
+    def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:
+        """Undo, the last step first."""
+        hosts = workspace.hosts()
+        _refuse_other_name(self.application, hosts.system.application.name)
+        return _report_end(undo_applies(last_applies(hosts), waits=WAITS, reporter=transcript, stop=stop), transcript)
+
+
+class UndoPreviewAction(Action):
+    """Show what an undo would do."""
+
+    changes: ClassVar[bool] = False
+
+    def command(self) -> RecommendedCommand:
+        """`rarms undo`, which asks before it does anything."""
+        return command("undo")
+
+    def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:  # noqa: ARG002 - it is over soon
+        """Look, and change nothing."""
+        for undo in preview(last_applies(workspace.hosts())):
+            transcript.say(undo_text(undo.host, undo.started, undo.steps))
+            transcript.findings(undo.remaining)
+        return "done"
+
+
+def _refuse_other_name(typed: str, name: str) -> None:
+    if typed != name:
+        raise RequestError(f"{quoted(typed)} is not the application's name: type {quoted(name)}.")
+
+
+def _ending(findings: tuple[Diagnostic, ...], *, stopped: bool) -> Ending:
+    if stopped:
+        return "stopped"
+    return "failed" if has_errors(findings) else "done"
+
+
+def _report_end(report: RunReport, transcript: Transcript) -> Ending:
+    transcript.findings(report.findings)
+    transcript.say(run_text(report))
+    match report.ending:
+        case RunEnding.DONE | RunEnding.NOTHING:
+            return "done"
+        case RunEnding.INTERRUPTED:
+            return "stopped"
+        case RunEnding.REFUSED | RunEnding.FAILED:
+            return "failed"
+        case _:
+            assert_never(report.ending)
+
+
+ACTIONS: Mapping[str, type[Action]] = MappingProxyType(
+    {
+        "measure": MeasureAction,
+        "tune": TuneAction,
+        "prove": ProveAction,
+        "plan": PlanAction,
+        "apply": ApplyAction,
+        "finish": FinishAction,
+        "undo": UndoAction,
+        "undo-preview": UndoPreviewAction,
+    }
+)
+"""By the last part of the address that the page sends a body to."""

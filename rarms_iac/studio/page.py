@@ -1,0 +1,243 @@
+"""What a server adds to the report's page: hosts, components, what can be done, the plan, and history, for a template.
+
+Nothing here decides anything: it is what the use cases said, with boxes for what a terminal asks or takes as options.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from fractions import Fraction
+
+from rarms_iac.app.applying import describe_changed_manifest
+from rarms_iac.app.experiments.measure_request import MeasureRequest
+from rarms_iac.app.experiments.prove import ProveRequest
+from rarms_iac.app.experiments.tune import TuneRequest
+from rarms_iac.app.options import Option
+from rarms_iac.app.report_model import Report
+from rarms_iac.app.status import HostOverview, NextCommand, PartitionStatus
+from rarms_iac.model.commands import plain_text, sentences
+from rarms_iac.model.indexes import index_named, show_threshold
+from rarms_iac.model.quantities import share_of_processors, show_processors
+from rarms_iac.model.wording import natural_order
+from rarms_iac.studio.actions import Workspace
+from rarms_iac.studio.knowledge import Knowledge
+from rarms_iac.views.console import UNLIMITED, render
+from rarms_iac.views.plan import plan_text
+from rarms_iac.views.reports.html import render_page
+from rarms_iac.views.reports.page import on_page
+from rarms_iac.views.reports.table import show_cell
+from rarms_iac.views.reports.tables import levels_of_component
+from rarms_iac.views.status import describe_partition, history_rows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Box:
+    """A question that a box answers with yes."""
+
+    name: str  # of the action's field
+    flag: str  # the option that says the same in a terminal
+    label: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BarPart:
+    """A part of a host's bar, in per cent of its logical processors."""
+
+    kind: str  # class of the drawing: used, foreign, kept
+    start: str
+    width: str
+    title: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostOnPage:
+    """A host as the page has it."""
+
+    name: str
+    sentence: str
+    parts: tuple[BarPart, ...]
+    partitions: tuple[tuple[str, str, str, str], ...]  # name, LPs, share of processors, how it is
+    problems: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComponentOnPage:
+    """A component as the page has it."""
+
+    name: str
+    criticality: int
+    apt: tuple[str, ...]
+    reserve: str  # in LPs
+    share: str  # of its processors
+    verdicts: tuple[str, ...]  # or why nothing is known
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanOnPage:
+    """The plan that was made last on the page."""
+
+    id: str
+    text: str
+    has_steps: bool
+    changed: str  # that the manifest has changed since; empty: it has not
+
+
+STOP_PARTITIONS = Box(
+    name="stop_partitions",
+    flag="--stop-partitions",
+    label="Stop the application's own partitions meanwhile, and start them again.",
+)
+
+
+def _boxes(request: type, *names: str) -> Iterator[Box]:
+    """Boxes of these fields of a request, in the words of the command line's help."""
+    options = {field.name: field.metadata.get("option") for field in fields(request)}
+    for name in names:
+        option = options[name]
+        assert isinstance(option, Option), "only fields that are options have boxes"
+        yield Box(name=name, flag=option.flags[0], label=option.help)
+
+
+MEASURE_BOXES = (STOP_PARTITIONS, *_boxes(MeasureRequest, "on_busy_host", "weak_load", "together"))
+TUNE_BOXES = (STOP_PARTITIONS, *_boxes(TuneRequest, "on_busy_host", "dry_run"))
+PROVE_BOXES = tuple(_boxes(ProveRequest, "load_host", "without_load"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudioOnPage:
+    """Everything that a server adds."""
+
+    version: str  # of what the page shows, as the server tells it when it changes
+    application: str
+    read_only: bool
+    manifest_options: str
+    hosts: tuple[HostOnPage, ...]
+    components: tuple[ComponentOnPage, ...]
+    next_command: NextCommand | None
+    unfinished: bool  # a run on a host did not end
+    plan: PlanOnPage | None
+    history: tuple[tuple[str, ...], ...]  # host, when, what, plan, application, by whom, ending
+    has_manifest: bool
+    measure_boxes: tuple[Box, ...] = MEASURE_BOXES
+    tune_boxes: tuple[Box, ...] = TUNE_BOXES
+    prove_boxes: tuple[Box, ...] = PROVE_BOXES
+
+
+def page_of(known: Knowledge, workspace: Workspace, *, version: str, manifest_options: str, read_only: bool) -> bytes:
+    """Make the page of what is known.
+
+    Args:
+        known: of the application.
+        workspace: the plan that was made last.
+        version: of what is known, for the page to compare.
+        manifest_options: what commands end with, such as ` -f cell`.
+        read_only: whether nothing may be changed.
+
+    Returns:
+        HTML in UTF-8.
+    """
+    report = known.report or Report(
+        application=known.manifest.system.application.name if known.manifest else "",
+        description="",
+        measurements=(),
+        capacities=(),
+    )
+    overview = known.overview
+    studio = StudioOnPage(
+        version=version,
+        application=report.application,
+        read_only=read_only,
+        manifest_options=manifest_options,
+        hosts=tuple(map(_host, overview.hosts)) if overview else (),
+        components=tuple(_components(known, report)),
+        next_command=overview.next_command if overview else None,
+        unfinished=any(
+            host.last_run and host.last_run.closing is None for host in (overview.hosts if overview else ())
+        ),
+        plan=_plan(known, workspace, manifest_options),
+        history=tuple(_history(known)),
+        has_manifest=known.manifest is not None,
+    )
+    return render_page(report, findings=known.findings, style="", script="", policy="", studio=studio)
+
+
+def _host(host: HostOverview) -> HostOnPage:
+    totals = host.totals
+    if totals is None:
+        problems = tuple(plain_text(sentences(problem.detail, problem.advice)) for problem in host.problems)
+        return HostOnPage(name=host.name, sentence="could not be looked at", parts=(), partitions=(), problems=problems)
+    own = sorted(host.partitions, key=lambda partition: natural_order(partition.name))
+    amounts = [("used", partition.reserved_lp, partition.name) for partition in own]
+    amounts += [("foreign", host.unmanaged_lp, "unmanaged machines")]
+    unpromised = ("kept", totals.kept_lp, "kept for the host")
+    sentence = (
+        f"{show_processors(host.reserved_lp)} of {show_processors(host.capacity_lp)} reserved, "
+        f"{show_processors(host.free_lp)} free"
+    )
+    if host.unmanaged_lp:
+        sentence += f", {show_processors(host.unmanaged_lp)} by unmanaged machines"
+    if totals.kept_lp:
+        sentence += f", {show_processors(totals.kept_lp)} kept for the host"
+    return HostOnPage(
+        name=host.name,
+        sentence=sentence,
+        parts=tuple(_parts([*amounts, unpromised], totals.host_lp)),
+        partitions=tuple(map(_partition, own)),
+        problems=(),
+    )
+
+
+def _parts(amounts: Sequence[tuple[str, Fraction, str]], processors: int) -> Iterator[BarPart]:
+    """From the left what is reserved, at the right end what is kept for the host."""
+    start = Fraction(0)
+    for kind, amount, name in amounts:
+        if amount > 0:
+            width = 100 * amount / processors
+            begin = 100 - width if kind == "kept" else start
+            title = f"{name}: {show_processors(amount)}"
+            yield BarPart(kind=kind, start=f"{float(begin):.3f}", width=f"{float(width):.3f}", title=title)
+            start += width
+
+
+def _partition(partition: PartitionStatus) -> tuple[str, str, str, str]:
+    return (
+        partition.name,
+        show_processors(partition.reserved_lp),
+        share_of_processors(partition.reserve, partition.processors),
+        describe_partition(partition),
+    )
+
+
+def _components(known: Knowledge, report: Report) -> Iterator[ComponentOnPage]:
+    """The most critical first."""
+    components = known.manifest.system.components.values() if known.manifest else ()
+    for component in sorted(components, key=lambda each: (-each.criticality, natural_order(each.name))):
+        rows = on_page(levels_of_component(report, component.name)).rows
+        reserves, shares, verdicts = (tuple(dict.fromkeys(show_cell(row[at]) for row in rows)) for at in (4, 5, 6))
+        apt = (f"{name} {show_threshold(index_named(name), threshold)}" for name, threshold in component.apt.items())
+        yield ComponentOnPage(
+            name=component.name,
+            criticality=component.criticality,
+            apt=tuple(apt),
+            reserve=f"{reserves[0]} LP" if reserves and reserves[0] else "not known",
+            share=shares[0] if shares else "",
+            verdicts=verdicts or ("no host has it in its layout",),
+        )
+
+
+def _plan(known: Knowledge, workspace: Workspace, manifest_options: str) -> PlanOnPage | None:
+    plan = workspace.plan
+    if plan is None:
+        return None
+    changed = describe_changed_manifest(plan, workspace.source)
+    return PlanOnPage(
+        id=plan.id,
+        text=render(plan_text(plan, sources=known.sources, verbose=True), UNLIMITED, manifest=manifest_options),
+        has_steps=any(part.steps for part in plan.hosts),
+        changed="" if changed is None else plain_text(changed, manifest_options),
+    )
+
+
+def _history(known: Knowledge) -> Iterator[tuple[str, ...]]:
+    for host, runs in known.history.hosts.items() if known.history else ():
+        for row in history_rows(runs):
+            yield (host, *row)

@@ -1,0 +1,292 @@
+"""The server: routes on the loopback interface, and the page's way to the use cases. Begin at `serve`.
+
+Reading goes by GET and changes nothing; everything else is a POST of JSON from the page itself. What changed is told by
+server-sent events: the page then asks for itself again. All of it passes `guard`.
+"""
+
+import asyncio
+import json
+import socket
+from collections.abc import AsyncIterator, Callable
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from http import HTTPStatus
+from typing import TYPE_CHECKING, TypeVar
+
+import uvicorn
+from pydantic import BaseModel, ValidationError
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.routing import Mount, Route
+
+from rarms_iac.app.control import StopSignal
+from rarms_iac.app.errors import RequestError, UseCaseError
+from rarms_iac.app.requests import ManifestSource
+from rarms_iac.model.commands import RecommendedCommand, plain_text, prose, sentences
+from rarms_iac.model.diagnostics import in_order
+from rarms_iac.storage.shipped import shipped_text
+from rarms_iac.studio.actions import ACTIONS, Action, Workspace
+from rarms_iac.studio.guard import Guard, Keys
+from rarms_iac.studio.knowledge import Watch, files_version
+from rarms_iac.studio.levels import LevelBody, answer_level
+from rarms_iac.studio.page import page_of
+from rarms_iac.studio.work import Ending, TaskRunner, Transcript, WorkRefused
+from rarms_iac.views.console import UNLIMITED, render
+from rarms_iac.views.findings_text import findings_text
+from rarms_iac.views.reports.html import FOLDER, MODULES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+LOOPBACK = "127.0.0.1"
+TICK_SECONDS = 0.2
+"""How often work is looked at for news, and the end of the server is asked for."""
+TICKS_OF_FILES = 3
+TICKS_OF_FILES_AT_WORK = 15
+"""Files are looked at this seldom; while something runs seldom enough to leave the processors to it."""
+
+Body = TypeVar("Body", bound=BaseModel)
+
+SCRIPTS = (*MODULES, "studio.js")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudioSettings:
+    """What is served, and how."""
+
+    source: ManifestSource
+    manifest_options: str = ""  # what recommended commands end with, such as ` -f cell`
+    port: int = 0  # 0: any that is free
+    read_only: bool = False
+
+
+class Studio:
+    """The application behind the guard.
+
+    Args:
+        settings: what is served.
+        stop: says when the server is to end.
+    """
+
+    def __init__(self, settings: StudioSettings, stop: StopSignal) -> None:
+        self._settings = settings
+        self._stop = stop
+        self._watch = Watch(settings.source)
+        self._workspace = Workspace(source=settings.source)
+        self.work = TaskRunner(stop, settings.manifest_options, self._watch.forget)
+
+    def routes(self) -> list[Route]:
+        """Return what the browser may ask for, below the guard's path."""
+        return [
+            Route("/", self._page),
+            Route("/style.css", self._style),
+            Route("/modules/{name}", self._module),
+            Route("/events", self._events),
+            Route("/stop", self._stop_work, methods=["POST"]),
+            Route("/level", self._level, methods=["POST"]),
+            Route("/do/{action}", self._do, methods=["POST"]),
+        ]
+
+    async def _page(self, _request: Request) -> Response:
+        return HTMLResponse(await run_in_threadpool(self._render))
+
+    def _render(self) -> bytes:
+        version = self._version()  # before the files are read: what changes meanwhile is read again
+        return page_of(
+            self._watch.now(),
+            self._workspace,
+            version=version,
+            manifest_options=self._settings.manifest_options,
+            read_only=self._settings.read_only,
+        )
+
+    def _version(self) -> str:
+        """Changes with each file, and with each use case that begins or ends."""
+        state = self.work.state()
+        return f"{state.number}{state.ending}-{files_version(self._settings.source)}"
+
+    async def _style(self, _request: Request) -> Response:
+        text = f"{shipped_text(f'{FOLDER}/report.css')}{shipped_text(f'{FOLDER}/studio.css')}"
+        return Response(text, media_type="text/css")
+
+    async def _module(self, request: Request) -> Response:
+        name = request.path_params["name"]
+        if name not in SCRIPTS:
+            return PlainTextResponse("There is no such module.\n", HTTPStatus.NOT_FOUND)
+        return Response(shipped_text(f"{FOLDER}/{name}"), media_type="text/javascript")
+
+    async def _events(self, _request: Request) -> Response:
+        return StreamingResponse(self._news(), media_type="text/event-stream")
+
+    async def _news(self) -> AsyncIterator[str]:
+        """What changed, until the browser or the server ends."""
+        sent_work = sent_files = ""
+        tick = 0
+        while not self._stop.should_stop():
+            state = self.work.state()
+            data = json.dumps(asdict(state))
+            if data != sent_work:
+                yield f"event: work\ndata: {data}\n\n"
+                sent_work = data
+            is_at_work = state.ending == ""
+            if tick % (TICKS_OF_FILES_AT_WORK if is_at_work else TICKS_OF_FILES) == 0:
+                version = (
+                    f"{state.number}{state.ending}-{await run_in_threadpool(files_version, self._settings.source)}"
+                )
+                if version != sent_files:
+                    yield f"event: files\ndata: {version}\n\n"
+                    sent_files = version
+            tick = 0 if sent_work != data else tick + 1
+            await asyncio.sleep(TICK_SECONDS)
+
+    async def _stop_work(self, _request: Request) -> Response:
+        self.work.stop()
+        return JSONResponse({})
+
+    async def _level(self, request: Request) -> Response:
+        body = await _read(request, LevelBody)
+        if isinstance(body, Response):
+            return body
+        if self._settings.read_only and body.digest:
+            return _read_only()
+        try:
+            answer = await run_in_threadpool(answer_level, self._settings.source, body)
+        except (RequestError, UseCaseError) as error:
+            return _refusal(self._describe(error))
+        return JSONResponse({**asdict(answer), "command": self._words(body.command())})
+
+    async def _do(self, request: Request) -> Response:
+        kind = ACTIONS.get(request.path_params["action"])
+        if kind is None:
+            return PlainTextResponse("There is no such action.\n", HTTPStatus.NOT_FOUND)
+        body = await _read(request, kind)
+        if isinstance(body, Response):
+            return body
+        if self._settings.read_only and kind.changes:
+            return _read_only()
+        return self._begin(body)
+
+    def _begin(self, action: Action) -> Response:
+        def task(transcript: Transcript, stop: StopSignal) -> Ending:
+            return action.run(self._workspace, transcript, stop)
+
+        try:
+            self.work.start(self._words(action.command()), task)
+        except WorkRefused:
+            return _refusal("Something runs already: wait for its end, or stop it.")
+        return JSONResponse({"number": self.work.state().number})
+
+    def _words(self, recommended: RecommendedCommand) -> str:
+        return plain_text(prose(recommended), self._settings.manifest_options).strip("`")
+
+    def _describe(self, error: RequestError | UseCaseError) -> str:
+        if isinstance(error, RequestError):
+            return plain_text(sentences(error.message, error.advice), self._settings.manifest_options)
+        text = findings_text(in_order(error.findings), error.sources)
+        return render(text, UNLIMITED, manifest=self._settings.manifest_options)
+
+
+async def _read(request: Request, kind: type[Body]) -> Body | Response:
+    try:
+        return kind.model_validate_json(await request.body())
+    except ValidationError:
+        return PlainTextResponse("The page sent what this studio does not know: load it again.\n", 422)
+
+
+def _refusal(message: str) -> Response:
+    return JSONResponse({"message": message}, HTTPStatus.CONFLICT)
+
+
+def _read_only() -> Response:
+    message = "This studio is read-only: it was started with --read-only."
+    return JSONResponse({"message": message}, HTTPStatus.FORBIDDEN)
+
+
+class StudioServer(uvicorn.Server):
+    """uvicorn without signals of its own: the command line has them, and hands them over as a `StopSignal`."""
+
+    @contextmanager
+    def capture_signals(self) -> "Iterator[None]":
+        """Take none over.
+
+        Yields:
+            Once, with nothing.
+        """
+        yield
+
+
+def guarded(studio: Studio, port: int, keys: Keys) -> Guard:
+    """Put the guard before the studio.
+
+    Args:
+        studio: what is guarded.
+        port: of the loopback interface, which requests have to name.
+        keys: what lets the browser in.
+    """
+    return Guard(Starlette(routes=[Mount(f"/{keys.folder}", routes=studio.routes())]), port, keys)
+
+
+def bind(port: int) -> socket.socket:
+    """Take a port of the loopback interface.
+
+    Args:
+        port: 0: any that is free.
+
+    Returns:
+        A socket that is bound, and not listening yet.
+
+    Raises:
+        RequestError: it is taken.
+    """
+    bound = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    if hasattr(socket, "SO_EXCLUSIVEADDRUSE"):  # Windows: without it another process could take the same port
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
+    try:
+        bound.bind((LOOPBACK, port))
+    except OSError as error:
+        bound.close()
+        reason = error.strerror or str(error)
+        raise RequestError(f"Port {port} cannot be taken: {reason}. Choose another with --port.") from error
+    return bound
+
+
+def serve(settings: StudioSettings, stop: StopSignal, announce: Callable[[str], None]) -> None:
+    """Serve until the end is asked for; what runs then is stopped as in the terminal, and waited for.
+
+    Args:
+        settings: what is served.
+        stop: asked several times a second.
+        announce: called with the first address, with its token, once requests are taken.
+
+    Raises:
+        RequestError: the port is taken.
+    """
+    bound = bind(settings.port)
+    port = int(bound.getsockname()[1])
+    keys, studio = Keys(), Studio(settings, stop)
+    config = uvicorn.Config(
+        guarded(studio, port, keys), log_config=None, access_log=False, server_header=False, lifespan="off",
+        timeout_graceful_shutdown=2,
+    )  # fmt: skip
+    server = StudioServer(config)
+
+    async def end_when_asked() -> None:
+        while not server.started:
+            await asyncio.sleep(0.01)
+        announce(f"http://{LOOPBACK}:{port}{keys.entrance}")
+        while not stop.should_stop():
+            await asyncio.sleep(TICK_SECONDS)
+        server.should_exit = True
+
+    async def run() -> None:
+        ending = asyncio.create_task(end_when_asked())
+        try:
+            await server.serve(sockets=[bound])
+        finally:
+            ending.cancel()
+
+    with stop.gently():
+        asyncio.run(run())
+        studio.work.wait()

@@ -1,0 +1,247 @@
+"""One use case at a time, in a thread; the page sees what a terminal would show of it, and may ask for its end."""
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from threading import Event, Lock, Thread
+from typing import TYPE_CHECKING, Literal
+
+from rarms_iac.app.control import StopSignal
+from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
+from rarms_iac.app.general_findings import bug_finding, system_finding
+from rarms_iac.applying.run_report import ReportedStep, RunReporter
+from rarms_iac.measuring.loop import MeasuringReporter
+from rarms_iac.model.commands import Wording, plain_text, sentences
+from rarms_iac.model.diagnostics import Diagnostic, Sources, in_order
+from rarms_iac.model.journal import StepStatus
+from rarms_iac.views.console import UNLIMITED, render
+from rarms_iac.views.findings_text import findings_text
+from rarms_iac.views.harmless import visible
+from rarms_iac.views.measure import MeasuringProgress
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+MOST_LINES = 400
+MOST_ROWS = 200
+"""Of what is kept of a use case's words; older ones are dropped."""
+
+Ending = Literal["", "done", "stopped", "failed"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorkState:
+    """How far a use case is, as the page shows it."""
+
+    number: int  # of the use case, from 1; 0: none was begun yet
+    command: str  # that does the same in a terminal
+    ending: Ending  # empty: it runs
+    rows: tuple[tuple[str, ...], ...]
+    current: tuple[str, ...]  # the row of what runs now
+    lines: tuple[str, ...]
+
+
+class WorkRefused(Exception):
+    """Something runs already."""
+
+
+class Transcript:
+    """What a use case tells, kept for the page: a `Reporter`, and the `LiveRows` of the terminal's own progress.
+
+    Args:
+        manifest_options: what recommended commands end with, such as ` -f cell`.
+    """
+
+    def __init__(self, manifest_options: str) -> None:
+        self.rows: list[Sequence[str]] = []
+        self._manifest_options = manifest_options
+        self._current: Sequence[str] = ()
+        self._lines: deque[str] = deque(maxlen=MOST_LINES)
+
+    def show(self, row: Sequence[str]) -> None:
+        """Take the row of what runs now."""
+        self._current = tuple(row)
+
+    def hide(self) -> None:
+        """Nothing runs now."""
+        self._current = ()
+
+    def say(self, content: "RenderableType") -> None:
+        """Take what a terminal would be shown, its lines not broken."""
+        self._lines.append(render(content, UNLIMITED, manifest=self._manifest_options).rstrip("\n"))
+
+    def message(self, text: Wording) -> None:
+        """Take whole sentences."""
+        self._lines.append(visible(plain_text(text, self._manifest_options)))
+
+    def findings(self, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
+        """Take findings."""
+        if diagnostics:
+            self.say(findings_text(in_order(tuple(diagnostics)), sources or {}))
+
+    @cached_property
+    def steps(self) -> RunReporter:
+        """Takes each step of a run."""
+        return StepRows(self)
+
+    @cached_property
+    def settings(self) -> MeasuringReporter:
+        """Takes each setting that is measured."""
+        return MeasuringProgress(self.say, time.monotonic, self)
+
+    def state(self, number: int, command: str, ending: Ending) -> WorkState:
+        """Return what was told until now.
+
+        Args:
+            number: of the use case.
+            command: its words in a terminal.
+            ending: how it ended; empty: it runs.
+        """
+        return WorkState(
+            number=number,
+            command=command,
+            ending=ending,
+            rows=tuple(tuple(map(visible, row)) for row in self.rows[-MOST_ROWS:]),
+            current=tuple(map(visible, self._current)),
+            lines=tuple(self._lines),
+        )
+
+
+class StepRows(RunReporter):
+    """A row a step of an apply or an undo.
+
+    Args:
+        transcript: takes the rows.
+    """
+
+    def __init__(self, transcript: Transcript) -> None:
+        self._transcript = transcript
+
+    def step_started(self, host: str, number: int, total: int, step: ReportedStep) -> None:
+        """Show it as what runs now."""
+        self._transcript.show((host, _of(number, total), str(step.address), step.title, "..."))
+
+    def step_ended(self, host: str, number: int, total: int, step: ReportedStep, status: StepStatus) -> None:
+        """Keep it."""
+        self._transcript.hide()
+        self._transcript.rows.append((host, _of(number, total), str(step.address), step.title, status.value))
+
+    def host_output(self, host: str, line: str) -> None:
+        """Keep what the host said beside its steps."""
+        self._transcript.message(f"{host}: {line}")
+
+
+def _of(number: int, total: int) -> str:
+    return f"{number} of {total}" if total else str(number)
+
+
+class WorkStop:
+    """A `StopSignal` that the page gives, or the server when it ends.
+
+    Args:
+        server: of the server.
+    """
+
+    def __init__(self, server: StopSignal) -> None:
+        self._server = server
+        self._asked = Event()
+
+    def ask(self) -> None:
+        """Ask for the end."""
+        self._asked.set()
+
+    def should_stop(self) -> bool:
+        """Whether the end was asked for."""
+        return self._asked.is_set() or self._server.should_stop()
+
+    @contextmanager
+    def gently(self) -> Iterator[None]:
+        """Nothing is to be held back: no signal reaches the thread.
+
+        Yields:
+            Once, with nothing.
+        """
+        yield
+
+
+Task = Callable[[Transcript, StopSignal], Ending]
+"""Does a use case, and tells how it ended."""
+
+
+class TaskRunner:
+    """The use case that runs, or the last one.
+
+    Args:
+        server: whether the server ends.
+        manifest_options: what recommended commands end with.
+        ended: called, in the thread, after each use case.
+    """
+
+    def __init__(self, server: StopSignal, manifest_options: str, ended: Callable[[], None]) -> None:
+        self._server = server
+        self._manifest_options = manifest_options
+        self._ended = ended
+        self._lock = Lock()
+        self._number = 0
+        self._command = ""
+        self._ending: Ending = "done"
+        self._transcript = Transcript(manifest_options)
+        self._stop = WorkStop(server)
+        self._thread: Thread | None = None
+
+    def state(self) -> WorkState:
+        """Return how far it is."""
+        return self._transcript.state(self._number, self._command, self._ending)
+
+    def stop(self) -> None:
+        """Ask for the end of what runs; what was measured or done stays."""
+        self._stop.ask()
+
+    def wait(self) -> None:
+        """Wait until nothing runs."""
+        if self._thread is not None:
+            self._thread.join()
+
+    def start(self, command: str, task: Task) -> None:
+        """Begin a use case.
+
+        Args:
+            command: its words in a terminal.
+            task: what is done, in a thread of its own.
+
+        Raises:
+            WorkRefused: another one runs.
+        """
+        with self._lock:
+            if self._ending == "":
+                raise WorkRefused
+            self._number += 1
+            self._command, self._ending = command, ""
+            self._transcript, self._stop = Transcript(self._manifest_options), WorkStop(self._server)
+            # NOTE: no daemon. Python waits for it at the end, so that a host is never left in the middle of a step.
+            self._thread = Thread(target=self._run, args=(task,), name="rarms studio work")
+            self._thread.start()
+
+    def _run(self, task: Task) -> None:
+        transcript = self._transcript
+        ending: Ending = "failed"
+        try:
+            ending = task(transcript, self._stop)
+            if ending == "stopped":
+                transcript.message("Stopped. What is recorded stays: the same command goes on.")
+        except RequestError as error:
+            transcript.message(sentences(error.message, error.advice))
+        except UseCaseError as error:
+            ending = "stopped" if error.outcome is Outcome.INTERRUPTED else "failed"
+            transcript.findings(error.findings, error.sources)
+        except OSError as error:
+            transcript.findings([system_finding(error)])
+        except Exception as error:  # noqa: BLE001 - as at the entry of the command line: a fault is told, too
+            transcript.findings([bug_finding(error)])
+        finally:
+            transcript.hide()
+            self._ended()
+            self._ending = ending

@@ -1,0 +1,137 @@
+"""Who may talk to the studio: everything but the one browser, by its cookie, from the studio's own page, gets 403."""
+
+import socket
+from collections.abc import Iterator, Mapping
+from http.cookies import SimpleCookie
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.studio.guard import MOST_BYTES, POLICY
+from tests.needs import CHECKOUT
+from tests.unit.studio.studio_client import Client, studio
+
+TEMPLATE = (CHECKOUT / "templates/init/tutorial.yaml").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("cell")
+    (folder / "rarms.yaml").write_text(TEMPLATE, encoding="utf-8", newline="\n")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def client(folder: Path) -> Iterator[Client]:
+    with studio(folder) as entered:
+        entered.enter()
+        yield entered
+
+
+@pytest.fixture
+def fresh(folder: Path) -> Iterator[Client]:
+    with studio(folder) as client:
+        yield client
+
+
+def allowed(client: Client) -> Mapping[str, str]:
+    """What the page itself sends."""
+    return {"Cookie": client.cookie, "Origin": client.origin, "Content-Type": "application/json"}
+
+
+ADDRESSES = ("", "style.css", "modules/studio.js", "events", "nothing", "enter", "enter?token=", "enter?token=x")
+
+
+def test_without_the_cookie_every_address_answers_403(client: Client) -> None:
+    for name in ADDRESSES:
+        assert client.send("GET", client.path + name, {}).status == 403, name
+        assert client.send("GET", client.path + name, {"Cookie": f"rarms-studio-{client.port}=x"}).status == 403, name
+    for name in ("stop", "level", "do/plan"):
+        assert client.send("POST", client.path + name, {**allowed(client), "Cookie": ""}, b"{}").status == 403, name
+    assert client.send("GET", "/", {"Cookie": client.cookie}).status == 403
+    assert client.send("GET", "/favicon.ico", {"Cookie": client.cookie}).status == 403
+
+
+def test_the_token_works_once_and_gives_a_cookie_that_no_script_and_no_other_site_gets(fresh: Client) -> None:
+    first, again = fresh.enter(), Client(address=fresh.address).enter()
+
+    assert (first.status, again.status) == (200, 403)
+    assert "set-cookie" not in again.headers
+    [cookie] = SimpleCookie(first.headers["set-cookie"]).values()
+    assert (cookie["httponly"], cookie["samesite"], cookie["path"]) == (True, "strict", fresh.path)
+    assert fresh.get().status == 200
+
+
+def test_a_wrong_token_leaves_the_right_one_as_it_was(fresh: Client) -> None:
+    assert fresh.send("GET", f"{fresh.path}enter?token=wrong", {}).status == 403
+    assert fresh.enter().status == 200
+
+
+@pytest.mark.parametrize("host", ["localhost:{port}", "studio.example:{port}", "127.0.0.1", "127.0.0.1:1", ""])
+def test_another_name_of_the_host_is_refused(client: Client, host: str) -> None:
+    headers = {"Cookie": client.cookie, "Host": host.format(port=client.port)}
+
+    assert client.send("GET", client.path, headers).status == 403
+
+
+@pytest.mark.parametrize("origin", ["http://studio.example", "null", "http://127.0.0.1:1", "https://127.0.0.1:{port}"])
+def test_another_origin_is_refused_also_with_the_cookie(client: Client, origin: str) -> None:
+    headers = {**allowed(client), "Origin": origin.format(port=client.port)}
+
+    assert client.send("POST", f"{client.path}do/plan", headers, b"{}").status == 403
+    assert client.send("GET", client.path, headers).status == 403
+
+
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])
+def test_a_page_of_another_site_or_port_is_refused(client: Client, site: str) -> None:
+    assert client.get(**{"Sec-Fetch-Site": site}).status == 403
+    assert client.get("modules/studio.js", **{"Sec-Fetch-Site": site}).status == 403
+    assert client.get(**{"Sec-Fetch-Site": "same-origin"}).status == 200
+
+
+@pytest.mark.parametrize("lacking", ["Origin", "Content-Type"])
+def test_a_post_without_origin_or_of_another_type_is_refused(client: Client, lacking: str) -> None:
+    headers = {name: value for name, value in allowed(client).items() if name != lacking}
+
+    assert client.send("POST", f"{client.path}stop", headers, b"{}").status == 403
+
+
+def test_bodies_are_bounded_and_their_length_is_told(client: Client) -> None:
+    address, own = f"{client.path}stop", allowed(client)
+
+    assert client.send("POST", address, own, b" " * MOST_BYTES).status == 200
+    assert client.send("POST", address, {**own, "Content-Length": str(MOST_BYTES + 1)}).status == 413
+    assert client.send("POST", address, {**own, "Transfer-Encoding": "chunked"}).status == 411
+
+
+@pytest.mark.parametrize("name", ["stop", "level", "do/plan", "do/apply", "do/measure"])
+def test_nothing_is_done_by_get(client: Client, name: str) -> None:
+    assert client.get(name).status == 405
+
+
+def test_every_answer_has_the_strict_policy(client: Client) -> None:
+    for answer in (client.get(), client.get("style.css"), client.get("nothing"), client.send("GET", "/", {})):
+        assert answer.headers["content-security-policy"] == POLICY
+        assert answer.headers["x-content-type-options"] == "nosniff"
+        assert answer.headers["referrer-policy"] == "no-referrer"
+        assert answer.headers["cache-control"] == "no-store"
+    assert "unsafe" not in POLICY
+    assert "http" not in POLICY
+
+
+def test_it_listens_on_the_loopback_interface_alone(client: Client) -> None:
+    other = "127.0.0.2"  # any other address of this machine
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection((other, client.port), timeout=5)
+
+
+@pytest.mark.parametrize("body", [b"[]", b"{", b'{"plan": 1}', b'{"foreign": true}', b'{"components": "control"}'])
+def test_a_body_that_the_page_does_not_send_is_refused(client: Client, body: bytes) -> None:
+    for name in ("do/measure", "level"):
+        assert client.send("POST", f"{client.path}{name}", allowed(client), body).status == 422, name
+
+
+def test_there_are_no_other_actions_and_no_other_modules(client: Client) -> None:
+    assert client.post("do/destroy", {}).status == 404
+    assert client.get("modules/..%2f..%2finit%2frarms.yaml").status == 404
+    assert client.get("modules/report.css").status == 404
