@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from rarms_iac.app.applying import (
     apply,
-    describe_changed_manifest,
+    changed_manifest,
     finish_runs,
     last_applies,
     preview,
@@ -33,7 +33,7 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.requests import SILENCE_MS, HostSelection, ManifestSource, today_utc
 from rarms_iac.applying.run_report import RunEnding, RunReport
-from rarms_iac.model.commands import PLAN, RecommendedCommand, command, prose
+from rarms_iac.model.commands import PLAN, RecommendedCommand, command
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.wording import in_a_row, quoted
@@ -243,8 +243,7 @@ class ApplyAction(Action):
         _refuse_other_name(self.application, plan.application)
         source = workspace.source
         refuse_renamed(plan, source)
-        if changed := describe_changed_manifest(plan, source):
-            transcript.message(prose("note: ", changed))
+        transcript.findings(changed_manifest(plan, source))
         workspace.plan = None  # a plan is used once
         return _report_end(
             apply(plan, folder=workspace.hosts().folder, waits=WAITS, reporter=transcript, stop=stop), transcript

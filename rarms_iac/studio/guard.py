@@ -90,10 +90,10 @@ class Guard:
             await send({"type": "websocket.close", "code": 1008})
             return
 
-        async def send_with_headers(message: "Message") -> None:
-            if message["type"] == "http.response.start":
-                MutableHeaders(scope=message).update(HEADERS)
-            await send(message)
+        async def send_with_headers(event: "Message") -> None:
+            if event["type"] == "http.response.start":
+                MutableHeaders(scope=event).update(HEADERS)
+            await send(event)
 
         answer = self._answer(Request(scope)) or self._inner
         await answer(scope, receive, send_with_headers)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from fractions import Fraction
 
-from rarms_iac.app.applying import describe_changed_manifest
+from rarms_iac.app.applying import changed_manifest
 from rarms_iac.app.experiments.measure_request import MeasureRequest
 from rarms_iac.app.experiments.prove import ProveRequest
 from rarms_iac.app.experiments.tune import TuneRequest
@@ -78,7 +78,7 @@ class PlanOnPage:
     id: str
     text: str
     has_steps: bool
-    changed: str  # that the manifest has changed since; empty: it has not
+    changed: tuple[str, ...]  # that the manifest has changed since
 
 
 STOP_PARTITIONS = Box(
@@ -228,12 +228,12 @@ def _plan(known: Knowledge, workspace: Workspace, manifest_options: str) -> Plan
     plan = workspace.plan
     if plan is None:
         return None
-    changed = describe_changed_manifest(plan, workspace.source)
+    notes = changed_manifest(plan, workspace.source)
     return PlanOnPage(
         id=plan.id,
         text=render(plan_text(plan, sources=known.sources, verbose=True), UNLIMITED, manifest=manifest_options),
         has_steps=any(part.steps for part in plan.hosts),
-        changed="" if changed is None else plain_text(changed, manifest_options),
+        changed=tuple(plain_text(sentences(note.detail, note.advice), manifest_options) for note in notes),
     )
 
 

@@ -24,7 +24,7 @@ from starlette.routing import Mount, Route
 from rarms_iac.app.control import StopSignal
 from rarms_iac.app.errors import RequestError, UseCaseError
 from rarms_iac.app.requests import ManifestSource
-from rarms_iac.model.commands import RecommendedCommand, plain_text, prose, sentences
+from rarms_iac.model.commands import RecommendedCommand, plain_text, sentences
 from rarms_iac.model.diagnostics import in_order
 from rarms_iac.storage.shipped import shipped_text
 from rarms_iac.studio.actions import ACTIONS, Action, Workspace
@@ -179,7 +179,7 @@ class Studio:
         return JSONResponse({"number": self.work.state().number})
 
     def _words(self, recommended: RecommendedCommand) -> str:
-        return plain_text(prose(recommended), self._settings.manifest_options).strip("`")
+        return recommended.text + (self._settings.manifest_options if recommended.takes_manifest else "")
 
     def _describe(self, error: RequestError | UseCaseError) -> str:
         if isinstance(error, RequestError):

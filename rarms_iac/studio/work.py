@@ -71,7 +71,7 @@ class Transcript:
 
     def say(self, content: "RenderableType") -> None:
         """Take what a terminal would be shown, its lines not broken."""
-        self._lines.append(render(content, UNLIMITED, manifest=self._manifest_options).rstrip("\n"))
+        self._lines.append(render(content, UNLIMITED, manifest=self._manifest_options))
 
     def message(self, text: Wording) -> None:
         """Take whole sentences."""

@@ -126,7 +126,7 @@ const showWork = (work) => {
     }),
   );
   element("work-lines").hidden = work.lines.length === 0;
-  element("work-lines").textContent = work.lines.join("\n");
+  element("work-lines").textContent = work.lines.map((text) => text.trimEnd()).join("\n");
   for (const form of document.querySelectorAll("form[data-action] button:not([data-off])")) form.classList.toggle("waiting", isRunning);
 };
 
