@@ -16,10 +16,17 @@ from rarms_iac.model.output import output
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.powershell.inspection.inspect import inspect
-from rarms_iac.powershell.inspection.layout import RUNTIME
+from rarms_iac.powershell.inspection.layout import NEW_MODULE, RUNTIME
 from rarms_iac.powershell.outline import Outline, ScriptDifference, difference, outline
 from rarms_iac.powershell.render import render_observe
-from rarms_iac.powershell.templates import ENTRY, MEASURING_ENTRY, without_signature
+from rarms_iac.powershell.templates import (
+    ENTRY,
+    MEASURING_ENTRY,
+    MODULE_FOLDER,
+    ScriptForm,
+    shipped_module,
+    without_signature,
+)
 from rarms_iac.storage.plan_file import MAX_BYTES
 
 OBSERVE_NAME = "observe.ps1"
@@ -32,7 +39,7 @@ _ENTRIES = {
     "    rarms undo script:": ENTRY,
     "    rarms measure script:": MEASURING_ENTRY,
 }
-"""By the first line of a script's help: the function that its last line calls."""
+"""By the first line of a script's help: the function that its end calls."""
 
 _OBSERVE_HEAD = b"# rarms observe script:"
 _HEAD = 2000  # bytes in which a script says what it is
@@ -73,17 +80,18 @@ class ScriptSelection:
     undo: bool = False
 
 
-def plan_scripts(plan: Plan) -> tuple[PlanScript, ...]:
+def plan_scripts(plan: Plan, form: ScriptForm = ScriptForm.MODULE) -> tuple[PlanScript, ...]:
     """Make every script of the plan; for simulated hosts, what a Hyper-V host would get of the same steps.
 
     Args:
         plan: the plan.
+        form: of the scripts; a plan file holds those of the module form.
 
     Returns:
         The scripts by host, then by name; of a Linux host none. They are not inspected yet: `inspect_scripts` does that
             with those that are shown or written.
     """
-    return tuple(script for part in plan.hosts for script in _of_host(part, _texts(part, plan)))
+    return tuple(script for part in plan.hosts for script in _of_host(part, _texts(part, plan, form)))
 
 
 def inspect_scripts(scripts: Sequence[PlanScript]) -> None:
@@ -172,14 +180,15 @@ def scripts_to_write(
 def write_scripts(scripts: Sequence[PlanScript], folder: str) -> tuple[str, ...]:
     """The exact bytes as files in that folder, which is made; their paths.
 
-    Beside them lies what keeps git from changing their line ends, where there is no such file yet.
+    Beside them lie the module of those that do not hold it, and what keeps git from changing line ends, where there is
+    no such file yet. A module there that differs by its signature alone stays.
 
     Args:
         scripts: as `select_scripts` returns them.
         folder: as the user gave it.
 
     Returns:
-        A path for each script, in order.
+        A path for each script, in order, then for each file of the module.
 
     Raises:
         UseCaseError: the system does not let us.
@@ -189,10 +198,23 @@ def write_scripts(scripts: Sequence[PlanScript], folder: str) -> tuple[str, ...]
     for script in scripts:
         paths.append((Path(folder) / script.name).as_posix())
         write_file(paths[-1], script.text.encode("ascii"))
+    if any(NEW_MODULE not in script.text for script in scripts):
+        paths += _write_module(Path(folder) / MODULE_FOLDER)
     attributes = Path(folder) / ".gitattributes"
     if not attributes.exists():
-        write_file(attributes.as_posix(), b"*.ps1 -text\n")
+        write_file(attributes.as_posix(), b"*.ps1 -text\n*.psd1 -text\n*.psm1 -text\n")
     return tuple(paths)
+
+
+def _write_module(folder: Path) -> list[str]:
+    make_folder(folder.as_posix())
+    paths = []
+    for name, text in shipped_module().items():
+        path = folder / name
+        if not path.exists() or _read_script(path.as_posix()) != text.encode("ascii"):
+            write_file(path.as_posix(), text.encode("ascii"))
+        paths.append(path.as_posix())
+    return paths
 
 
 def check_script(path: str) -> tuple[str, tuple[Diagnostic, ...]]:
@@ -225,7 +247,7 @@ def _read_script(path: str) -> bytes:
 
 
 def _entry_of(data: bytes) -> str | None:
-    """The function that the script's last line calls, by what its help says that it is."""
+    """The function that the script's end calls, by what its help says that it is."""
     head = data[:_HEAD].decode("ascii", "replace").splitlines()
     return next((entry for start, entry in _ENTRIES.items() if any(line.startswith(start) for line in head)), None)
 
@@ -288,12 +310,12 @@ def _outline_in(path: str, like: PlanScript) -> Outline:
     return outline(data)
 
 
-def _texts(part: HostPlan, plan: Plan) -> Mapping[str, str]:
-    if part.scripts:
+def _texts(part: HostPlan, plan: Plan, form: ScriptForm) -> Mapping[str, str]:
+    if part.scripts and form is ScriptForm.MODULE:
         return part.scripts
     if part.facts.provider is ProviderKind.LINUX:
         return {}
-    return {name: text.decode("ascii") for name, text in scripts_of(part, plan).items()}
+    return {name: text.decode("ascii") for name, text in scripts_of(part, plan, form).items()}
 
 
 def _of_host(part: HostPlan, texts: Mapping[str, str]) -> list[PlanScript]:

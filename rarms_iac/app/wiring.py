@@ -201,15 +201,17 @@ def read_script_output(data: bytes, host: str) -> ScriptObservation | None:
     )
 
 
-def bootstrap_script() -> str:
-    """Return the script that travels over ssh to a Hyper-V host ahead of every other script, for a reader.
+def transport_scripts() -> dict[str, str]:
+    """Return what travels over ssh to a Hyper-V host ahead of every script of a plan, for a reader.
 
     Returns:
-        ASCII text with LF; over the wire it has CRLF.
+        By file name, in the order in which they run: the loader, which is the command itself, and the receiver. ASCII
+        text with LF; over the wire it has CRLF.
     """
-    from rarms_iac.providers.hyperv.bootstrap import render_bootstrap
+    from rarms_iac.providers.hyperv.bootstrap import render_loader, render_receiver
 
-    return render_bootstrap().decode("ascii").replace("\r\n", "\n")
+    texts = {"loader.ps1": render_loader(), "bootstrap.ps1": render_receiver()}
+    return {name: text.decode("ascii").replace("\r\n", "\n") for name, text in texts.items()}
 
 
 def state_path(host: str, folder: str, overlays: Sequence[str]) -> str:

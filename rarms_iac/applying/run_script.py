@@ -15,7 +15,7 @@ from rarms_iac.model.journal import RunKind, ScriptRun, StepStatus
 from rarms_iac.model.plan import HostPlan, UndoLevel
 from rarms_iac.powershell.inspection.inspect import inspect_recorded
 from rarms_iac.powershell.render import NOT_UNDONE, script_name
-from rarms_iac.powershell.templates import without_signature
+from rarms_iac.powershell.templates import MODULE_FOLDER, shipped_module, without_signature
 from rarms_iac.providers.interface import (
     EventKind,
     EventStatus,
@@ -45,7 +45,8 @@ class ScriptJob:
 def apply_job(plan: str, part: HostPlan) -> ScriptJob:
     """The plan's own bytes: the script that does it, and beside it the one that takes it back."""
     name, undo = script_name(part), script_name(part, undo=True)
-    script = ScriptBundle(runs=name, files={name: part.scripts[name], undo: part.scripts[undo]})
+    files = {name: part.scripts[name], undo: part.scripts[undo], **_beside(shipped_module())}
+    script = ScriptBundle(runs=name, files=files)
     return ScriptJob(run=RunKind.APPLY, plan=plan, script=script, earlier={})
 
 
@@ -57,7 +58,8 @@ def finish_job(host: str, journal: ScriptRun) -> ScriptJob:
     """
     started = journal.started
     earlier = {step.number: step.status for step in journal.steps if step.status is not StepStatus.BEGUN}
-    script = _recorded_script(host, f"{host}{'.undo' if started.run is RunKind.UNDO else ''}.ps1", started.script)
+    name = f"{host}{'.undo' if started.run is RunKind.UNDO else ''}.ps1"
+    script = _recorded_script(host, name, started.script, started.module)
     return ScriptJob(run=started.run, plan=started.plan, script=script, earlier=earlier)
 
 
@@ -67,27 +69,32 @@ def undo_job(host: str, journal: ScriptRun) -> ScriptJob:
     Raises:
         HostDamaged: the journal holds another script than rarms writes.
     """
-    script = _recorded_script(host, f"{host}.undo.ps1", journal.started.undo)
+    script = _recorded_script(host, f"{host}.undo.ps1", journal.started.undo, journal.started.module)
     return ScriptJob(run=RunKind.UNDO, plan=journal.started.plan, script=script, earlier={})
 
 
-def _recorded_script(host: str, name: str, text: str) -> ScriptBundle:
-    """A script of the journal, which any version of rarms may have made; signed, where it was.
+def _recorded_script(host: str, name: str, text: str, module: Mapping[str, str]) -> ScriptBundle:
+    """A script of the journal with its module, which any version of rarms may have made; signed, where they were.
 
     Raises:
-        HostDamaged: it is no plan of rarms.
+        HostDamaged: it is no plan of rarms, or the module is not the one that it names.
     """
-    for problem in _problems_of(name, text):
+    for problem in _problems_of(name, text, module):
         line = f"line {problem.place.line}, " if problem.place else ""
         message = f"{name} in its journal is no script of rarms: {line}{problem.detail}"
         raise HostDamaged(host, message, "look at what the last run did, then remove the journal")
-    return ScriptBundle(runs=name, files={name: text})
+    return ScriptBundle(runs=name, files={name: text, **_beside(module)})
 
 
-def _problems_of(name: str, text: str) -> tuple[Diagnostic, ...]:
+def _beside(module: Mapping[str, str]) -> dict[str, str]:
+    """The files of a module by their paths from the script that calls it."""
+    return {f"{MODULE_FOLDER}/{name}": text for name, text in module.items()}
+
+
+def _problems_of(name: str, text: str, module: Mapping[str, str]) -> tuple[Diagnostic, ...]:
     """Find what is wrong with a script of the journal; all of it must be ASCII, a signature, too."""
     bare = without_signature(text) if text.isascii() else text
-    return inspect_recorded(bare.encode("utf-8", "surrogatepass"), name)
+    return inspect_recorded(bare.encode("utf-8", "surrogatepass"), name, module)
 
 
 def run_job(
@@ -130,7 +137,7 @@ def steps_undone_by_script(journal: ScriptRun) -> tuple[UndoneStep, ...]:
 
     text = journal.started.script if journal.started.run is RunKind.UNDO else journal.started.undo
     touched = {int(number) for number in journal.started.touched if number.isdecimal()} or journal.touched()
-    if _problems_of("undo.ps1", text):
+    if _problems_of("undo.ps1", text, journal.started.module):
         return ()
     script = without_signature(text).encode("ascii")
     return tuple(

@@ -13,6 +13,7 @@ from rarms_iac.model.state import State, TaskClass
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.literals import NoLiteral
 from rarms_iac.powershell.render import insides, render_guest, render_scripts, script_name
+from rarms_iac.powershell.templates import ScriptForm
 
 BY_HAND = Finding.note("RARMS160", "A guest's script is run by hand")
 NO_LITERAL = Finding.error("RARMS162", "A value cannot be written into a script")
@@ -90,7 +91,7 @@ def with_scripts(plan: Plan) -> tuple[Plan, tuple[Diagnostic, ...]]:
     return replace(plan, hosts=tuple(hosts)), tuple(findings)
 
 
-def scripts_of(host_plan: HostPlan, plan: Plan) -> Mapping[str, bytes]:
+def scripts_of(host_plan: HostPlan, plan: Plan, form: ScriptForm = ScriptForm.MODULE) -> Mapping[str, bytes]:
     """Every script of a host by its file name, undo scripts included; none for a Windows in which nothing is done.
 
     Where the plan exists, a scheduler under which reserves have no effect was accepted, or no reserve is asked for.
@@ -99,12 +100,12 @@ def scripts_of(host_plan: HostPlan, plan: Plan) -> Mapping[str, bytes]:
         NoLiteral: a value cannot be written into a script.
     """
     accepted = host_plan.facts.scheduler is SchedulerType.ROOT
-    made = dict(render_scripts(host_plan, plan, accept_scheduler=accepted)) if host_plan.steps else {}
+    made = dict(render_scripts(host_plan, plan, accept_scheduler=accepted, form=form)) if host_plan.steps else {}
     if all(step.address.task and step.address.partition for step in host_plan.steps):
         for undo in (False, True):
             made.pop(script_name(host_plan, undo=undo), None)
     for inside, classes in groupby(host_plan.guest_tasks or (), key=lambda task: task.partition):
-        made |= render_guest(host_plan, plan, inside, tuple(classes))
+        made |= render_guest(host_plan, plan, inside, tuple(classes), form)
     return dict(sorted(made.items()))
 
 

@@ -1,7 +1,7 @@
 """What a host remembers of the last run: its journal, and what follows from it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Literal
 
@@ -135,6 +135,7 @@ class ScriptStarted:
     started_at: str  # as of `RunOrigin`
     robot: str = ""  # of `Application`
     history: tuple[PastRun, ...] = ()  # runs before this one, the oldest first
+    module: Mapping[str, str] = field(default_factory=dict)  # its files by name; none: the script holds it
     kind: Literal["run_started"] = "run_started"
 
 

@@ -15,7 +15,7 @@ from rarms_iac.model.state import HostFacts
 from rarms_iac.model.wording import remark
 from rarms_iac.powershell.literals import Scalar, literal
 from rarms_iac.powershell.pieces import call
-from rarms_iac.powershell.templates import MEASURING_ENTRY, fill, impact_of, part_text, parts_for, runtime
+from rarms_iac.powershell.templates import MEASURING_ENTRY, ScriptForm, fact_lines, fill, impact_of, module_text
 from rarms_iac.storage.json_text import canonical
 
 UNPLANNED = "0" * 12
@@ -90,11 +90,11 @@ def render_measuring(
         ),
         "usage": "Measure: rarms says beside it which setting is next." if works else removal,
         "notes": (),
-        "run": _run(host, facts, application),
+        "facts": fact_lines(_run(host, facts, application)),
         "entry": MEASURING_ENTRY,
         "impact": impact_of("\n".join(lines)),
         "plan": lines,
-        "fixed": [runtime(), *map(part_text, parts_for("\n".join(["Assert-VmHost", MEASURING_ENTRY, *lines])))],
+        "module": module_text(ScriptForm.SINGLE, MEASURING_ENTRY),
     }
     return fill("script.ps1.j2", values)
 
@@ -111,24 +111,24 @@ def _title(work: GuestWork) -> str:
 def _run(host: Host, facts: HostFacts, application: str) -> dict[str, str]:
     capacity = capacity_of(host, facts)
     values: dict[str, Scalar] = {
-        "kind": "measure",
-        "plan": UNPLANNED,
-        "application": application,
-        "robot": "",
-        "serial": 0,
-        "undo": "",
-        "undo_digest": "",
-        "guest": "",
-        "identity": facts.id,
-        "computer": facts.computer_name,
-        "logical_processors": facts.logical_processors,
-        "cores": capacity.cores,
-        "threads_per_core": capacity.sharing.threads,
-        "percent": max(0, floor(100 * capacity.processors)),
-        "memory": capacity.memory,
-        "accept_scheduler": False,
+        "Run": "measure",
+        "Plan": UNPLANNED,
+        "Application": application,
+        "Robot": "",
+        "Serial": 0,
+        "Undo": "",
+        "UndoDigest": "",
+        "Guest": "",
+        "Identity": facts.id,
+        "Computer": facts.computer_name,
+        "LogicalProcessors": facts.logical_processors,
+        "Cores": capacity.cores,
+        "ThreadsPerCore": capacity.sharing.threads,
+        "Percent": max(0, floor(100 * capacity.processors)),
+        "Memory": capacity.memory,
+        "AcceptScheduler": False,
     }
-    return {**{name: literal(value) for name, value in values.items()}, "guard": "Assert-VmHost"}
+    return {name: literal(value) for name, value in values.items()}
 
 
 def _machine(machine: TestMachine) -> str:

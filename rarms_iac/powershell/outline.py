@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tree_sitter import Node
 
 
-GUARD = "Guard"
+GUARD = "Guard"  # of a former script: a block, and no fact
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +31,7 @@ class MachineVariable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScriptCall:
-    """A call of a cmdlet or of the runtime's function; a switch has the value true."""
+    """A call of a cmdlet or of the module's function; a switch has the value true."""
 
     name: str
     parameters: "Mapping[str, Scalar | MachineVariable | ScriptCall]"

@@ -1,4 +1,4 @@
-"""An operation as the calls of a `Set` block: cmdlets and the runtime's functions, with literals only.
+"""An operation as the calls of a `Set` block: cmdlets and the module's functions, with literals only.
 
 What is set on a machine, and can be set again, is one step of a script with what is set right before it: read once,
 compared, set, read again. A run that was killed between two of its calls finds each value old or new, and sets all

@@ -41,14 +41,15 @@ from rarms_iac.powershell.pieces import (
 from rarms_iac.powershell.summary import summary_lines
 from rarms_iac.powershell.templates import (
     ENTRY,
+    HOST_FACT_NAMES,
+    ScriptForm,
     StepText,
     as_script,
+    fact_lines,
     fill,
     impact_of,
-    part_text,
-    parts_for,
+    module_text,
     read,
-    runtime,
     step_lines,
     target_line,
 )
@@ -89,8 +90,16 @@ def insides(host_plan: HostPlan) -> tuple[str, ...]:
     return tuple(sorted({_inside(step) for step in host_plan.steps} | {""}))
 
 
-def render_scripts(host_plan: HostPlan, plan: Plan, *, accept_scheduler: bool = False) -> Mapping[str, bytes]:
+def render_scripts(
+    host_plan: HostPlan, plan: Plan, *, accept_scheduler: bool = False, form: ScriptForm = ScriptForm.MODULE
+) -> Mapping[str, bytes]:
     """Every script of a host by its file name, undo scripts included.
+
+    Args:
+        host_plan: of the host.
+        plan: the whole one, which names application and manifest.
+        accept_scheduler: whether they run under the root scheduler.
+        form: whether the module lies beside the scripts, as a plan file has them, or in each.
 
     Raises:
         NoLiteral: a value cannot be written into a script.
@@ -98,12 +107,21 @@ def render_scripts(host_plan: HostPlan, plan: Plan, *, accept_scheduler: bool = 
     made: dict[str, bytes] = {}
     for inside in insides(host_plan):
         accept = accept_scheduler and not inside
-        made[script_name(host_plan, inside)] = render_apply(host_plan, plan, inside, accept_scheduler=accept)
-        made[script_name(host_plan, inside, undo=True)] = render_undo(host_plan, plan, inside, accept_scheduler=accept)
+        made[script_name(host_plan, inside)] = render_apply(host_plan, plan, inside, accept_scheduler=accept, form=form)
+        made[script_name(host_plan, inside, undo=True)] = render_undo(
+            host_plan, plan, inside, accept_scheduler=accept, form=form
+        )
     return made
 
 
-def render_apply(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_scheduler: bool = False) -> bytes:
+def render_apply(
+    host_plan: HostPlan,
+    plan: Plan,
+    inside: str = "",
+    *,
+    accept_scheduler: bool = False,
+    form: ScriptForm = ScriptForm.MODULE,
+) -> bytes:
     """The script that does the plan's steps in one operating system: the host's own, or a partition's guest.
 
     With `accept_scheduler` it runs also under the root scheduler: the finding was accepted.
@@ -111,17 +129,24 @@ def render_apply(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sc
     Raises:
         NoLiteral: a value cannot be written into a script.
     """
-    undo = render_undo(host_plan, plan, inside, accept_scheduler=accept_scheduler)
+    undo = render_undo(host_plan, plan, inside, accept_scheduler=accept_scheduler, form=form)
     steps = _clustered(_forward(host_plan, inside), host_plan)
     run = {
-        "undo": literal(script_name(host_plan, inside, undo=True)),
-        "undo_digest": literal(hashlib.sha256(undo).hexdigest()),
-        "accept_scheduler": literal(accept_scheduler),
+        "Undo": literal(script_name(host_plan, inside, undo=True)),
+        "UndoDigest": literal(hashlib.sha256(undo).hexdigest()),
+        "AcceptScheduler": literal(accept_scheduler),
     }
-    return _fill(RunKind.APPLY, host_plan, plan, inside, steps, run)
+    return _fill(RunKind.APPLY, host_plan, plan, inside, steps, run, form)
 
 
-def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_scheduler: bool = False) -> bytes:
+def render_undo(
+    host_plan: HostPlan,
+    plan: Plan,
+    inside: str = "",
+    *,
+    accept_scheduler: bool = False,
+    form: ScriptForm = ScriptForm.MODULE,
+) -> bytes:
     """The script that takes the same steps back, the last one first; it says what it cannot bring back.
 
     Raises:
@@ -146,11 +171,13 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sch
         gone = lost.get(step.address)
         steps += (_GuardedPiece(piece=piece, steps=(back,), undoes=undoes, lost=gone) for piece in pieces)
     steps = _clustered(_joined(steps), host_plan)
-    run = {"undo": literal(""), "undo_digest": literal(""), "accept_scheduler": literal(accept_scheduler)}
-    return _fill(RunKind.UNDO, host_plan, plan, inside, steps, run)
+    run = {"Undo": literal(""), "UndoDigest": literal(""), "AcceptScheduler": literal(accept_scheduler)}
+    return _fill(RunKind.UNDO, host_plan, plan, inside, steps, run, form)
 
 
-def render_guest(host_plan: HostPlan, plan: Plan, inside: str, tasks: Sequence[GuestTask]) -> Mapping[str, bytes]:
+def render_guest(
+    host_plan: HostPlan, plan: Plan, inside: str, tasks: Sequence[GuestTask], form: ScriptForm = ScriptForm.MODULE
+) -> Mapping[str, bytes]:
     """The script of a guest that could not be looked into, and its undo, by file name.
 
     Raises:
@@ -163,11 +190,11 @@ def render_guest(host_plan: HostPlan, plan: Plan, inside: str, tasks: Sequence[G
         _GuardedPiece(piece=back(task, plan.application), steps=(step_of(task),), undoes=last - at)
         for at, task in enumerate(reversed(tasks))
     ]
-    never = {"accept_scheduler": literal(False)}
-    bare = {"undo": literal(""), "undo_digest": literal(""), **never}
-    undo = _fill(RunKind.UNDO, host_plan, plan, inside, taken_back, bare)
-    run = {"undo": literal(undo_name), "undo_digest": literal(hashlib.sha256(undo).hexdigest()), **never}
-    return {name: _fill(RunKind.APPLY, host_plan, plan, inside, pieces, run), undo_name: undo}
+    never = {"AcceptScheduler": literal(False)}
+    bare = {"Undo": literal(""), "UndoDigest": literal(""), **never}
+    undo = _fill(RunKind.UNDO, host_plan, plan, inside, taken_back, bare, form)
+    run = {"Undo": literal(undo_name), "UndoDigest": literal(hashlib.sha256(undo).hexdigest()), **never}
+    return {name: _fill(RunKind.APPLY, host_plan, plan, inside, pieces, run, form), undo_name: undo}
 
 
 def render_observe() -> bytes:
@@ -237,20 +264,21 @@ def _fill(
     inside: str,
     steps: Sequence[_GuardedPiece],
     more: Mapping[str, Literal],
+    form: ScriptForm,
 ) -> bytes:
-    guard = "Assert-Guest" if inside else "Assert-VmHost"
     machine = literal(_machine_of_guest(host_plan, inside, steps))
-    run = {"kind": literal(kind.value), "guard": guard, "guest": machine, **_run(host_plan, plan), **more}
-    parts = parts_for("\n".join([guard, *map(_code, steps)]))
+    run = {"Run": literal(kind.value), "Guest": machine, **_run(host_plan, plan), **more}
+    if inside:
+        run = {name: value for name, value in run.items() if name not in HOST_FACT_NAMES}
     values = {
         "requirements": _GUEST_REQUIRES if inside else _HOST_REQUIRES,
         "name": script_name(host_plan, inside, undo=kind is RunKind.UNDO),
         **_head(kind, host_plan, plan, inside, steps),
-        "run": run,
+        "facts": fact_lines(run),
         "entry": ENTRY,
         "impact": impact_of("\n".join(map(_code, steps))),
         "plan": list(_plan_lines(kind, host_plan, steps)),
-        "fixed": [runtime(), *map(part_text, parts)],
+        "module": module_text(form),
     }
     return fill("script.ps1.j2", values)
 
@@ -267,17 +295,17 @@ def _run(host_plan: HostPlan, plan: Plan) -> dict[str, str]:
     host, facts = host_plan.host, host_plan.facts
     capacity = capacity_of(host, facts)
     return {
-        "plan": literal(plan.id),
-        "application": literal(plan.application),
-        "robot": literal(plan.robot),
-        "serial": literal(host_plan.serial),
-        "identity": literal(facts.id),
-        "computer": literal(facts.computer_name),
-        "logical_processors": literal(facts.logical_processors),
-        "cores": literal(capacity.cores),
-        "threads_per_core": literal(capacity.sharing.threads),
-        "percent": literal(max(0, floor(100 * capacity.processors))),
-        "memory": literal(capacity.memory),
+        "Plan": literal(plan.id),
+        "Application": literal(plan.application),
+        "Robot": literal(plan.robot),
+        "Serial": literal(host_plan.serial),
+        "Identity": literal(facts.id),
+        "Computer": literal(facts.computer_name),
+        "LogicalProcessors": literal(facts.logical_processors),
+        "Cores": literal(capacity.cores),
+        "ThreadsPerCore": literal(capacity.sharing.threads),
+        "Percent": literal(max(0, floor(100 * capacity.processors))),
+        "Memory": literal(capacity.memory),
     }
 
 

@@ -1,11 +1,14 @@
 """The templates of scripts: loops and finished literals, nothing else."""
 
+import hashlib
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum, auto
 from functools import cache
 from typing import TYPE_CHECKING
 
+from rarms_iac.model.version import __version__
 from rarms_iac.powershell.tokens import TokenKind, tokens
 from rarms_iac.storage.shipped import shipped, shipped_text
 
@@ -50,17 +53,47 @@ def read(name: str) -> str:
     return shipped_text(f"{FOLDER}/{name}")
 
 
-PLAN, FACTS, TARGET, STEP_CALL = "Add-Plan", "$script:Plan", "Use-Target", "Add-Step"
-"""The function that holds a plan, the variable that gets the run's facts, and what the plan calls."""
+PLAN, FACTS, TARGET, STEP_CALL = "$plan", "$script:Plan", "Use-Target", "Add-Step"
+"""The variable that holds a plan, the one that gets the run's facts, and what the plan calls."""
 
-ENTRY, MEASURING_ENTRY = "Invoke-Run", "Invoke-Measuring"
-"""What calls the plan, at the end of a script: a plan's steps, or a measurement."""
+FORMER_PLAN = "Add-Plan"
+"""The function that held a plan in scripts before there was a module; the journals of hosts hold them."""
+
+ENTRY, MEASURING_ENTRY = "Invoke-RarmsPlan", "Invoke-RarmsMeasuring"
+"""What the end of a script calls: it does a plan's steps, or measures."""
 
 VM = "$script:Vm"
 """In a call: the machine that the step has read."""
 
 WIDTH = 140
 """Characters of a line, where a call can be broken at all."""
+
+
+_FACTS = (
+    ("Run", "Plan", "Application", "Robot", "Serial", "Guest"),
+    ("Undo",),
+    ("UndoDigest",),
+    ("Computer", "Identity"),
+)
+_HOST_FACTS = (
+    ("LogicalProcessors", "Cores", "ThreadsPerCore", "AcceptScheduler"),
+    # What the host has to give: per cent of its processors, bytes of its memory.
+    ("Percent", "Memory"),
+)
+FACT_NAMES = frozenset(name for row in _FACTS for name in row)
+"""The facts of a run that every script has."""
+HOST_FACT_NAMES = frozenset(name for row in _HOST_FACTS for name in row)
+"""Those that the script of a host has, too."""
+
+
+def fact_lines(run: Mapping[str, str]) -> list[str]:
+    """The facts of a run as the entries of a table, some to a line.
+
+    Args:
+        run: literals by name; of `HOST_FACT_NAMES` only those that are there.
+    """
+    rows = ([f"{name} = {run[name]}" for name in row if name in run] for row in (*_FACTS, *_HOST_FACTS))
+    return ["; ".join(row) for row in rows if row]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,7 +153,7 @@ def _entries(readings: Mapping[str, str]) -> list[str]:
 
 
 SIGNATURE = r"(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$"
-"""What `Set-AuthenticodeSignature` adds to a script: remarks at its end, by the pattern of the journal part."""
+"""What `Set-AuthenticodeSignature` adds to a script: remarks at its end, by the module's own pattern."""
 
 
 def without_signature(script: str) -> str:
@@ -128,74 +161,63 @@ def without_signature(script: str) -> str:
     return re.sub(SIGNATURE, "", script)
 
 
-RUNTIME_BEGIN = "# --- runtime:"
-RUNTIME_END = "# --- end of the runtime"
+MODULE_BEGIN, MODULE_END = "#region The module of rarms", "#endregion"
+"""How the first line of what gives a script its module begins, and the last one."""
 
-PARTS = (
-    "lock",
-    "journal",
-    "preview",
-    "host",
-    "guest",
-    "machines",
-    "devices",
-    "making",
-    "capacity",
-    "stop",
-    "disks",
-    "tasks",
-    "unseen",
-    "test_partitions",
-    "runner",
-    "measuring",
-)
-"""Their names, in the order in which a script carries them."""
+MODULE_FOLDER = "Rarms"
+MODULE_FILES = (f"{MODULE_FOLDER}.psd1", f"{MODULE_FOLDER}.psm1")
+"""The files of the module, in a folder beside a script."""
 
-_FUNCTION = re.compile(r"^function ([A-Za-z-]+) \{$", re.MULTILINE)
+MEASURING_PARTS = ("test_partitions", "runner", "measuring")
+"""What a script that measures has behind the module's own functions."""
 
 
-def part_begin(name: str) -> str:
-    """How the first line of a part begins."""
-    return f"# --- part {name}:"
+class ScriptForm(Enum):
+    """Where the functions are that a script calls."""
 
-
-def part_end(name: str) -> str:
-    """How its last line begins."""
-    return f"# --- end of the part {name} "
+    MODULE = auto()  # in the folder Rarms beside it
+    SINGLE = auto()  # in the script itself
 
 
 @cache
-def runtime() -> str:
-    """The runtime, which is fixed in every script, with LF, from its first to its last line."""
-    return read("runtime.ps1").rstrip("\n")
+def module_file(name: str) -> bytes:
+    """The bytes of a file of the module, one of `MODULE_FILES`, with CRLF."""
+    return as_script(read(f"{MODULE_FOLDER}/{name}"))
+
+
+def shipped_module() -> dict[str, str]:
+    """The files of this version's module by name, with CRLF."""
+    return {name: module_file(name).decode("ascii") for name in MODULE_FILES}
+
+
+def module_digest(text: str) -> str:
+    """SHA-256 of a file of the module as scripts hold it, in upper case; a signature block does not count."""
+    return hashlib.sha256(without_signature(text).encode("latin-1")).hexdigest().upper()
 
 
 @cache
-def part_text(name: str) -> str:
-    """A part, with LF, from its first to its last line."""
-    return read(f"parts/{name}.ps1").rstrip("\n")
+def module_text(form: ScriptForm, entry: str = ENTRY) -> str:
+    """What gives a script its module, with LF: the digests of its files and their import, or the module itself.
 
-
-def parts_for(steps: str) -> tuple[str, ...]:
-    """The names of the parts that the runtime and these steps need, in their order.
-
-    Raises:
-        NotTokens: the text ends inside a string.
+    Args:
+        form: of the script; one that measures has the single form alone.
+        entry: what the script's end calls.
     """
-    needed: set[str] = set()
-    waiting = {*_needs(""), *_called(steps)}
-    while waiting:
-        name = waiting.pop()
-        if name not in needed:
-            needed.add(name)
-            waiting |= _needs(name)
-    return tuple(name for name in PARTS if name in needed)
+    if form is ScriptForm.MODULE:
+        digests = [(name, module_digest(file)) for name, file in shipped_module().items()]
+        text = fill("module.ps1.j2", {"version": __version__, "digests": digests}).decode("ascii")
+    else:
+        parts = MEASURING_PARTS if entry == MEASURING_ENTRY else ()
+        own = "\n".join(map(str.rstrip, [read(f"{MODULE_FOLDER}/{MODULE_FILES[1]}"), *map(part_text, parts)]))
+        digest = module_digest(as_script(own).decode("ascii"))
+        values = {"version": __version__, "digest": digest, "text": own, "entry": entry}
+        text = fill("single.ps1.j2", values).decode("ascii")
+    return text.replace("\r\n", "\n").rstrip("\n")
 
 
-@cache
-def _needs(name: str) -> frozenset[str]:
-    """The parts that a part calls; an empty name is the runtime."""
-    return frozenset(_called(part_text(name) if name else runtime()))
+def part_text(name: str) -> str:
+    """One of `MEASURING_PARTS`, with LF."""
+    return read(f"parts/{name}.ps1")
 
 
 LOSING = frozenset(
@@ -212,15 +234,3 @@ def impact_of(steps: str) -> str:
     """
     words = {token.text.rpartition("\\")[2] for token in tokens(steps) if token.kind is TokenKind.WORD}
     return "Medium" if LOSING.isdisjoint(words) else "High"
-
-
-def _called(text: str) -> set[str]:
-    """The parts whose functions a text calls; what stands in its strings and remarks is no call."""
-    part_of = _part_of_function()
-    return {part_of[token.text] for token in tokens(text) if token.kind is TokenKind.WORD and token.text in part_of}
-
-
-@cache
-def _part_of_function() -> Mapping[str, str]:
-    """By function: the part that defines it."""
-    return {function: name for name in PARTS for function in _FUNCTION.findall(part_text(name))}

@@ -10,6 +10,7 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import Plan
 from rarms_iac.powershell.inspection.layout import part_digest, split_script
 from rarms_iac.powershell.outline import Detail, ScriptDifference, StepDifference
+from rarms_iac.powershell.templates import ScriptForm
 from rarms_iac.views.console import BAD, CHANGED, GOOD, STRONG, paragraph, stack, styled
 
 if TYPE_CHECKING:
@@ -26,14 +27,15 @@ def script_text(script: str, *, colour: bool = False, whole: bool = False) -> st
     Args:
         script: its text.
         colour: with escape sequences; without, the same text in the same lines.
-        whole: show its fixed parts, too; otherwise a line stands for each.
+        whole: show its module, too, where the script holds it; otherwise a line stands for it.
     """
     plain = script.replace("\r\n", "\n").removesuffix("\n")
     lines = (_highlighted(plain) if colour else plain).split("\n")
     width = len(str(len(lines)))
     numbered = [f"{number:>{width}}  {line}".rstrip() for number, line in enumerate(lines, start=1)]
-    for piece in () if whole else reversed(split_script(plain + "\n").fixed):
-        fixed = f"{piece.title}, fixed (SHA-256 {part_digest(piece.text)[:12]}); a pipe gets it"
+    piece = split_script(plain + "\n").fixed
+    if not whole and piece is not None and piece.form is ScriptForm.SINGLE:
+        fixed = f"the module, fixed (SHA-256 {part_digest(piece.text)[:12]}); a pipe gets it"
         numbered[piece.first - 1 : piece.last] = [f"{'':>{width}}  ... lines {piece.first} to {piece.last}: {fixed}"]
     return "\n".join(numbered) + "\n"
 

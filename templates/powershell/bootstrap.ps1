@@ -1,10 +1,11 @@
 #Requires -Version 5.1
-# rarms bootstrap: the one command that ssh starts on a host. It takes scripts from standard input, checks their
-# SHA-256, keeps them in a new folder that only its user can read, runs the first, passes its exit code on, and removes
-# them. Its bytes are always the same; without remarks and indentation they are what -EncodedCommand carries.
+# rarms receiver: what the loader runs. It takes scripts from the rest of standard input, checks their SHA-256, keeps them
+# in a new folder that only its user can read, runs the first, passes its exit code on, and removes them.
 # Input: 8 digits, the length of a table; the table, one line for the arguments and one `name length sha256` a file;
 # then the files' bytes. Text that ends with a dot after that, `3 run 45 55.`, is laid beside the script, which reads it;
 # anything else, or the end of the input, asks the script to stop before its next step.
+param([System.IO.Stream] $Source)
+
 $PSDefaultParameterValues = @{}
 Set-StrictMode -Version 3.0
 $ErrorActionPreference = 'Stop'
@@ -24,13 +25,11 @@ function Read-All {
 $code = 90
 $folder = ''
 try {
-    $source = [Console]::OpenStandardInput()
-    [Console]::Out.WriteLine('rarms-bootstrap/1 ready')
     $ascii = [System.Text.Encoding]::ASCII
     $data = [byte[]]::new(8)
-    Read-All -From $source -Into $data
+    Read-All -From $Source -Into $data
     $data = [byte[]]::new([int] $ascii.GetString($data))
-    Read-All -From $source -Into $data
+    Read-All -From $Source -Into $data
     $table = @($ascii.GetString($data) -split '\n')
     if ($table[0] -cnotmatch '^( |-AsJson|-Force|-Abandon|-LockTimeout [0-9]{1,6})*$') { throw 'bad arguments' }
     if ($env:OS -ceq 'Windows_NT') {
@@ -46,12 +45,13 @@ try {
     $main = ''
     for ($at = 1; $at -lt $table.Count; $at++) {
         $part = @($table[$at] -split ' ')
-        if ($part[0] -cnotmatch '^[a-z0-9][a-z0-9.-]*\.ps1$') { throw 'bad name' }
+        if ($part[0] -cnotmatch '^([a-z0-9][a-z0-9.-]*\.ps1|Rarms/Rarms\.ps[dm]1)$') { throw 'bad name' }
         $data = [byte[]]::new([int] $part[1])
-        Read-All -From $source -Into $data
+        Read-All -From $Source -Into $data
         $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data))
         if ($sum.Replace('-', '').ToLowerInvariant() -cne $part[2]) { throw ($part[0] + ' is not what was sent') }
-        $path = Join-Path -Path $folder -ChildPath $part[0]
+        $path = [System.IO.Path]::Combine($folder, $part[0])
+        [void] [System.IO.Directory]::CreateDirectory([System.IO.Path]::GetDirectoryName($path))
         [System.IO.File]::WriteAllBytes($path, $data)
         if (-not $main) { $main = $path }
     }
@@ -64,13 +64,13 @@ try {
     $child = [System.Diagnostics.Process]::Start($start)
     $child.StandardInput.Close()
     $data = [byte[]]::new(99)
-    $more = $source.ReadAsync($data, 0, 99)
+    $more = $Source.ReadAsync($data, 0, 99)
     while (-not $child.WaitForExit(200)) {
         if ($null -eq $more -or -not $more.IsCompleted) { continue }
         $line = $ascii.GetString($data, 0, $more.Result)
         $kind = if ($line -cmatch '\.$') { '.next' } else { '.stop' }
         [System.IO.File]::WriteAllText($main + $kind, $line)
-        $more = if ($line) { $source.ReadAsync($data, 0, 99) }
+        $more = if ($line) { $Source.ReadAsync($data, 0, 99) }
     }
     $code = $child.ExitCode
 } catch {

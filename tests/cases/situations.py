@@ -2,7 +2,7 @@
 
 `COMMAND` is what is asked (`plan`, `destroy`, ...), `plan.txt` what rarms shows, `findings.txt` what it says beside it,
 and `*.ps1` are the scripts. `python -m tests.cases.situations` writes the last three anew; read the difference before
-it is committed. The scripts hold the whole runtime: a change of it changes all of them.
+it is committed. The scripts hold the digests of their module: a change of it changes all of them.
 """
 
 import contextlib

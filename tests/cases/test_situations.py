@@ -7,9 +7,10 @@ import pytest
 
 from rarms_iac.applying.derivation import find_forgery
 from rarms_iac.powershell.inspection.inspect import inspect
+from rarms_iac.powershell.templates import ScriptForm
 from rarms_iac.storage.plan_file import read_plan, write_plan
 from tests.cases.situations import command_of, folders, made, outputs, stand_in
-from tests.twin.cell import apply, undo
+from tests.twin.cell import apply, in_one_file, undo
 from tests.twin.observing import document_of
 
 FOLDERS = folders()
@@ -43,13 +44,16 @@ def test_the_plan_of_a_situation_follows_from_its_changes(folder: Path) -> None:
         assert find_forgery(read_plan(write_plan(plan))) is None
 
 
+@pytest.mark.parametrize("form", ScriptForm, ids=lambda form: form.name.lower())
 @situations
-def test_the_scripts_of_a_situation_do_what_its_plan_says_and_take_it_back(folder: Path) -> None:
+def test_the_scripts_of_a_situation_do_what_its_plan_says_and_take_it_back(folder: Path, form: ScriptForm) -> None:
     plan, host = made(folder).plan, stand_in(folder)
     if plan is None or not plan.hosts[0].steps:
         assert not list(folder.glob("onboard.ps1"))
         return
     before = host.copy()
+    if form is ScriptForm.SINGLE:
+        plan = in_one_file(plan)
 
     ran = apply(host, plan)
 

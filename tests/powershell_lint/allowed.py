@@ -17,7 +17,7 @@ CONSTRUCTS = words(
     range_argument_expression range_expression unary_expression
     program statement_list statement_block script_block script_block_body script_block_expression pipeline
     pipeline_chain command command_name command_name_expr command_elements command_argument_sep command_parameter
-    command_invokation_operator path_command_name generic_token comment
+    command_invokation_operator path_command_name path_command_name_token generic_token comment
     assignment_expression assignement_operator left_assignment_expression variable simple_name
     string_literal verbatim_string_characters integer_literal decimal_integer_literal hexadecimal_integer_literal
     real_literal hash_literal_expression hash_literal_body hash_entry key_expression
@@ -46,15 +46,17 @@ CMDLETS = READING_CMDLETS | words(
     Hyper-V\Stop-VM Hyper-V\Set-VMProcessor Hyper-V\Set-VMMemory Hyper-V\New-VHD Hyper-V\Add-VMHardDiskDrive
     Hyper-V\Remove-VMNetworkAdapter Hyper-V\Move-VMStorage
     FailoverClusters\Update-ClusterVirtualMachineConfiguration
-    ConvertFrom-Json Get-Command New-Item New-ItemProperty Receive-Job Remove-Item Remove-ItemProperty Set-Acl
+    ConvertFrom-Json Export-ModuleMember Import-Module New-Item New-ItemProperty
+    New-Module Receive-Job Remove-Item Remove-ItemProperty Set-Acl
     Start-Sleep Write-Information Write-Verbose
+    Get-Command Microsoft.PowerShell.Core\Get-Command Microsoft.PowerShell.Utility\Get-Alias
     ConvertTo-SecureString Invoke-Command New-PSSession Remove-Job Remove-PSSession
     """
 )
 
 READING_TYPES = words(
     """
-    CmdletBinding bool byte byte[] char int long ordered regex scriptblock string string[] switch void
+    CmdletBinding Parameter bool byte byte[] char int long ordered regex scriptblock string string[] switch void
     Diagnostics.CodeAnalysis.SuppressMessageAttribute Environment IntPtr
     System.BitConverter System.IO.File System.Security.Cryptography.SHA256 System.Text.Encoding
     System.Security.Principal.SecurityIdentifier System.Security.Principal.WindowsBuiltInRole
@@ -63,7 +65,7 @@ READING_TYPES = words(
 )
 TYPES = READING_TYPES | words(
     """
-    Array Console DateTime guid hashtable System.Collections.IDictionary System.Convert
+    Array Console DateTime guid hashtable pscustomobject ref System.Collections.IDictionary System.Convert
     System.Diagnostics.Process System.Diagnostics.ProcessStartInfo System.Diagnostics.Stopwatch
     System.IO.Directory System.IO.FileAccess System.IO.FileAttributes System.IO.FileMode System.IO.FileStream
     System.IO.Path System.IO.Stream System.Management.Automation.PSCredential
@@ -95,7 +97,7 @@ MEMBERS = READING_MEMBERS | words(
     """
     ASCII AcceptScheduler Action AddMilliseconds Address After Application Before Clear ComputeHash Computer Contains
     Cores Create CreateDirectory Delete Detail Dispose Enabled Equals Fits Flush
-    GetAttributes GetBytes GetString Guard Guest
+    GetAttributes GetBytes GetString Guest
     CommandType InvocationInfo InvocationName Kind Length LogicalProcessors Lost Memory Move MyCommand Needs Number
     EndsWith Open OpenOrCreate Ordinal Percent Plan Position PrimaryOperationalStatus Processors
     ContainsKey Detail Identity Read ReadAllBytes ReadAllText ReadWrite Remove ReparsePoint Run ScriptLineNumber Serial
@@ -110,6 +112,8 @@ MEMBERS = READING_MEMBERS | words(
     Ticks Told Type UseShellExecute Values Wait WaitForExit Weight WorkingDirectory WriteAllBytes
     Credential arguments child environment exists files folder instances period_ticks program reserve timeout_ms used
     Arguments Close CreateTempSubdirectory Error FileName GetCurrentProcess IsCompleted MainModule NewGuid
+    Abandon AsJson Caller Code Confirmation ExportedFunctions LockTimeout Module ModulePath NewBoundScriptBlock Preview
+    ScriptPath Test
     OpenStandardInput Out ReadAsync RedirectStandardInput StandardInput User WriteLine
     """
 )
@@ -132,6 +136,8 @@ PINS = frozenset(
         "$ErrorActionPreference = 'Stop'",
         "$PSDefaultParameterValues = @{}",
         "$ConfirmPreference = 'None'",
+        "$ConfirmPreference = $script:Confirmation",
+        "$script:WhatIfPreference = $script:Preview",
         "$ProgressPreference = 'SilentlyContinue'",
         "$WhatIfPreference = $false",
         "$PSModuleAutoLoadingPreference = 'All'",
@@ -140,7 +146,7 @@ PINS = frozenset(
 )
 """Assignments to PowerShell's own variables, as written."""
 
-BLOCKS = words("$Read $read $set $fits $guard $Steps")
+BLOCKS = words("$Read $read $set $fits $bound $invoke $Path")
 """Variables that may stand behind `&`."""
 
 SPECIAL = words(

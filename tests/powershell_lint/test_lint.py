@@ -12,12 +12,12 @@ from rarms_iac.model.plan import GuestTask, HostPlan
 from rarms_iac.model.state import Partition, Tie
 from rarms_iac.powershell import measuring
 from rarms_iac.powershell.inspection.inspect import inspect
-from rarms_iac.powershell.inspection.steps import _CAPACITY, _GUARDS, _MEASURES, _READERS, _SETTERS, _VALUES
+from rarms_iac.powershell.inspection.steps import _CAPACITY, _MEASURES, _READERS, _SETTERS, _VALUES
 from rarms_iac.powershell.render import render_observe, render_scripts
 from rarms_iac.powershell.statements import calls_of, plan_statements
-from rarms_iac.powershell.templates import MEASURING_ENTRY, PARTS, STEP_CALL, TARGET, part_text, runtime
+from rarms_iac.powershell.templates import ENTRY, MEASURING_ENTRY, STEP_CALL, TARGET, ScriptForm, module_text, read
 from rarms_iac.powershell.tree import sound
-from rarms_iac.providers.hyperv.bootstrap import render_bootstrap
+from rarms_iac.providers.hyperv.bootstrap import render_loader, render_receiver
 from tests import builders_plan as build
 from tests.powershell_lint.lint import problems
 from tests.unit.powershell.plans import all_changes, rendered_plan
@@ -43,12 +43,6 @@ def filled_plan() -> HostPlan:
 
 HOST_PLAN = filled_plan()
 SCRIPTS = {name: text.decode("ascii") for name, text in scripts_of(HOST_PLAN, build.plan(HOST_PLAN)).items()}
-ASKED_FOR = (
-    "[CmdletBinding(SupportsShouldProcess)]\n"
-    "[Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSUseShouldProcessForStateChangingFunctions', '')]\n"
-)
-PARAMETERS = "param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force)"
-WHOLE = ASKED_FOR + "\n".join([PARAMETERS, runtime()])
 
 
 def measuring_script() -> bytes:
@@ -78,8 +72,11 @@ def test_every_operation_is_among_those_that_fill_the_templates() -> None:
 
 @pytest.mark.parametrize("name", sorted(SCRIPTS))
 def test_a_script_of_a_plan(name: str) -> None:
+    single = scripts_of(HOST_PLAN, build.plan(HOST_PLAN), ScriptForm.SINGLE)[name]
+
     assert inspect(SCRIPTS[name].encode("ascii"), name) == ()
-    assert problems(SCRIPTS[name]) == []
+    assert inspect(single, name) == ()
+    assert problems(single.decode("ascii")) == []  # with the functions that it calls
 
 
 def test_a_script_that_measures() -> None:
@@ -89,16 +86,28 @@ def test_a_script_that_measures() -> None:
     assert problems(script.decode("ascii")) == []
 
 
-def test_all_that_is_fixed() -> None:
-    assert problems("\n".join([WHOLE, *map(part_text, PARTS), ""])) == []
+def test_the_module() -> None:
+    assert problems(read("Rarms/Rarms.psm1")) == []
+    assert problems(module_text(ScriptForm.MODULE) + "\n$rarms\n") == []
+
+
+@pytest.mark.parametrize("entry", [ENTRY, MEASURING_ENTRY])
+def test_a_module_that_a_script_holds(entry: str) -> None:
+    assert problems(module_text(ScriptForm.SINGLE, entry) + "\n$rarms, $folder\n") == []
 
 
 def test_the_script_that_observes_only_reads() -> None:
     assert problems(render_observe().decode("ascii"), reading=True) == []
 
 
-def test_the_bootstrap() -> None:
-    assert problems(render_bootstrap().decode("ascii")) == []
+def test_the_receiver() -> None:
+    assert problems(render_receiver().decode("ascii")) == []
+
+
+def test_the_loader_does_what_no_other_text_may_do_once_and_nothing_else() -> None:
+    found = sorted(problem.partition(": ")[2] for problem in problems(render_loader().decode("ascii")))
+
+    assert [problem.partition(" ([")[0] for problem in found] == ["& runs"]
 
 
 def of_a_cluster() -> list[Change]:
@@ -121,7 +130,7 @@ def test_scripts_may_call_in_plans_what_rarms_writes_there_and_nothing_else() ->
 
     for name in (STEP_CALL, TARGET):
         del called[name]
-    assert called == {**_READERS, **_SETTERS, **_MEASURES, **_VALUES, **_GUARDS, **_CAPACITY}
+    assert called == {**_READERS, **_SETTERS, **_MEASURES, **_VALUES, **_CAPACITY}
 
 
 BAD = {

@@ -25,7 +25,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, READY, command
+from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, READY, command, render_receiver
 from rarms_iac.storage.codec import decode
 from rarms_iac.storage.lock import Locked, hold
 from tests.twin.compiling import compiled
@@ -122,8 +122,9 @@ def run_file(folder: Path, how: How, script: Path, given: Sequence[str]) -> int:
         host.lock = "" if free else "held"
         if not script.name.startswith("observe"):
             _meddle(host, how.meddles_with)
-        for path in script.parent.glob("*.ps1"):
-            host.write_file(f"{FOLDER}\\{path.name}", path.read_bytes())
+        for path in (*script.parent.glob("*.ps1"), *script.parent.glob("Rarms/*")):
+            name = path.relative_to(script.parent).as_posix().replace("/", "\\")
+            host.write_file(f"{FOLDER}\\{name}", path.read_bytes())
 
         def watch(changed: WindowsHost) -> None:
             if script.with_name(f"{script.name}.stop").exists():
@@ -199,11 +200,14 @@ def lock(folder: Path) -> Iterator[bool]:
 
 
 def bootstrap(folder: Path, how: How, encoded: str) -> int:
-    """What bootstrap.ps1 says, in Python; nothing else is taken for it."""
+    """What the loader and bootstrap.ps1 say, in Python; nothing else is taken for them."""
     if b64decode(encoded).decode("utf-16-le") != command():
-        print("only the bootstrap of rarms is known here", file=sys.stderr)
+        print("only the loader of rarms is known here", file=sys.stderr)
         return 1
     print(READY, flush=True)
+    if take(int(take(8))) != render_receiver():
+        print(f"{FAILED} the receiver that came is not the one of this rarms", flush=True)
+        return FAILED_CODE
     place = Path(tempfile.mkdtemp(prefix="rarms-"))
     try:
         arguments, script = receive(place, garbles=how.garbles)
@@ -266,6 +270,7 @@ def receive(place: Path, *, garbles: bool = False) -> tuple[list[str], Path]:
         if hashlib.sha256(data).hexdigest() != digest:
             raise ValueError(f"{name} is not what was sent")
         paths.append(place / name)
+        paths[-1].parent.mkdir(exist_ok=True)
         paths[-1].write_bytes(data)
     return table[0].split(), paths[0]
 

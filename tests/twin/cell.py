@@ -8,11 +8,14 @@ from datetime import date
 
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.prepare import PlanningResult, prepare
+from rarms_iac.applying.scripts import scripts_of as rendered
 from rarms_iac.model.diagnostics import Places
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
+from rarms_iac.powershell.inspection.layout import NEW_MODULE
 from rarms_iac.powershell.render import script_name
+from rarms_iac.powershell.templates import MODULE_FOLDER, ScriptForm, shipped_module
 from tests.builders import PathPlaces
 from tests.twin.host import WindowsHost
 from tests.twin.observing import state_of
@@ -60,6 +63,24 @@ def scripts_of(plan: Plan) -> Mapping[str, bytes]:
     return {name: text.encode("ascii") for name, text in part.scripts.items()}
 
 
+def with_module(scripts: Mapping[str, bytes]) -> Mapping[str, bytes]:
+    """Scripts, and the module that lies beside them."""
+    module = {f"{MODULE_FOLDER}/{name}": text.encode("ascii") for name, text in shipped_module().items()}
+    return {**scripts, **module}
+
+
+def in_one_file(plan: Plan) -> Plan:
+    """The plan with scripts that hold their module."""
+    (part,) = plan.hosts
+    texts = {name: text.decode("ascii") for name, text in rendered(part, plan, ScriptForm.SINGLE).items()}
+    return replace(plan, hosts=(replace(part, scripts=texts),))
+
+
+def files_of(plan: Plan) -> Mapping[str, bytes]:
+    """The scripts of its only host, with their module."""
+    return with_module(scripts_of(plan))
+
+
 def apply_script(plan: Plan) -> str:
     return script_name(plan.hosts[0])
 
@@ -83,5 +104,6 @@ def _run_of(host: WindowsHost, plan: Plan, name: str, **how: bool) -> Ran:
     scripts = scripts_of(plan)
     if name not in scripts:
         return Ran(code=0, lines=(), talk=("the plan has no such script",))
-    put(host, scripts)
+    single = any(NEW_MODULE in text for text in plan.hosts[0].scripts.values())
+    put(host, scripts if single else with_module(scripts))
     return run(host, name, **how)  # type: ignore[arg-type]  # names of options, said by tests

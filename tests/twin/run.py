@@ -47,7 +47,7 @@ class Ran:
 def put(host: WindowsHost, scripts: Mapping[str, bytes]) -> None:
     """Lay the scripts where they can be run from."""
     for name, data in scripts.items():
-        host.write_file(f"{FOLDER}\\{name}", data)
+        host.write_file(f"{FOLDER}\\{name}".replace("/", "\\"), data)
 
 
 def run(

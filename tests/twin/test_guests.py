@@ -1,5 +1,6 @@
 """The scripts of guests on the twin, which were not looked into: done once and again, killed everywhere, undone."""
 
+from collections.abc import Mapping
 from functools import cache
 
 import pytest
@@ -11,7 +12,7 @@ from rarms_iac.providers.hyperv.observation import observation_of
 from rarms_iac.providers.hyperv.parse import tasks_of
 from tests.builders import a_component
 from tests.effort import every_few
-from tests.twin.cell import Cell, apply, scripts_of
+from tests.twin.cell import Cell, apply, scripts_of, with_module
 from tests.twin.cells import a_cell_system, a_windows
 from tests.twin.host import Entry, WindowsHost
 from tests.twin.observing import PROFILE, document_of
@@ -36,8 +37,8 @@ def the_plan() -> Plan:
 
 
 @cache
-def the_scripts() -> dict[str, bytes]:
-    return {name: text for name, text in scripts_of(the_plan()).items() if ".guest." in name}
+def the_scripts() -> Mapping[str, bytes]:
+    return with_module({name: text for name, text in scripts_of(the_plan()).items() if ".guest." in name})
 
 
 OTHER = "8C0F5E9A-0000-4000-8000-000000000001"
@@ -158,7 +159,7 @@ def test_a_machine_that_is_there_is_known_by_its_id_and_a_namesake_elsewhere_is_
     cell = Cell(the_system(), a_windows())
     host = cell.host.copy()
     assert apply(host, the_plan()).code == 0
-    scripts = {name: text for name, text in scripts_of(cell.on(host).plan()).items() if ".guest." in name}
+    scripts = with_module({name: text for name, text in scripts_of(cell.on(host).plan()).items() if ".guest." in name})
     (machine,) = (vm.id for vm in host.vms.values() if vm.name == "vision")
     own, namesake = a_guest("vision", machine.upper()), a_guest()
     for guest in (own, namesake):

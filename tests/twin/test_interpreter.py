@@ -2,7 +2,7 @@
 
 import pytest
 
-from rarms_iac.powershell.templates import PARTS, part_text, runtime
+from rarms_iac.powershell.templates import ENTRY, MEASURING_ENTRY, ScriptForm, module_text
 from tests.twin.host import WindowsHost
 from tests.twin.run import put, run
 from tests.twin.values import Unsupported
@@ -92,9 +92,9 @@ def test_what_the_twin_does_not_know_is_told_and_never_guessed(says: str) -> Non
         told(says)
 
 
-def test_every_function_of_the_runtime_and_of_all_parts_is_understood() -> None:
-    own = "param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon)\nSet-StrictMode -Version 3.0"
-    runs = "\n".join([own, runtime(), *map(part_text, PARTS), "exit 0", ""])
+@pytest.mark.parametrize("entry", [ENTRY, MEASURING_ENTRY])
+def test_every_function_of_the_module_is_understood(entry: str) -> None:
+    runs = f"Set-StrictMode -Version 3.0\n{module_text(ScriptForm.SINGLE, entry)}\nexit 0\n"
     host = WindowsHost()
     put(host, {"s.ps1": runs.encode("ascii")})
 

@@ -2,30 +2,23 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import pytest
 
 from rarms_iac.app.wiring import read_script_output
-from rarms_iac.applying.run_script import apply_job
+from rarms_iac.applying.run_script import apply_job, finish_job, undo_job
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import Rights
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.providers.hyperv.condition import findings_of
 from rarms_iac.providers.hyperv.run import LiveHypervHost
-from rarms_iac.providers.interface import (
-    NO_WAITING,
-    ExaminableHost,
-    HostFailed,
-    RecordableHost,
-    RunEvent,
-    ScriptBundle,
-    ScriptExited,
-)
+from rarms_iac.providers.interface import NO_WAITING, ExaminableHost, HostFailed, RecordableHost, RunEvent, ScriptExited
 from tests.builders import a_host, codes
 from tests.effort import Attempt, every_few, tried
 from tests.recorded_hosts import read_observation
-from tests.twin.cell import apply, scripts_of
+from tests.twin.cell import apply, files_of
 from tests.twin.cells import everything, fresh
 from tests.twin.host import WindowsHost
 from tests.twin.observing import JOURNAL, PENDING, PROFILE, RECORDS, document_of
@@ -126,7 +119,8 @@ def test_where_a_policy_wants_signatures_what_a_reviewer_signed_is_what_runs(tmp
     there = live(host, signatures=tmp_path)
     with pytest.raises(HostFailed, match="not digitally signed"):
         there.observe()
-    for name, text in {"observe.ps1": render_observe(), **scripts_of(prepared.plan)}.items():
+    (tmp_path / "Rarms").mkdir()
+    for name, text in {"observe.ps1": render_observe(), **files_of(prepared.plan)}.items():
         (tmp_path / name).write_bytes(signed(text))
     before = there.observe()
 
@@ -134,9 +128,10 @@ def test_where_a_policy_wants_signatures_what_a_reviewer_signed_is_what_runs(tmp
     run = there.journal()
     assert run is not None
     assert run.started.undo.encode("ascii") == (tmp_path / undo_it).read_bytes()
+    shutil.rmtree(tmp_path / "Rarms")  # a run is finished or undone by what the journal holds, signed as it was
     for path in tmp_path.iterdir():
-        path.unlink()  # a run is finished or undone by what the journal holds, signed as it was
-    back = there.run_script(ScriptBundle(runs=undo_it, files={undo_it: run.started.undo}), NO_WAITING, Heard())
+        path.unlink()
+    back = there.run_script(undo_job(part.host.name, run).script, NO_WAITING, Heard())
     (tmp_path / "observe.ps1").write_bytes(signed(render_observe()))
 
     assert back == ScriptExited(code=0)
@@ -149,7 +144,8 @@ def test_a_signed_run_that_is_killed_anywhere_is_finished_by_the_signed_text_in_
 ) -> None:
     prepared = everything()
     own = apply_job(prepared.plan.id, prepared.plan.hosts[0]).script
-    for name, text in {"observe.ps1": render_observe(), **scripts_of(prepared.plan)}.items():
+    (tmp_path / "Rarms").mkdir()
+    for name, text in {"observe.ps1": render_observe(), **files_of(prepared.plan)}.items():
         (tmp_path / name).write_bytes(signed(text))
     whole = prepared.copy(all_signed=True)
     assert live(whole, signatures=tmp_path).run_script(own, NO_WAITING, Heard()) == ScriptExited(code=0)
@@ -163,7 +159,7 @@ def test_a_signed_run_that_is_killed_anywhere_is_finished_by_the_signed_text_in_
         run = live(host, signatures=tmp_path).journal()
         bundle, signatures = own, tmp_path
         if isinstance(run, ScriptRun) and run.started.plan == prepared.plan.id:  # what is not signed would not run
-            bundle = ScriptBundle(runs=own.runs, files={**own.files, own.runs: run.started.script})
+            bundle = finish_job("onboard", run).script
             signatures = tmp_path / "nowhere"
 
         assert live(host, signatures=signatures).run_script(bundle, NO_WAITING, Heard()) == ScriptExited(code=0), number
@@ -177,9 +173,9 @@ def test_a_signed_file_that_says_anything_else_is_not_what_runs(tmp_path: Path, 
     script = apply_job(prepared.plan.id, prepared.plan.hosts[0]).script
     text = script.files[script.runs].encode("ascii")
     copy = {
-        "another text": signed(text.replace(b"Invoke-Run -Steps", b"Invoke-Run  -Steps")),
+        "another text": signed(text.replace(b"& $invoke", b"&  $invoke")),
         "another line behind it": signed(text) + b"exit 7\r\n",
-        "no signature": text.replace(b"Invoke-Run -Steps", b"Invoke-Run  -Steps"),
+        "no signature": text.replace(b"& $invoke", b"&  $invoke"),
     }[changed]
     (tmp_path / script.runs).write_bytes(copy)
 

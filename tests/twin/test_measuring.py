@@ -295,7 +295,7 @@ def test_what_windows_refuses_is_told_and_nothing_stays(
     [
         ("Add-GuestWork -Partition 'rarms-p1'", "Get-GuestSecret -Name 'rarms-p1'"),
         ("-Program 'vision.exe'", "-Program (Get-PendingName -Name 'x' | Sort-Object)"),
-        ("Invoke-Measuring -Steps { Add-Plan }", "Invoke-Run -Steps { Add-Plan }"),
+        ("['Invoke-RarmsMeasuring']", "['Invoke-RarmsPlan']"),
         ("Stop-Process -Id $_.ProcessId -Force", "Stop-Computer -Force"),
         ("    Add-TestPartition", "    Hyper-V\\Remove-VM -Name '*'\r\n    Add-TestPartition"),
     ],

@@ -9,8 +9,9 @@ import pytest
 
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.render import render_observe
+from rarms_iac.powershell.templates import read
 from tests.effort import every_few
-from tests.twin.cell import apply, apply_script, scripts_of, undo, undo_script
+from tests.twin.cell import apply, apply_script, files_of, scripts_of, undo, undo_script
 from tests.twin.cells import Prepared, everything, fresh
 from tests.twin.host import Entry, Killed, WindowsHost
 from tests.twin.observing import JOURNAL, PROFILE
@@ -23,7 +24,7 @@ PENDING_FOLDER = "c:\\run\\"
 
 def asked(prepared: Prepared, host: WindowsHost, *declined: str) -> Ran:
     """A run at whose prompts the user says no to these addresses or actions."""
-    put(host, scripts_of(prepared.plan))
+    put(host, files_of(prepared.plan))
     return run(host, apply_script(prepared.plan), declined=frozenset(declined))
 
 
@@ -189,7 +190,7 @@ def test_ctrl_c_while_a_guest_shuts_down_ends_with_0_and_leaves_the_run_open() -
 def test_a_preview_for_a_program_is_json_and_takes_no_lock() -> None:
     prepared = fresh()
     host = prepared.copy(lock="held")
-    put(host, scripts_of(prepared.plan))
+    put(host, files_of(prepared.plan))
 
     ran = run(host, apply_script(prepared.plan), what_if=True)
     spoken = run(host, apply_script(prepared.plan), what_if=True, as_json=False)
@@ -231,7 +232,7 @@ def _effects(prepared: Prepared) -> list[str]:
 def test_a_wait_that_makes_no_sense_is_refused_in_our_own_words(seconds: int) -> None:
     prepared = fresh()
     host = prepared.copy()
-    put(host, scripts_of(prepared.plan))
+    put(host, files_of(prepared.plan))
 
     ran = run(host, apply_script(prepared.plan), lock_timeout=seconds)
 
@@ -243,7 +244,7 @@ def test_a_wait_that_makes_no_sense_is_refused_in_our_own_words(seconds: int) ->
 def test_confirm_without_a_console_is_refused_in_our_own_words() -> None:
     prepared = fresh()
     host = prepared.copy()
-    put(host, scripts_of(prepared.plan))
+    put(host, files_of(prepared.plan))
 
     ran = run(host, apply_script(prepared.plan), unanswered=True, confirm=True)
     alone = run(host, apply_script(prepared.plan), unanswered=True)
@@ -262,7 +263,7 @@ def test_confirm_without_a_console_is_refused_in_our_own_words() -> None:
 def test_what_stops_and_removes_has_to_be_confirmed(asked: dict[str, bool], code: int) -> None:
     prepared = everything()
     host = prepared.copy()
-    put(host, scripts_of(prepared.plan))
+    put(host, files_of(prepared.plan))
     text = scripts_of(prepared.plan)[apply_script(prepared.plan)]
 
     ran = run(host, apply_script(prepared.plan), unanswered=True, **asked)  # type: ignore[arg-type]  # switches
@@ -276,8 +277,14 @@ def test_what_stops_and_removes_has_to_be_confirmed(asked: dict[str, bool], code
 
 def test_what_a_caller_prefers_reaches_into_no_run() -> None:
     prepared = everything()
-    head = scripts_of(prepared.plan)[apply_script(prepared.plan)].decode("ascii").partition("function Add-Plan")[0]
-    observed = render_observe().decode("ascii")
+    head = (
+        scripts_of(prepared.plan)[apply_script(prepared.plan)]
+        .decode("ascii")
+        .replace("\r\n", "\n")
+        .partition("$plan = {")[0]
+    )
+    head += read("Rarms/Rarms.psm1").partition("function ")[0]
+    observed = read("observe.ps1")
 
     for preference in re.findall(r"^\$\w+Preference = .*$", observed, re.MULTILINE):
         name = preference.split()[0]
@@ -289,7 +296,7 @@ def test_line_ends_that_git_changed_are_called_so() -> None:
     prepared = fresh()
     host = prepared.copy()
     name = undo_script(prepared.plan)
-    put(host, {**scripts_of(prepared.plan), name: scripts_of(prepared.plan)[name].replace(b"\r\n", b"\n")})
+    put(host, {**files_of(prepared.plan), name: scripts_of(prepared.plan)[name].replace(b"\r\n", b"\n")})
 
     ran = run(host, apply_script(prepared.plan))
 
@@ -299,7 +306,7 @@ def test_line_ends_that_git_changed_are_called_so() -> None:
 def test_a_missing_undo_script_is_named_in_our_own_words() -> None:
     prepared = fresh()
     host = prepared.copy()
-    put(host, scripts_of(prepared.plan))
+    put(host, files_of(prepared.plan))
     del host.files[PENDING_FOLDER + undo_script(prepared.plan)]
 
     ran = run(host, apply_script(prepared.plan))
@@ -312,17 +319,17 @@ def test_a_missing_undo_script_is_named_in_our_own_words() -> None:
     ("change", "code"),
     [
         (signed, 0),
-        (lambda text: signed(text.replace(b"Invoke-Run -Steps", b"Invoke-Run  -Steps")), 1),
+        (lambda text: signed(text.replace(b"& $invoke", b"&  $invoke")), 1),
         (lambda text: signed(text) + b"Remove-Item C:\\\r\n", 1),
         (lambda text: signed(text + b"Remove-Item C:\\\r\n"), 1),
-        (lambda text: text.replace(b"Invoke-Run -S", b"# SIG # Begin signature block\r\nInvoke-Run -S"), 1),
+        (lambda text: text.replace(b"& $invoke", b"# SIG # Begin signature block\r\n& $invoke"), 1),
     ],
     ids=["signed", "edited", "a line behind", "a line ahead", "code in the block"],
 )
 def test_an_undo_script_may_be_signed_and_nothing_else(change: Callable[[bytes], bytes], code: int) -> None:
     prepared = fresh()
     host = prepared.copy()
-    put(host, scripts_of(prepared.plan))
+    put(host, files_of(prepared.plan))
     name = undo_script(prepared.plan)
     put(host, {name: change(scripts_of(prepared.plan)[name])})
     before = seen(host)

@@ -16,7 +16,7 @@ from rarms_iac.powershell.outline import outline
 from rarms_iac.storage.append import records_in
 from tests.builders import a_component, a_partition
 from tests.effort import every_few
-from tests.twin.cell import Cell, apply, apply_script, scripts_of, undo, undo_script
+from tests.twin.cell import Cell, apply, apply_script, files_of, scripts_of, undo, undo_script
 from tests.twin.cells import IMAGE, Prepared, a_cell_system, a_stranger, a_windows, everything, fresh
 from tests.twin.host import Entry, Vm, WindowsHost
 from tests.twin.observing import CRYPTOGRAPHY, JOURNAL, PROFILE, RECORDS, document_of
@@ -89,7 +89,7 @@ def test_what_if_touches_nothing(cell: Make) -> None:
     host = prepared.copy()
     before = seen(host)
 
-    put(host, scripts_of(prepared.plan))
+    put(host, files_of(prepared.plan))
     ran = run(host, apply_script(prepared.plan), what_if=True)
 
     assert ran.code == 0, ran.says
@@ -108,7 +108,7 @@ def parts_of(script: bytes) -> list[tuple[str, str]]:
 @pytest.mark.parametrize("as_json", [True, False], ids=["for a program", "for a person"])
 def test_every_action_of_a_plan_stands_in_its_preview(cell: Make, as_json: bool) -> None:
     prepared = cell()
-    scripts = scripts_of(prepared.plan)
+    scripts = files_of(prepared.plan)
     host = prepared.copy()
     put(host, scripts)
 
@@ -124,11 +124,11 @@ def test_a_preview_begins_with_what_is_stopped_removed_and_deleted() -> None:
     host = made.copy()
     apply(host, made.plan)
     removal = made.cell.on(host).plan(purpose=Purpose.DESTROY, remove_disks=True)
-    put(host, scripts_of(removal))
+    put(host, files_of(removal))
 
     spoken = run(host, apply_script(removal), what_if=True, as_json=False)
     told = run(host, apply_script(removal), what_if=True)
-    put(host, scripts_of(made.plan))
+    put(host, files_of(made.plan))
     nothing = run(host, apply_script(made.plan), what_if=True)
 
     disk = next(iter(disks(host) - {IMAGE.lower()})).rpartition("\\")[2]
@@ -313,7 +313,7 @@ def test_another_windows_of_the_same_name_is_not_the_plans_host(way: Callable[[W
 def test_a_script_is_run_as_a_file_alone() -> None:
     prepared = fresh()
     host = prepared.copy()
-    put(host, scripts_of(prepared.plan))
+    put(host, files_of(prepared.plan))
 
     ran = run(host, apply_script(prepared.plan), dot_sourced=True)
     host.language = "ConstrainedLanguage"
@@ -363,7 +363,7 @@ def test_another_run_is_waited_for_as_long_as_that_is_wanted_and_named(frees_s: 
     host = prepared.copy(lock="held")
     host.write_file(FOLDER, None)
     host.write_file(f"{FOLDER}\\owner.txt", b"engineer@DESK, process 9")
-    put(host, scripts_of(prepared.plan))
+    put(host, files_of(prepared.plan))
     until = host.clock + 1000 * frees_s
 
     def let_go(on: WindowsHost) -> None:

@@ -32,7 +32,6 @@ def of_an_older_version(plan: Plan) -> Plan:
     changes = {
         "        Run = '": "        Silence = 5; Run = '",
         "[int] $LockTimeout = 0": "[int] $LockTimeout = 1",
-        "Unlock-Host": "Exit-ThisHost",
     }
     older = dict(part.scripts)
     for name in sorted(older, key=lambda name: ".undo." not in name):
@@ -126,9 +125,9 @@ def forge_journal(host: WindowsHost, old: str, new: str) -> None:
     [
         ("Hyper-V\\Set-VMProcessor -VM $script:Vm", "Hyper-V\\Export-VM -VM $script:Vm"),
         ("    Use-Target", "    Restart-Computer\r\n    Use-Target"),
-        ("Guard = { Assert-VmHost }", "Guard = { Assert-VmHost; Restart-Computer }"),
+        ("Guest = ''", "Guest = ''; Guard = { Assert-VmHost; Restart-Computer }"),
         ("Set-StrictMode -Version 3.0", "Restart-Computer\r\nSet-StrictMode -Version 3.0"),
-        ("Invoke-Run -Steps { Add-Plan }", "Invoke-Run -Steps { Add-Plan }\r\nRestart-Computer"),
+        ("& $invoke -Run $run", "& $invoke -Run $run\r\nRestart-Computer"),
         ("#Requires -Version 5.1", "#Requires -Version 5.1\r\n#Requires -Modules Evil"),
         ("    Use-Target", "    # wäit\r\n    Use-Target"),
     ],

@@ -25,6 +25,7 @@ from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import Findings, has_errors
 from rarms_iac.model.plan import Plan
+from rarms_iac.powershell.templates import ScriptForm
 from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.scripts import difference_text, left_out, script_text
@@ -43,6 +44,9 @@ class ShowOptions:
     undo: bool = flag("--undo", help="With --script: the one that takes it back.")
     out: str | None = option(
         "--out", metavar="FOLDER", help="With --script: write the exact bytes, undo scripts beside them."
+    )
+    single_file: bool = flag(
+        "--single-file", help="With --script: each script holds the module itself, instead of a folder beside it."
     )
     against: str | None = option(
         "--against", metavar="FILE", help="With --script: how it differs from this script or plan, by steps."
@@ -69,7 +73,7 @@ def show_command(
     if options.transport:
         return _show_transport(session)
     if not options.script:
-        of_scripts = (options.guest, options.undo, options.out, options.against)
+        of_scripts = (options.guest, options.undo, options.out, options.against, options.single_file)
         if any((*of_scripts, host_selection.hosts, host_selection.snapshots)):
             raise RequestError("That is asked of scripts: add --script.")
         if options.plan_file is None:
@@ -101,7 +105,7 @@ def _plan(plan_file: str | None, source: ManifestSource, host_selection: Snapsho
 def _show_scripts(session: Session, plan: Plan, hosts: tuple[str, ...], options: ShowOptions) -> ExitCode:
     """Show, write or compare the scripts of a plan that are selected."""
     selection = ScriptSelection(hosts=hosts, guest=options.guest, undo=options.undo)
-    scripts = plan_scripts(plan)
+    scripts = plan_scripts(plan, ScriptForm.SINGLE if options.single_file else ScriptForm.MODULE)
     selected = select_scripts(scripts, selection, plan)
     if options.out is not None:
         written = scripts_to_write(scripts, selected, selection)
@@ -147,15 +151,18 @@ def _check(session: Session, path: str) -> ExitCode:
 
 
 def _show_transport(session: Session) -> ExitCode:
-    """The fixed command that receives scripts at the other end of ssh."""
-    from rarms_iac.app.wiring import bootstrap_script
+    """The fixed command that ssh starts, and the receiver that it takes from standard input and runs."""
+    from rarms_iac.app.wiring import transport_scripts
 
-    script = bootstrap_script()
-    heading = "bootstrap.ps1, given to ssh as one command"
-    if session.terminal.piped:
-        session.terminal.data(script)
-    else:
-        _show_script(session, heading, script, whole=True)
+    headings = {
+        "loader.ps1": "loader.ps1, given to ssh as one command",
+        "bootstrap.ps1": "bootstrap.ps1, which the loader takes from standard input and runs",
+    }
+    for name, script in transport_scripts().items():
+        if session.terminal.piped:
+            session.terminal.data(script)
+        else:
+            _show_script(session, headings[name], script, whole=True)
     return ExitCode.DONE
 
 

@@ -1,10 +1,12 @@
 """What every script must pass before it is shown or run: bytes, what is fixed, and the tree of its plan."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from itertools import chain
+from types import MappingProxyType
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.powershell.inspection.layout import check_layout, split_script, without_fixed
-from rarms_iac.powershell.inspection.recorded import check_around_plan
+from rarms_iac.powershell.inspection.recorded import check_around_plan, check_module
 from rarms_iac.powershell.inspection.steps import check_recorded_plan, check_steps
 from rarms_iac.powershell.templates import ENTRY
 from rarms_iac.powershell.tree import NotParsed, sound
@@ -22,7 +24,7 @@ def inspect(script: bytes, name: str = "script.ps1", *, entry: str = ENTRY) -> t
     Args:
         script: its bytes.
         name: its file name, for the findings.
-        entry: the function that its last line calls.
+        entry: the function that its end calls.
 
     Returns:
         The findings in the order of the script's lines; none where it may be shown and run. Steps are looked at where
@@ -35,13 +37,15 @@ def inspect(script: bytes, name: str = "script.ps1", *, entry: str = ENTRY) -> t
     if problems := tuple(check_layout(name, parts, entry)):
         return problems
     try:
-        root = sound(without_fixed(text))
+        root = sound(without_fixed(text, entry))
     except NotParsed as error:
         return (_not_parsed(name, error),)
-    return tuple(check_steps(name, root, [(piece.first, piece.last) for piece in parts.fixed], entry))
+    return tuple(check_steps(name, root, entry))
 
 
-def inspect_recorded(script: bytes, name: str) -> tuple[Diagnostic, ...]:
+def inspect_recorded(
+    script: bytes, name: str, module: Mapping[str, str] = MappingProxyType({})
+) -> tuple[Diagnostic, ...]:
     """Find what is wrong with a script out of a host's journal, which any version of rarms may have made.
 
     What is fixed in it is that version's, so it is not compared: an upgrade must not strand a run. Outside of functions
@@ -50,6 +54,7 @@ def inspect_recorded(script: bytes, name: str) -> tuple[Diagnostic, ...]:
     Args:
         script: its bytes, without a signature block.
         name: its file name, for the findings.
+        module: the files of its module by name, as the journal holds them; none where the script holds it.
 
     Returns:
         The first finding; none where its plan has the form of a plan, and nothing else runs before it is called.
@@ -61,7 +66,8 @@ def inspect_recorded(script: bytes, name: str) -> tuple[Diagnostic, ...]:
         root = sound(without_fixed(text))
     except NotParsed as error:
         return (_not_parsed(name, error),)
-    return (*check_recorded_plan(name, root), *check_around_plan(name, text, root))[:1]
+    checks = (check_recorded_plan(name, root), check_around_plan(name, text, root), check_module(name, text, module))
+    return tuple(chain.from_iterable(checks))[:1]
 
 
 def _not_parsed(name: str, error: NotParsed) -> Diagnostic:

@@ -5,7 +5,7 @@ filled again with exactly those and a harmless literal for every value. Where th
 the script, something else is in it. So what a script does can be read out of its tree.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import zip_longest
 from typing import TYPE_CHECKING
 
@@ -22,12 +22,15 @@ from rarms_iac.powershell.statements import (
 )
 from rarms_iac.powershell.templates import (
     ENTRY,
+    FACT_NAMES,
+    HOST_FACT_NAMES,
     MEASURING_ENTRY,
     PLAN,
     STEP_CALL,
     TARGET,
     VM,
     StepText,
+    fact_lines,
     fill,
     impact_of,
     step_lines,
@@ -39,7 +42,7 @@ if TYPE_CHECKING:
     from tree_sitter import Node
 
 STEP = Finding.error("RARMS211", "A step of a script has another form than rarms writes")
-_ADVICE = "a step is a table of literals; its blocks hold calls of cmdlets and of the runtime's functions"
+_ADVICE = "a step is a table of literals; its blocks hold calls of cmdlets and of the module's functions"
 
 
 def _calls(text: str) -> Mapping[str, frozenset[str]]:
@@ -101,6 +104,10 @@ _FORMER_SETTERS = _calls(r"""
     Clear-DiskFile Path
     Clear-NetworkAdapter
 """)
+_FORMER_GUARDS = _calls("""
+    Assert-VmHost
+    Assert-Guest
+""")
 _WORK = "Partition Credential Name Kind Program Arguments Folder Environment Files PeriodTicks TimeoutMs Instances"
 _MEASURES = _calls(f"""
     Add-TestPartition Name Processors Memory Limit Weight Generation Image Type Folder SecureBoot
@@ -111,31 +118,10 @@ _VALUES = _calls(r"""
     Get-DiskPath Folder Name Type
     Hyper-V\Get-VMHardDiskDrive VM
 """)
-_GUARDS = _calls("""
-    Assert-VmHost
-    Assert-Guest
-""")
 _CAPACITY = _calls("Test-Capacity Processors Reserve Memory")
 _SWITCHES = frozenset({"Clustered", "Differencing", "Everywhere", "Force", "NoVHD"})
 
-_GUARD = "Guard"
-_RUN_KEYS = {
-    *(
-        "Run",
-        "Plan",
-        "Application",
-        "Robot",
-        "Serial",
-        "Undo",
-        "UndoDigest",
-        "Guest",
-        "Identity",
-        "Computer",
-        "LogicalProcessors",
-        "Cores",
-    ),
-    *("ThreadsPerCore", "Percent", "Memory", "AcceptScheduler", _GUARD),
-}
+_FORMER_GUARD = "Guard"
 _STEP_PARAMETERS = frozenset({"Action", "Before", "After", "Set"})
 _LITERAL_PARAMETERS = ("Undoes", "Lost")
 _OPTIONAL_PARAMETERS = frozenset({*_LITERAL_PARAMETERS, "Fits"})
@@ -151,15 +137,14 @@ class _OtherForm(Exception):
         self.detail = detail
 
 
-def check_steps(name: str, root: "Node", fixed: Sequence[tuple[int, int]], entry: str) -> Iterator[Diagnostic]:
-    """Compare what stands outside of the fixed parts with the template; `fixed` are their first and last lines."""
-    roots = [node for node in top_statements(root) if not any(first <= line_of(node) <= last for first, last in fixed)]
+def check_steps(name: str, root: "Node", entry: str) -> Iterator[Diagnostic]:
+    """Compare a script's tree, without the lines of its module, with the template's."""
     try:
         template = _template_of(root, entry)
     except _OtherForm as other:
         yield _problem(name, line_of(other.node), other.detail)
     else:
-        yield from _differences(name, roots, list(top_statements(template)))
+        yield from _differences(name, list(top_statements(root)), list(top_statements(template)))
 
 
 def check_recorded_plan(name: str, root: "Node") -> Iterator[Diagnostic]:
@@ -174,20 +159,21 @@ def check_recorded_plan(name: str, root: "Node") -> Iterator[Diagnostic]:
 
 def _template_of(root: "Node", entry: str) -> "Node":
     facts, calls = _facts_and_calls(root)
-    if facts.keys() != _RUN_KEYS:
-        raise _OtherForm(root, f"the facts lack or add {', '.join(sorted(_RUN_KEYS ^ facts.keys()))}")
-    guest = text_of(inner(facts["Guest"])) != "''"
-    return _filled_template(calls, "Assert-Guest" if guest else "Assert-VmHost", entry)
+    guest = "Guest" in facts and text_of(inner(facts["Guest"])) != "''"
+    names = FACT_NAMES if guest else FACT_NAMES | HOST_FACT_NAMES
+    if facts.keys() != names:
+        raise _OtherForm(root, f"the facts lack or add {', '.join(sorted(names ^ facts.keys()))}")
+    return _filled_template(calls, entry, facts)
 
 
 def _template_of_recorded(root: "Node") -> "Node":
     facts, calls = _facts_and_calls(root)
     for key, value in facts.items():
-        if key == _GUARD:
-            _template_call(value, _GUARDS)
+        if key == _FORMER_GUARD:
+            _template_call(value, _FORMER_GUARDS)
         elif not key.isidentifier() or literal_of(inner(value)) is None:
             raise _OtherForm(value, f"the fact {key} is no literal")
-    return _filled_template(calls, "Assert-VmHost", ENTRY)
+    return _filled_template(calls, ENTRY, ())
 
 
 def _differences(name: str, roots: Sequence["Node"], template: Sequence["Node"]) -> Iterator[Diagnostic]:
@@ -216,20 +202,18 @@ def _facts_and_calls(root: "Node") -> "tuple[Mapping[str, Node], tuple[CommandCa
     return facts, calls
 
 
-def _filled_template(calls: Sequence[CommandCall], guard: str, entry: str) -> "Node":
+def _filled_template(calls: Sequence[CommandCall], entry: str, facts: Iterable[str]) -> "Node":
     """The tree of the template, filled with the script's own calls and a harmless literal for each value.
 
     Raises:
         _OtherForm: the script has no form that the template can have, or calls something else.
     """
-    names = ("kind", "plan", "application", "robot", "serial", "undo", "undo_digest", "guest", "identity")
-    more = ("computer", "logical_processors", "cores", "threads_per_core", "percent", "memory", "accept_scheduler")
     text = fill(
         "script.ps1.j2",
         {
-            **dict.fromkeys(("synopsis", "name", "usage"), ""),
-            **dict.fromkeys(("description", "notes", "requirements", "fixed"), ()),
-            "run": {**dict.fromkeys((*names, *more), _HARMLESS), "guard": guard},
+            **dict.fromkeys(("synopsis", "name", "usage", "module"), ""),
+            **dict.fromkeys(("description", "notes", "requirements"), ()),
+            "facts": fact_lines(dict.fromkeys(facts, _HARMLESS)),
             "entry": entry,
             "impact": impact_of("\n".join(text_of(call.node) for call in calls)),
             "plan": [line for call in calls for line in _template_lines(call, entry)],
@@ -289,7 +273,7 @@ def _template_call(node: "Node", allowed: Mapping[str, frozenset[str]]) -> str:
 
 
 def _template_set(node: "Node") -> tuple[str, ...]:
-    """The calls of a `Set` block: cmdlets of Hyper-V, and writers of the runtime."""
+    """The calls of a `Set` block: cmdlets of Hyper-V, and writers of the module."""
     calls = []
     for statement in statements_of(inner(node)):
         call = only_call(statement)

@@ -1,7 +1,8 @@
-"""The fixed command at the other end of ssh: its words, and the frame in which scripts come to its standard input.
+"""The fixed command at the other end of ssh: its words, and the frame in which all else comes to its standard input.
 
-`templates/powershell/bootstrap.ps1` says how the input is read there. The command's words are plain ASCII without
-spaces or quotes, so that it means the same to cmd.exe, PowerShell and every other shell that sshd may start.
+`templates/powershell/loader.ps1.j2` and `bootstrap.ps1`, the receiver, say how the input is read there. The command's
+words are plain ASCII without spaces or quotes, so that it means the same to cmd.exe, PowerShell and every other shell
+that sshd may start.
 """
 
 import hashlib
@@ -10,7 +11,7 @@ from base64 import b64encode
 from collections.abc import Sequence
 from functools import cache
 
-from rarms_iac.powershell.templates import as_script, read
+from rarms_iac.powershell.templates import as_script, fill, read
 from rarms_iac.providers.interface import ScriptBundle, WaitLimits
 
 SHELLS = ("pwsh", "powershell")
@@ -21,18 +22,23 @@ FAILED_CODE = 90
 STOP = b"s"
 
 _PROGRAMS = {"pwsh": "pwsh", "powershell": "powershell.exe"}
-_NAME = re.compile(r"[a-z0-9][a-z0-9.-]*\.ps1")
+_NAME = re.compile(r"[a-z0-9][a-z0-9.-]*\.ps1|Rarms/Rarms\.ps[dm]1")
 
 
-def render_bootstrap() -> bytes:
-    """The bootstrap as a reader sees it."""
+def render_receiver() -> bytes:
+    """What takes scripts from standard input and runs the first: its text travels ahead of them."""
     return as_script(read("bootstrap.ps1"))
+
+
+def render_loader() -> bytes:
+    """What ssh starts, as a reader sees it: it runs the receiver of exactly this version."""
+    return fill("loader.ps1.j2", {"digest": hashlib.sha256(render_receiver()).hexdigest().upper()})
 
 
 @cache
 def command() -> str:
-    """A script without remarks and indentation: what really travels, before it is encoded."""
-    lines = [line.strip() for line in read("bootstrap.ps1").splitlines()]
+    """The loader without remarks and indentation: what the command holds, before it is encoded."""
+    lines = [line.strip() for line in render_loader().decode("ascii").splitlines()]
     return "\n".join(line for line in lines if line and not line.startswith("#"))
 
 
@@ -42,7 +48,7 @@ def program_of(shell: str) -> str:
 
 
 def remote_words(shell: str) -> tuple[str, ...]:
-    """The command that ssh starts at the other end; `-InputFormat None` leaves its standard input to the bootstrap."""
+    """The command that ssh starts at the other end; `-InputFormat None` leaves its standard input to the loader."""
     encoded = b64encode(command().encode("utf-16-le")).decode("ascii")
     options = ("-NoProfile", "-NonInteractive", "-InputFormat", "None", "-OutputFormat", "Text")
     return (program_of(shell), *options, "-EncodedCommand", encoded)
@@ -56,10 +62,10 @@ def arguments_of(script: str, waits: WaitLimits, *, abandoning: bool) -> tuple[s
 
 
 def frame(script: ScriptBundle, arguments: Sequence[str]) -> bytes:
-    """The bytes for the bootstrap's standard input: lengths and digests first, then the scripts as they are.
+    """The bytes for standard input: the receiver, then lengths and digests, then the scripts as they are.
 
     Raises:
-        ValueError: a file has a name that the bootstrap would refuse.
+        ValueError: a file has a name that the receiver would refuse.
     """
     names = [script.runs, *sorted(name for name in script.files if name != script.runs)]
     bodies = [script.files[name].encode("ascii") for name in names]
@@ -68,4 +74,5 @@ def frame(script: ScriptBundle, arguments: Sequence[str]) -> bytes:
             raise ValueError(f"{name!r} cannot be a script's name")
     rows = [f"{name} {len(body)} {hashlib.sha256(body).hexdigest()}" for name, body in zip(names, bodies, strict=True)]
     table = "\n".join([" ".join(arguments), *rows]).encode("ascii")
-    return b"".join([b"%08d" % len(table), table, *bodies])
+    receiver = render_receiver()
+    return b"".join([b"%08d" % len(receiver), receiver, b"%08d" % len(table), table, *bodies])

@@ -108,7 +108,9 @@ class LocalTransport:
         with tempfile.TemporaryDirectory(prefix="rarms-") as folder:
             protect(folder, OURS_ONLY)
             for name, text in script.files.items():
-                (Path(folder) / name).write_bytes(text.encode("ascii"))
+                file = Path(folder) / name
+                file.parent.mkdir(exist_ok=True)
+                file.write_bytes(text.encode("ascii"))
             path = Path(folder) / script.runs
             options = ("-NoProfile", "-NonInteractive", "-ExecutionPolicy", "RemoteSigned", "-File", str(path))
             stop = path.with_name(f"{path.name}.stop")

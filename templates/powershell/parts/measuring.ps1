@@ -1,53 +1,56 @@
-# --- part measuring: the same bytes in every script that carries it ----------------------------
 # Measuring: test partitions that are there while this script runs, and what runs inside guests meanwhile.
 # Which setting is next is asked of the file beside this script that ends with .next: `3 run 45 55.` or `4 rest.`
 
-$script:Jobs = @()              # what runs there now
-$script:Setting = ''            # what was asked for last
-$script:Clock = [System.Diagnostics.Stopwatch]::StartNew()  # of the setting
-$script:Due = [long] 0          # when on it the counters are read next, in ms
-
-function Invoke-Measuring {
+function Invoke-RarmsMeasuring {
     # Everything that a measuring script does. However it ends, nothing of what it made stays.
-    param([scriptblock] $Steps)
-    $held = $false
+    [CmdletBinding()]
+    param([Parameter(Mandatory)] [System.Collections.IDictionary] $Run)
+    $script:Held = $false
     try {
-        & $Steps
-        if ($WhatIfPreference) {
+        Initialize-Run -Run $Run
+        $script:Tests = @()         # test partitions, in the order in which their reserves are asked for
+        $script:TestFolder = '[\\/]rarms-p[12]\.rarms-0{12}$'
+        $script:TestDisk = '[\\/]rarms-p[12]-0{12}\.vhdx?$'
+        $script:Works = @()         # components and loads inside guests
+        $script:Sessions = [hashtable]::new($script:Ordinal)  # by number of a work: the session into its guest
+        $script:Jobs = @()          # what runs there now
+        $script:Setting = ''        # what was asked for last
+        $script:Clock = [System.Diagnostics.Stopwatch]::StartNew()  # of the setting
+        $script:Due = [long] 0      # when on it the counters are read next, in ms
+        if ($Run.Test) { throw 'a measurement wants no state of the host: start it without -Test' }
+        $bound = $MyInvocation.MyCommand.Module.NewBoundScriptBlock($Run.Plan)
+        & $bound
+        if ($script:Preview) {
             foreach ($test in $script:Tests) {
                 Write-Progressed -Partition $test.Name -Status 'previewed' -Detail 'would be made'
             }
-            exit 0
+        } else {
+            Complete-Measurement -Abandon $Run.Abandon
         }
-        $ConfirmPreference = 'None'
-        $guard = $script:Plan.Guard
-        if ($LockTimeout -lt 0 -or $LockTimeout -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
-        if ($Abandon) { throw 'a measurement leaves no unfinished run: start it without -Abandon' }
-        Lock-Host
-        $held = $true
-        & $guard
-        Remove-TestPartition -Tell
-        foreach ($test in $script:Tests) { Add-TestMachine -Test $test }
-        foreach ($work in $script:Works) { Connect-Guest -Work $work }
-        Write-Progressed -Partition '' -Status 'reading' -Detail 'ready'
-        while ($script:Works.Count -and -not (Test-Path -LiteralPath ($PSCommandPath + '.stop'))) { Step-Setting }
-        Remove-Measurement
-        Write-RunEvent -Kind 'run' -Status 'done'
+        $script:Code = 0
     } catch {
-        $detail = [string] $_.Exception.Message
-        if ($script:Refusal) {
-            Write-RunEvent -Kind $script:Refusal -Status 'refused' -Detail $detail
-            exit 3
-        }
-        $id = [string] $_.FullyQualifiedErrorId
-        $at = $_.InvocationInfo  # of what a guest says there may be none
-        if ($id -cne $detail -and $null -ne $at) { $detail += ' ({0}, line {1})' -f $id, $at.ScriptLineNumber }
-        Write-RunEvent -Kind 'failed' -Step $script:Current -Status 'failed' -Detail $detail
-        exit 1
+        Write-Failure -Failure $_
     } finally {
-        try { if ($held) { Remove-Measurement } } finally { Unlock-Host }
+        try { if ($script:Held) { Remove-Measurement } } finally {
+            Unlock-Host
+            $Run.ExitCode.Value = $script:Code
+        }
     }
-    exit 0
+}
+
+function Complete-Measurement {
+    param([bool] $Abandon)
+    if ($Abandon) { throw 'a measurement leaves no unfinished run: start it without -Abandon' }
+    Lock-Host
+    $script:Held = $true
+    Assert-VmHost
+    Remove-TestPartition -Tell
+    foreach ($test in $script:Tests) { Add-TestMachine -Test $test }
+    foreach ($work in $script:Works) { Connect-Guest -Work $work }
+    Write-Progressed -Partition '' -Status 'reading' -Detail 'ready'
+    while ($script:Works.Count -and -not (Test-Path -LiteralPath ($script:ScriptPath + '.stop'))) { Step-Setting }
+    Remove-Measurement
+    Write-RunEvent -Kind 'run' -Status 'done'
 }
 
 function Remove-Measurement {
@@ -87,7 +90,7 @@ function Step-Setting {
 
 function Get-NextSetting {
     # Another one is asked for once the whole line is there; of two that came as one, the newer.
-    $path = $PSCommandPath + '.next'
+    $path = $script:ScriptPath + '.next'
     $text = ''
     try {
         if (Test-Path -LiteralPath $path) { $text = [System.IO.File]::ReadAllText($path) }
@@ -164,4 +167,3 @@ function Write-Counter {
         }
     }
 }
-# --- end of the part measuring -----------------------------------------------------------------

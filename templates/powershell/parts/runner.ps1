@@ -1,8 +1,4 @@
-# --- part runner: the same bytes in every script that carries it -------------------------------
 # What runs inside guests: programs, each in a session of its own, and the runner there that starts and hears it.
-
-$script:Works = @()             # components and loads
-$script:Sessions = [hashtable]::new($script:Ordinal)  # by number of a work: the session into its guest
 
 function Add-GuestWork {
     # Something that runs inside a guest. Kind: lines (its output is passed on), runs (a process a job), load.
@@ -34,8 +30,8 @@ function Connect-Guest {
         } catch {
             # A guest that boots refuses like one with another password.
             $problem = [string] $_.Exception.Message
-            $late = -not ([DateTime]::UtcNow -lt $until) -or (Test-Path -LiteralPath ($PSCommandPath + '.stop'))
-            if ($script:Refusal -or $late) { throw $problem }
+            $late = -not ([DateTime]::UtcNow -lt $until) -or (Test-Path -LiteralPath ($script:ScriptPath + '.stop'))
+            if ($null -ne $script:Ending -or $late) { throw $problem }
             Write-Progressed -Partition $at -Status 'reading' -Detail $problem
         }
         Start-Sleep -Milliseconds 3000
@@ -151,4 +147,3 @@ function Get-GuestRunner {
         }
     }
 }
-# --- end of the part runner --------------------------------------------------------------------

@@ -1,9 +1,4 @@
-# --- part test_partitions: the same bytes in every script that carries it --------------------------------
 # Test partitions: machines that are there while a script measures, and are removed with their disks.
-
-$script:Tests = @()             # in the order in which their reserves are asked for
-$script:TestFolder = '[\\/]rarms-p[12]\.rarms-0{12}$'
-$script:TestDisk = '[\\/]rarms-p[12]-0{12}\.vhdx?$'
 
 function Add-TestPartition {
     param(
@@ -78,4 +73,3 @@ function Remove-TestPartition {
         if ($Tell) { Write-Progressed -Partition ($called -creplace '\..*$', '') -Status 'changed' -Detail 'removed' }
     }
 }
-# --- end of the part test_partitions ---------------------------------------------------------------------

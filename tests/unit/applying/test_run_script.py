@@ -10,6 +10,7 @@ from rarms_iac.applying.run_script import ScriptJob, finish_job, run_job
 from rarms_iac.model.journal import RunKind, ScriptRun, ScriptStarted, StepRecorded, StepStatus
 from rarms_iac.model.state import State
 from rarms_iac.powershell.render import render_apply
+from rarms_iac.powershell.templates import shipped_module
 from rarms_iac.providers.interface import (
     EventKind,
     EventListener,
@@ -194,14 +195,16 @@ def test_finishing_counts_what_an_earlier_run_changed() -> None:
         undo=script,
         serials={},
         touched=(),
+        module=shipped_module(),
     )
     begun = StepRecorded(number=1, status=StepStatus.BEGUN)
     journal = ScriptRun(started=started, steps=(StepRecorded(number=0, status=StepStatus.CHANGED), begun))
     order = finish_job("cell", journal)
+    beside = {f"Rarms/{name}": text for name, text in shipped_module().items()}
 
     report, told = ran(step(EventStatus.UNCHANGED, 0, "done before"), step(EventStatus.CHANGED, 1), DONE, order=order)
 
-    assert order.script == ScriptBundle(runs="cell.ps1", files={"cell.ps1": script})
+    assert order.script == ScriptBundle(runs="cell.ps1", files={"cell.ps1": script, **beside})
     assert told.lines[0] == "apply on cell, 1 done"
     assert (report.hosts[0].changed, report.hosts[0].resumed) == (2, True)
     assert (

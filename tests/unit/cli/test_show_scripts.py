@@ -35,22 +35,56 @@ def folder(plan: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_numbers_are_those_of_the_file_and_the_runtime_is_left_out(
-    plan: str, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    piped = rarms("show", "--script", plan, "--guest", "", "--host", "cell").out
-    monkeypatch.setenv("COLUMNS", "80")  # as at a terminal
-    lines = (folder / "cell.ps1").read_bytes().decode("ascii").split("\r\n")
+@pytest.fixture(scope="module")
+def single(plan: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its scripts, each as one file."""
+    path = tmp_path_factory.mktemp("single")
+    assert rarms("show", "--script", plan, "--single-file", "--out", str(path)).code == 0
+    return path
 
-    shown = rarms("show", "--script", plan).out
+
+@pytest.mark.parametrize("form", ["module", "single"])
+def test_numbers_are_those_of_the_file_and_the_module_is_left_out(
+    plan: str, folder: Path, single: Path, form: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    more = ("--single-file",) if form == "single" else ()
+    piped = rarms("show", "--script", plan, "--guest", "", "--host", "cell", *more).out
+    monkeypatch.setenv("COLUMNS", "80")  # as at a terminal
+    written = (single if form == "single" else folder) / "cell.ps1"
+    lines = written.read_bytes().decode("ascii").split("\r\n")
+
+    shown = rarms("show", "--script", plan, *more).out
 
     numbered = re.findall(r"^ *([0-9]+)(?:  (.*))?$", shown, re.MULTILINE)
     assert all(lines[int(number) - 1].rstrip() == text for number, text in numbered)
-    assert ": the runtime, fixed (SHA-256" in shown
-    assert ": the part machines, fixed (SHA-256" in shown
-    assert re.findall(r"function ([\w-]+)", shown) == ["Add-Plan"]
-    assert "function Lock-Host" in piped
+    assert (": the module, fixed (SHA-256" in shown) is (form == "single")
+    assert "function " not in shown
+    assert ("function Lock-Host" in piped) is (form == "single")
     assert "Hyper-V\\New-VM -Name (Get-PendingName -Name 'torch-motion')" in shown
+
+
+def test_the_module_lies_beside_the_scripts_that_do_not_hold_it(plan: str, folder: Path, single: Path) -> None:
+    files = {path.name: path for path in (folder / "Rarms").iterdir()}
+    assert sorted(files) == ["Rarms.psd1", "Rarms.psm1"]
+    assert not (single / "Rarms").exists()
+    module = files["Rarms.psm1"].read_bytes()
+
+    for there, kept in ((signed(module), signed(module)), (module + b"# more\r\n", module)):
+        files["Rarms.psm1"].write_bytes(there)
+        assert rarms("show", "--script", plan, "--out", str(folder)).code == 0
+        assert files["Rarms.psm1"].read_bytes() == kept
+
+
+@pytest.mark.parametrize("name", ["cell.ps1", "cell.guest.torch-motion.undo.ps1"])
+def test_a_script_in_one_file_is_checked_and_does_the_same(plan: str, single: Path, name: str) -> None:
+    path = str(single / name)
+
+    checked = rarms("show", "--check", path)
+    guest = ("--guest", "torch-motion", "--undo") if "guest" in name else ()
+    compared = rarms("show", "--script", plan, *guest, "--against", path)
+
+    assert (checked.code, "may run" in checked.out) == (0, True)
+    assert [line for line in compared.out.splitlines() if "~" in line or line.startswith("Steps")] == []
 
 
 def test_the_bytes_that_a_pipe_gets_are_those_that_are_written(plan: str, folder: Path) -> None:
@@ -61,7 +95,7 @@ def test_the_bytes_that_a_pipe_gets_are_those_that_are_written(plan: str, folder
     written = (folder / "cell.guest.torch-motion.undo.ps1").read_bytes().decode("ascii")
     assert raw.replace("\r\n", "\n") == written.replace("\r\n", "\n")
     assert len(list(folder.glob("*.ps1"))) == 6
-    assert (folder / ".gitattributes").read_text(encoding="ascii") == "*.ps1 -text\n"
+    assert (folder / ".gitattributes").read_text(encoding="ascii") == "*.ps1 -text\n*.psd1 -text\n*.psm1 -text\n"
 
 
 def test_without_a_plan_it_is_made_first(folder: Path) -> None:
@@ -150,7 +184,10 @@ def test_what_cannot_be_meant_is_a_wrong_usage(plan: str, words: tuple[str, ...]
 
 
 def test_what_travels_over_ssh_is_shown() -> None:
-    assert "bootstrap" in rarms("show", "--transport").out
+    shown = rarms("show", "--transport").out
+
+    assert "-EncodedCommand carries" in shown
+    assert "name length sha256" in shown
 
 
 def test_a_simulated_host_shows_what_a_hyperv_host_would_get(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ def _replace(pattern: str, change: Callable[[re.Match[str], random.Random], str]
     """Changes one of the places in the plan, any of them."""
 
     def mutate(script: str, pick: random.Random) -> str | None:
-        begin, end = script.index("function Add-Plan {"), script.index("# What follows")
+        begin, end = script.index("$plan = {"), script.index("#region The module")
         found = [
             match
             for match in re.compile(pattern).finditer(script, begin, end)
@@ -67,19 +67,19 @@ def _line_end(script: str, pick: random.Random) -> str:
     return script[:at] + "\n" + script[at + 2 :]
 
 
-def _in_runtime(script: str, pick: random.Random) -> str:
-    """One character of what is fixed, the runtime or a part, becomes another."""
-    begin, end = script.index("# --- runtime"), script.rindex("# --- end of the ")
+def _in_module(script: str, pick: random.Random) -> str:
+    """One character of what gives the script its module becomes another."""
+    begin, end = script.index("#region The module"), script.index("#endregion")
     at = pick.choice([at for at in range(begin, end) if script[at].isalnum()])
     return script[:at] + ("b" if script[at] == "a" else "a") + script[at + 1 :]
 
 
-def _part(change: Callable[[str, str], str]) -> Mutation:
-    """Changes one of the parts behind the runtime, any of them: what it is given is the whole part, and the script."""
+def _module(change: Callable[[str, str], str]) -> Mutation:
+    """Changes what gives the script its module: what it is given is that piece, and the script."""
 
-    def mutate(script: str, pick: random.Random) -> str:
-        found = re.findall(r"(?ms)^# --- part .*?^# --- end of the part [^\n]*\n", script)
-        return change(pick.choice(found), script)
+    def mutate(script: str, _: random.Random) -> str:
+        found = re.search(r"(?ms)^#region The module.*?^#endregion\r\n", script)
+        return change(found[0], script) if found else script
 
     return mutate
 
@@ -141,22 +141,19 @@ IN_THE_PLAN: dict[str, Mutation] = {
 
 
 AROUND_THE_PLAN: dict[str, Mutation] = {
-    "a changed runtime": _in_runtime,
-    "a runtime without its end": lambda script, _: script.replace("# --- end of the runtime", "# --- the runtime"),
-    "a part that is missing": _part(lambda part, script: script.replace(part, "")),
-    "a part that is there twice": _part(lambda part, script: script.replace(part, part + part)),
-    "a part of somebody else's": _part(
-        lambda part, script: script.replace(part, part.replace("# --- part ", "# --- part x"))
+    "a changed module": _in_module,
+    "a module without its end": lambda script, _: script.replace("#endregion", "#endregions"),
+    "a module that is missing": _module(lambda module, script: script.replace(module, "")),
+    "a module that is there twice": _module(lambda module, script: script.replace(module, module + module)),
+    "a module that goes on": _module(
+        lambda module, script: script.replace(
+            module, module + "function Test-More { Get-Item -LiteralPath 'x' }" + LINE
+        )
     ),
-    "a part that goes on": _part(
-        lambda part, script: script.replace(part, part + "function Test-More { Get-Item -LiteralPath 'x' }" + LINE)
-    ),
-    "a part before the runtime": _part(lambda part, script: part + script.replace(part, "")),
-    "a guard that lets anything through": lambda script, _: script.replace("{ Assert-VmHost }", "{ Get-Operator }"),
-    "a guard that is gone": lambda script, _: script.replace("        Guard = { Assert-VmHost }" + LINE, ""),
-    "a guard of a guest": lambda script, _: script.replace("{ Assert-VmHost }", "{ Assert-Guest }"),
+    "a module before the plan": _module(lambda module, script: module + script.replace(module, "")),
+    "a host that is another's guest": lambda script, _: script.replace("Guest = ''", "Guest = 'x'"),
     "something behind what is fixed": lambda script, pick: script.replace(
-        LINE + "Invoke-Run",
+        LINE + "$code = 1",
         LINE
         + pick.choice(
             [
@@ -168,16 +165,13 @@ AROUND_THE_PLAN: dict[str, Mutation] = {
             ]
         )
         + LINE
-        + "Invoke-Run",
+        + "$code = 1",
     ),
     "something beside the plan": lambda script, pick: script.replace(
-        LINE + "function Add-Plan {",
-        LINE
-        + pick.choice(["Hyper-V\\Get-VM", "$x = 5", "function Add-More { Hyper-V\\Get-VM }"])
-        + LINE
-        + "function Add-Plan {",
+        LINE + "$plan = {",
+        LINE + pick.choice(["Hyper-V\\Get-VM", "$x = 5", "function Add-More { Hyper-V\\Get-VM }"]) + LINE + "$plan = {",
     ),
-    "a plan that ends early": _replace(r"(?m)^    Use-Target", _before("}" + LINE + "function Add-More {" + LINE)),
+    "a plan that ends early": _replace(r"(?m)^    Use-Target", _before("}" + LINE + "$more = {" + LINE)),
     "a profile that reaches in": lambda script, _: script.replace("$PSDefaultParameterValues = @{}" + LINE, ""),
     "a head that does something": lambda script, _: "Hyper-V\\Get-VM" + LINE + script,
     "a head that asks for less": lambda script, _: script.replace("#Requires -RunAsAdministrator" + LINE, ""),
@@ -187,7 +181,7 @@ AROUND_THE_PLAN: dict[str, Mutation] = {
     ),
     "a help that ends early": lambda script, _: script.replace(".NOTES" + LINE, "#>" + LINE + "Hyper-V\\Get-VM" + LINE),
     "a signature": lambda script, _: "# SIG # Begin signature block" + LINE + script,
-    "another end": lambda script, _: script.replace("Invoke-Run -Steps { Add-Plan }", "Add-Plan"),
+    "another end": lambda script, _: script.replace("& $invoke -Run $run", "& $plan"),
     "text behind the end": lambda script, pick: (
         script + pick.choice(["Get-Item -LiteralPath 'x'", "exit 1", "'x'"]) + LINE
     ),

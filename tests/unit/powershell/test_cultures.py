@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.powershell.templates import PARTS, part_text, read, runtime
+from rarms_iac.powershell.templates import MEASURING_PARTS, part_text, read
 from rarms_iac.powershell.tokens import TokenKind, tokens
 from tests.twin.cell import apply, undo
 from tests.twin.cells import fresh
@@ -13,8 +13,8 @@ from tests.twin.observing import PROFILE
 from tests.twin.values import Table, Unsupported
 
 TEXTS = {
-    "runtime": runtime(),
-    **{f"part {name}": part_text(name) for name in PARTS},
+    "module": read("Rarms/Rarms.psm1"),
+    **{f"part {name}": part_text(name) for name in MEASURING_PARTS},
     "observe": read("observe.ps1"),
     "bootstrap": read("bootstrap.ps1"),
 }
@@ -45,15 +45,16 @@ def test_no_number_is_shaped_by_the_culture(name: str) -> None:
     assert "ToString()" not in TEXTS[name]
 
 
-@pytest.mark.parametrize("name", ["runtime", *(f"part {name}" for name in PARTS)])
+@pytest.mark.parametrize("name", ["module", *(f"part {name}" for name in MEASURING_PARTS)])
 def test_every_table_that_is_filled_as_a_script_runs_tells_its_keys_apart_by_their_characters(name: str) -> None:
     """A table that is written out has words of ours as keys; all others are given `$script:Ordinal`."""
     text = TEXTS[name]
 
-    assert re.findall(r"^.*@\{ *\}.*$", text, flags=re.MULTILINE) == []
+    empty = re.findall(r"^.*@\{ *\}.*$", text, flags=re.MULTILINE)
+    assert [line for line in empty if line != "$PSDefaultParameterValues = @{}"] == []
     made = re.findall(r"(?i)\[[a-z.]*(?:hashtable|dictionary)\]::new\(.*?\)", text)
     assert [table for table in made if not table.endswith("$script:Ordinal)")] == []
-    tables = re.findall(r"@\{([^{}]+)\}", text)
+    tables = re.findall(r"(?<!DefaultParameterValues = )@\{([^{}]+)\}", text)
     keys = [entry.split("=")[0].strip() for table in tables for entry in re.split(r"[;\n]", table) if "=" in entry]
     assert [key for key in keys if not re.fullmatch("[A-Za-z_]+", key)] == []
 

@@ -1,16 +1,25 @@
 import random
+import re
 from collections.abc import Mapping
 
 import pytest
 
 from rarms_iac.powershell.inspection.inspect import inspect, inspect_recorded
 from rarms_iac.powershell.render import render_scripts
+from rarms_iac.powershell.templates import ScriptForm, shipped_module
 from tests.builders import codes
 from tests.effort import examples
 from tests.unit.powershell.mutations import AROUND_THE_PLAN, IN_THE_PLAN, Mutation
 from tests.unit.powershell.plans import rendered_plan
 
 SCRIPTS = {name: text.decode("ascii") for name, text in render_scripts(*rendered_plan()).items()}
+SINGLE = {name: text.decode("ascii") for name, text in render_scripts(*rendered_plan(), form=ScriptForm.SINGLE).items()}
+MODULE = shipped_module()
+
+
+def module_of(script: str) -> Mapping[str, str]:
+    """What a journal holds beside this script."""
+    return {} if "New-Module" in script else MODULE
 
 
 def missed(operators: Mapping[str, Mutation], script: str, *, recorded: bool = False) -> tuple[list[str], set[str]]:
@@ -25,7 +34,7 @@ def missed(operators: Mapping[str, Mutation], script: str, *, recorded: bool = F
                 continue
             tried.add(name)
             data = mutant.encode("utf-8")
-            if not (inspect_recorded(data, "x.ps1") if recorded else inspect(data)):
+            if not (inspect_recorded(data, "x.ps1", module_of(mutant)) if recorded else inspect(data)):
                 passed.append(f"{name}: {difference(script, mutant)}")
     return passed, tried
 
@@ -35,14 +44,16 @@ def difference(text: str, mutant: str) -> str:
     return repr(mutant[max(0, at - 40) : at + 60])
 
 
+@pytest.mark.parametrize("scripts", [SCRIPTS, SINGLE], ids=["module", "single"])
 @pytest.mark.parametrize("name", sorted(SCRIPTS))
-def test_what_rarms_renders_passes(name: str) -> None:
-    assert inspect(SCRIPTS[name].encode("ascii"), name) == ()
-    assert inspect_recorded(SCRIPTS[name].encode("ascii"), name) == ()
+def test_what_rarms_renders_passes(name: str, scripts: Mapping[str, str]) -> None:
+    assert inspect(scripts[name].encode("ascii"), name) == ()
+    assert inspect_recorded(scripts[name].encode("ascii"), name, module_of(scripts[name])) == ()
 
 
-def test_mutants_of_an_apply_script_are_caught() -> None:
-    passed, tried = missed(IN_THE_PLAN | AROUND_THE_PLAN, SCRIPTS["onboard.ps1"])
+@pytest.mark.parametrize("scripts", [SCRIPTS, SINGLE], ids=["module", "single"])
+def test_mutants_of_an_apply_script_are_caught(scripts: Mapping[str, str]) -> None:
+    passed, tried = missed(IN_THE_PLAN | AROUND_THE_PLAN, scripts["onboard.ps1"])
 
     assert passed == []
     assert tried == IN_THE_PLAN.keys() | AROUND_THE_PLAN.keys()
@@ -56,26 +67,63 @@ def test_mutants_of_an_undo_script_are_caught() -> None:
 
 
 def of_another_version(script: str) -> str:
-    """As another version of rarms may have made it: other facts, another switch, other fixed parts."""
+    """As another version of rarms may have made it: other facts, another switch, another module."""
     changes = {
         "        Run = '": "        Silence = 5; Run = '",
-        "[switch] $Force)": "[switch] $Force, [switch] $Slowly)",
+        "[switch] $Test)": "[switch] $Test, [switch] $Slowly)",
+        "rarms 0.1.0": "rarms 0.2.0",
         "function Unlock-Host": "function Exit-HostOfOld",
-        "# --- part journal:": "# --- part ledger:",
-        "# --- end of the part journal ": "# --- end of the part ledger ",
     }
     for old, new in changes.items():
-        assert old in script
+        assert old in script or old.startswith("function")
         script = script.replace(old, new)
     return script
 
 
-@pytest.mark.parametrize("name", sorted(SCRIPTS))
-def test_a_script_of_another_version_passes_out_of_a_journal_only(name: str) -> None:
-    script = of_another_version(SCRIPTS[name]).encode("ascii")
+def of_a_former_form(script: str) -> str:
+    """As rarms made scripts before there was a module: a function held the plan, and the runtime lay behind it."""
+    end = "# --- runtime: the same bytes\r\nfunction Invoke-Run { exit 0 }\r\nInvoke-Run -Steps { Add-Plan }\r\n"
+    plan = re.sub(r"(?ms)^#region The module.*", lambda _: end, script)
+    return plan.replace("$plan = {", "function Add-Plan {").replace(
+        "Guest = ''", "Guard = { Assert-VmHost }; Guest = ''"
+    )
 
-    assert inspect_recorded(script, name) == ()
-    assert "RARMS202" in codes(inspect(script, name))
+
+@pytest.mark.parametrize("scripts", [SCRIPTS, SINGLE], ids=["module", "single"])
+@pytest.mark.parametrize("name", sorted(SCRIPTS))
+def test_a_script_of_another_version_passes_out_of_a_journal_only(name: str, scripts: Mapping[str, str]) -> None:
+    script = of_another_version(scripts[name])
+
+    assert inspect_recorded(script.encode("ascii"), name, module_of(script)) == ()
+    assert "RARMS202" in codes(inspect(script.encode("ascii"), name))
+
+
+def test_a_script_from_before_there_was_a_module_passes_out_of_a_journal_only() -> None:
+    script = of_a_former_form(SCRIPTS["onboard.ps1"]).encode("ascii")
+
+    assert inspect_recorded(script, "onboard.ps1") == ()
+    assert "RARMS202" in codes(inspect(script, "onboard.ps1"))
+
+
+@pytest.mark.parametrize(
+    "module",
+    [
+        {},
+        {"Rarms.psd1": MODULE["Rarms.psd1"]},
+        {**MODULE, "Rarms.psm1": MODULE["Rarms.psm1"].replace("Stop-Run", "Stop-Ran", 1)},
+        {**MODULE, "Rarms.psm1": MODULE["Rarms.psm1"] + "\u2028"},
+        {**MODULE, "More.psm1": ""},
+    ],
+    ids=["none", "half", "edited", "strange", "more"],
+)
+def test_a_module_that_its_script_does_not_name_is_caught(module: Mapping[str, str]) -> None:
+    script = of_another_version(SCRIPTS["onboard.ps1"]).encode("ascii")
+
+    assert codes(inspect_recorded(script, "onboard.ps1", module)) == ["RARMS202"]
+
+
+def test_a_script_that_holds_its_module_has_none_beside_it() -> None:
+    assert codes(inspect_recorded(SINGLE["onboard.ps1"].encode("ascii"), "onboard.ps1", MODULE)) == ["RARMS202"]
 
 
 def test_mutants_of_the_plan_in_a_script_of_another_version_are_caught() -> None:
@@ -96,8 +144,8 @@ def test_mutants_of_the_plan_in_a_script_of_another_version_are_caught() -> None
         ("Hyper-V\\Start-VM -VM $script:Vm", "Hyper-V\\Stop-VM -VM $script:Vm"),
         ("Hyper-V\\Start-VM -VM $script:Vm", "Get-PartitionReading -Machine 'x'"),
         ("(Get-PendingName -Name ", "(Remove-DiskFile -Path "),
-        ("Guard = { Assert-VmHost }", "Guard = { Write-Mark }"),
-        ("Guard = { Assert-VmHost }", "Guard = 'x'"),
+        ("Guest = ''", "Guest = ''; Guard = { Write-Mark }"),
+        ("Guest = ''", "Guest = ''; Guard = 'x'"),
     ],
 )
 def test_a_call_that_rarms_does_not_write_there_is_caught(old: str, new: str) -> None:
@@ -107,32 +155,32 @@ def test_a_call_that_rarms_does_not_write_there_is_caught(old: str, new: str) ->
     edited = script.replace(old, new, 1).encode("ascii")
 
     assert inspect(edited) != ()
-    assert codes(inspect_recorded(edited, "x.ps1")) == ["RARMS211"]
+    assert codes(inspect_recorded(edited, "x.ps1", MODULE)) == ["RARMS211"]
 
 
-HEAD_OF_THE_RUNTIME = "\r\nSet-StrictMode -Version 3.0\r\n"
-LAST = "\r\nInvoke-Run -Steps { Add-Plan }\r\n"
+SETTINGS = "\r\nSet-StrictMode -Version 3.0\r\n"
+LAST = "\r\n& $invoke -Run $run\r\nexit $code\r\n"
 
 
 @pytest.mark.parametrize("script", [SCRIPTS["onboard.ps1"], of_another_version(SCRIPTS["onboard.ps1"])])
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        (HEAD_OF_THE_RUNTIME, "\r\nRemove-Item C:\\ -Recurse -Force\r\nSet-StrictMode -Version 3.0\r\n"),
-        (HEAD_OF_THE_RUNTIME, "\r\n$PSDefaultParameterValues = @{ '*:Force' = $true }\r\n"),
-        (HEAD_OF_THE_RUNTIME, "\r\n$script:PSDefaultParameterValues = $script:Plan\r\n"),
-        (HEAD_OF_THE_RUNTIME, "\r\n$env:PSModulePath = 'C:\\x'\r\n"),
-        (HEAD_OF_THE_RUNTIME, "\r\n$script:Steps = Restart-Computer\r\n"),
-        (HEAD_OF_THE_RUNTIME, "\r\n$script:Steps = 'x' > 'C:\\x'\r\n"),
-        (HEAD_OF_THE_RUNTIME, "\r\n$script:Steps = [System.IO.StreamWriter] 'C:\\x'\r\n"),
-        (HEAD_OF_THE_RUNTIME, "\r\n$script:Steps = $ErrorActionPreference = 'Continue'\r\n"),
-        (HEAD_OF_THE_RUNTIME, "\r\nfunction script:Add-Plan { Restart-Computer }\r\n"),
-        (HEAD_OF_THE_RUNTIME, "\r\ntrap { Restart-Computer }\r\n"),
-        (HEAD_OF_THE_RUNTIME, "\r\n#Requires -Modules Evil\r\nSet-StrictMode -Version 3.0\r\n"),
+        (SETTINGS, "\r\nRemove-Item C:\\ -Recurse -Force\r\nSet-StrictMode -Version 3.0\r\n"),
+        (SETTINGS, "\r\n$PSDefaultParameterValues = @{ '*:Force' = $true }\r\n"),
+        (SETTINGS, "\r\n$script:PSDefaultParameterValues = $script:Plan\r\n"),
+        (SETTINGS, "\r\n$env:PSModulePath = 'C:\\x'\r\n"),
+        (SETTINGS, "\r\n$script:Steps = Restart-Computer\r\n"),
+        (SETTINGS, "\r\n$script:Steps = 'x' > 'C:\\x'\r\n"),
+        (SETTINGS, "\r\n$script:Steps = [System.IO.StreamWriter] 'C:\\x'\r\n"),
+        (SETTINGS, "\r\n$script:Steps = $ErrorActionPreference = 'Continue'\r\n"),
+        (SETTINGS, "\r\nfunction script:Set-StrictMode { Restart-Computer }\r\n"),
+        (SETTINGS, "\r\ntrap { Restart-Computer }\r\n"),
+        (SETTINGS, "\r\n#Requires -Modules Evil\r\nSet-StrictMode -Version 3.0\r\n"),
         (LAST, f"{LAST}Invoke-Expression 'Restart-Computer'\r\n"),
-        (LAST, "\r\n#Requires -Modules Evil\r\nInvoke-Run -Steps { Add-Plan }\r\n"),
-        (LAST, "\r\nInvoke-Run -Steps { Add-Plan; Restart-Computer }\r\n"),
-        (LAST, "\r\nInvoke-Run -Steps { Add-Plan } | Restart-Computer\r\n"),
+        (LAST, f"\r\n#Requires -Modules Evil{LAST}"),
+        (LAST, "\r\n& $invoke -Run (Restart-Computer)\r\nexit $code\r\n"),
+        (LAST, "\r\n& $invoke -Run $run | Restart-Computer\r\nexit $code\r\n"),
         (LAST, "\r\n# nothing is called\r\n"),
         ("[int] $LockTimeout =", "[int] $LockTimeout = $(Restart-Computer) +"),
         ("[int] $LockTimeout =", "[ValidateScript({ Restart-Computer })] [int] $LockTimeout ="),
@@ -146,5 +194,5 @@ def test_what_runs_beside_the_plan_is_caught_also_out_of_a_journal(script: str, 
 
     edited = script.replace(old, new).encode("ascii")
 
-    assert inspect_recorded(script.encode("ascii"), "x.ps1") == ()
-    assert inspect_recorded(edited, "x.ps1") != ()
+    assert inspect_recorded(script.encode("ascii"), "x.ps1", MODULE) == ()
+    assert inspect_recorded(edited, "x.ps1", MODULE) != ()

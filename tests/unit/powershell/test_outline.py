@@ -88,5 +88,5 @@ def test_names_of_the_outside_world_come_through_whole() -> None:
 
 
 def test_a_script_without_a_run_has_no_outline() -> None:
-    with pytest.raises(ValueError, match="Add-Plan"):
+    with pytest.raises(ValueError, match="plan that begins"):
         outline(render_observe())

@@ -8,7 +8,7 @@ from rarms_iac.model.changes import Change
 from rarms_iac.model.names import BETWEEN
 from rarms_iac.powershell.literals import NoLiteral
 from rarms_iac.powershell.render import render_apply, render_scripts, render_undo, script_name
-from rarms_iac.powershell.templates import fill, part_text
+from rarms_iac.powershell.templates import ScriptForm, fill, read
 from rarms_iac.providers.marks import write_mark
 from tests import builders_plan as build
 from tests.builders import a_mark
@@ -19,7 +19,7 @@ from tests.unit.powershell.plans import all_changes, marked, rendered_plan, same
 
 def steps_of(script: bytes) -> str:
     """The head and the plan, with LF."""
-    return script.decode("ascii").replace("\r\n", "\n").partition("# --- runtime")[0]
+    return script.decode("ascii").replace("\r\n", "\n").partition("#region The module")[0]
 
 
 def renamed(change: Change, name: str, message: str) -> Change:
@@ -53,6 +53,20 @@ def test_a_script_knows_its_undo_by_its_bytes() -> None:
     assert f"Undo = '{script_name(on, undo=True)}'" in steps_of(render_apply(on, plan))
 
 
+def test_both_forms_have_the_same_head_plan_and_end_but_for_the_digest_of_the_undo() -> None:
+    on, plan = rendered_plan()
+    texts = {
+        form: {name: text.decode("ascii") for name, text in render_scripts(on, plan, form=form).items()}
+        for form in ScriptForm
+    }
+
+    for name in texts[ScriptForm.MODULE]:
+        module, single = (re.sub("'[0-9a-f]{64}'", "''", texts[form][name]) for form in ScriptForm)
+        cut = r"(?ms)^#region The module.*?^#endregion"
+        assert re.sub(cut, "", module) == re.sub(cut, "", single)
+        assert module != single
+
+
 def test_a_child_of_an_older_disk_has_its_parents_format() -> None:
     new = build.create(marked(replace(build.partition(build.settings("planning")), id="")))
 
@@ -80,15 +94,19 @@ def test_a_template_that_asks_for_more_fails() -> None:
     from jinja2 import UndefinedError
 
     with pytest.raises(UndefinedError):
-        fill("script.ps1.j2", {"requirements": [], "name": "", "plan": [], "fixed": []})
+        fill("script.ps1.j2", {"requirements": [], "name": "", "plan": [], "module": ""})
 
 
-def test_the_runtime_reads_every_mark_that_rarms_writes_also_while_two_partitions_exchange_names() -> None:
-    form = re.search(r"\$form = '(?P<form>[^']+)'", part_text("machines"))
-    assert form is not None
-    name_form = re.search(r"\$name = '(?P<name>[^']+)'", part_text("machines"))
-    assert name_form is not None
-    pattern = re.compile(form["form"].replace("NAME", name_form["name"]).replace("(?<", "(?P<"))
+def test_the_module_reads_every_mark_that_rarms_writes_also_while_two_partitions_exchange_names() -> None:
+    module = read("Rarms/Rarms.psm1")
+    forms = {}
+    for name in ("form", "set", "name"):
+        found = re.search(rf"\${name} = '([^']+)'", module)
+        assert found is not None
+        forms[name] = found[1]
+    pattern = re.compile(
+        forms["form"].replace("SET", forms["set"]).replace("NAME", forms["name"]).replace("(?<", "(?P<")
+    )
 
     for name in ("vision", "vision" + BETWEEN):
         mark = a_mark("0a1b2c3d-0000", "robot", name, "0123456789ab")

@@ -1,19 +1,31 @@
-"""What is fixed in scripts: the runtime, and the parts that a script carries only where its steps need them."""
+"""The module that scripts call: its two files, and how a script finds or holds it."""
+
+import re
 
 import pytest
 
+from rarms_iac.model.version import __version__
 from rarms_iac.powershell.inspection.layout import split_script, without_fixed
 from rarms_iac.powershell.render import render_scripts
-from rarms_iac.powershell.templates import PARTS, part_begin, part_end, part_text, parts_for, runtime
-from rarms_iac.powershell.tree import ShapeNode
+from rarms_iac.powershell.templates import (
+    MODULE_FILES,
+    ScriptForm,
+    module_digest,
+    module_file,
+    read,
+    shipped_module,
+    without_signature,
+)
+from rarms_iac.powershell.tree import ShapeNode, sound, text_of
 from tests.unit.powershell.plans import all_changes, rendered_plan, shape
 
-SCRIPTS = {name: text.decode("ascii") for name, text in render_scripts(*rendered_plan()).items()}
-scripts = pytest.mark.parametrize("name", sorted(SCRIPTS))
-
-
-def carried(script: str) -> tuple[str, ...]:
-    return tuple(piece.name for piece in split_script(script).fixed if piece.name)
+SCRIPTS = {
+    (form, name): text.decode("ascii")
+    for form in ScriptForm
+    for name, text in render_scripts(*rendered_plan(), form=form).items()
+}
+scripts = pytest.mark.parametrize(("form", "name"), sorted(SCRIPTS, key=str))
+MODULE = read("Rarms/Rarms.psm1")
 
 
 def statements(script: str) -> list[ShapeNode]:
@@ -21,71 +33,89 @@ def statements(script: str) -> list[ShapeNode]:
     return [leaf for leaf in shape(script) if leaf.depth > 1 and leaf.label != "comment"]
 
 
-def test_the_runtime_can_be_read_in_one_sitting() -> None:
-    assert runtime().count("\n") <= 355
-    assert max(map(len, runtime().split("\n"))) <= 120
-    assert all(part_text(name).count("\n") <= 170 for name in PARTS)
+def test_the_module_can_be_read_in_one_sitting() -> None:
+    assert MODULE.count("\n") <= 1560
+    assert max(map(len, MODULE.split("\n"))) <= 125
 
 
-@pytest.mark.parametrize("name", PARTS)
-def test_a_part_is_its_functions_between_two_lines_that_name_it(name: str) -> None:
-    first, *_, before, last = part_text(name).split("\n")
+def test_nothing_runs_while_the_module_is_imported() -> None:
+    """At its top stand settings, constants and functions."""
+    (program,) = [node for node in sound(MODULE).children if node.type == "statement_list"]
+    texts = [text_of(node) for node in program.children if node.type not in {"comment", "function_statement"}]
 
-    assert first.startswith(part_begin(name))
-    assert last.startswith(part_end(name))
-    assert before == "}"  # of a function: nothing on the next line goes on with it
-
-
-def test_a_script_that_changes_a_reserve_carries_no_more_than_that_needs() -> None:
-    (change, *_) = all_changes()
-    on, plan = rendered_plan([change])
-
-    (script, undo) = (text.decode("ascii") for _, text in sorted(render_scripts(on, plan).items()))
-
-    assert carried(script) == ("lock", "journal", "preview", "host", "machines")
-    assert carried(undo) == ("lock", "journal", "preview", "host", "machines", "capacity")  # there the reserve grows
+    assert [text for text in texts if not re.match(r"Set-StrictMode -Version 3.0$|\$[A-Za-z:]+ = ['@\[]", text)] == []
 
 
-def test_a_guest_s_script_knows_nothing_of_hyper_v() -> None:
-    script = SCRIPTS["onboard.guest.speech.ps1"]
+def test_the_manifest_of_the_module_names_its_version_and_what_it_exports() -> None:
+    manifest = read("Rarms/Rarms.psd1")
+    exported = re.search(r"FunctionsToExport    = @\(([^)]*)\)", manifest)
 
-    assert carried(script) == ("lock", "journal", "preview", "guest", "tasks")
-    assert "Hyper-V\\" not in script
-
-
-def test_names_in_texts_and_remarks_are_no_calls() -> None:
-    texts = "Write-Mark -Name 'Test-Capacity'  # Get-TaskClassReading"
-    assert parts_for(texts) == ("lock", "journal", "preview", "machines")
-    assert parts_for("$x = 5") == ("lock", "journal", "preview")  # what the runtime itself calls
+    assert f"ModuleVersion        = '{__version__}'" in manifest
+    assert exported is not None
+    for name in re.findall("'([^']+)'", exported[1]):
+        assert f"\nfunction {name} {{\n    <#\n    .SYNOPSIS\n" in MODULE
 
 
-def test_a_part_brings_those_that_it_needs() -> None:
-    assert parts_for("Test-Capacity -Name 'x'") == ("lock", "journal", "preview", "machines", "capacity")
-    assert parts_for("Save-TaskRecord -Task 'x'") == ("lock", "journal", "preview", "tasks", "unseen")
+def test_a_signature_does_not_count_in_the_digest_of_a_file_of_the_module() -> None:
+    text = module_file(MODULE_FILES[1]).decode("ascii")
+    block = "\r\n# SIG # Begin signature block\r\n# MII\r\n# SIG # End signature block\r\n"
+
+    assert without_signature(text + block) == text
+    assert module_digest(text + block) == module_digest(text)
+    assert module_digest(text.replace("Stop-Run", "Stop-Ran", 1)) != module_digest(text)
 
 
 @scripts
-def test_the_tree_of_a_script_is_the_trees_of_its_pieces_one_after_another(name: str) -> None:
-    whole = SCRIPTS[name]
+def test_a_script_names_the_digests_of_its_module_or_holds_it(form: ScriptForm, name: str) -> None:
+    script = SCRIPTS[form, name]
+
+    if form is ScriptForm.MODULE:
+        assert [digest for digest in map(module_digest, shipped_module().values()) if digest not in script] == []
+        assert script.count("\n") < 300
+    else:
+        assert MODULE.replace("\n", "\r\n") in script
+
+
+def test_a_guest_s_script_says_nothing_of_the_host() -> None:
+    script = SCRIPTS[ScriptForm.MODULE, "onboard.guest.speech.ps1"]
+
+    assert "Hyper-V" not in script
+    assert "LogicalProcessors" not in script
+
+
+def test_a_changed_reserve_is_a_short_script() -> None:
+    (change, *_) = all_changes()
+
+    script, undo = (text.decode("ascii") for _, text in sorted(render_scripts(*rendered_plan([change])).items()))
+
+    assert script.count("\n") <= 95
+    assert undo.count("\n") <= 95
+
+
+@scripts
+def test_the_tree_of_a_script_is_the_trees_of_its_pieces_one_after_another(form: ScriptForm, name: str) -> None:
+    whole = SCRIPTS[form, name]
     parts = split_script(whole)
-    pieces = [parts.plan, *(piece.text for piece in parts.fixed), parts.end]
+    assert parts.fixed is not None
+    pieces = [parts.plan, parts.fixed.text, parts.end]
 
     assert statements(whole) == [leaf for piece in pieces for leaf in statements(piece.replace("\n", "\r\n"))]
 
 
 @scripts
-def test_without_what_is_fixed_every_line_keeps_its_number(name: str) -> None:
-    whole, left = SCRIPTS[name].split("\r\n"), without_fixed(SCRIPTS[name]).split("\r\n")
+def test_without_what_is_fixed_every_line_keeps_its_number(form: ScriptForm, name: str) -> None:
+    whole, left = SCRIPTS[form, name].split("\r\n"), without_fixed(SCRIPTS[form, name]).split("\r\n")
 
     assert len(left) == len(whole)
     assert {(line, other) for line, other in zip(whole, left, strict=True) if line != other and other} == set()
-    assert left[split_script(SCRIPTS[name]).fixed[-1].last] == "Invoke-Run -Steps { Add-Plan }"
+    assert left[-2] == "exit $code"
 
 
-def test_what_was_changed_is_looked_at_whole() -> None:
-    script = SCRIPTS["onboard.ps1"]
+@pytest.mark.parametrize("form", ScriptForm)
+def test_what_was_changed_is_looked_at_whole(form: ScriptForm) -> None:
+    script = SCRIPTS[form, "onboard.ps1"]
     for edited in (
-        script.replace("function Unlock-Host", "function Exit-Hosts"),
+        script.replace("$rarms = ", "$rarm = "),
         "Get-Item -LiteralPath 'x'\r\n" + script,
     ):
         assert without_fixed(edited) == edited

@@ -7,13 +7,21 @@ import pytest
 from rarms_iac.model.host import Connect
 from rarms_iac.powershell.tokens import TokenKind, tokens
 from rarms_iac.providers.channel import ssh_words
-from rarms_iac.providers.hyperv.bootstrap import arguments_of, command, frame, remote_words, render_bootstrap
+from rarms_iac.providers.hyperv.bootstrap import (
+    arguments_of,
+    command,
+    frame,
+    remote_words,
+    render_loader,
+    render_receiver,
+)
 from rarms_iac.providers.interface import ScriptBundle, WaitLimits
 
 SCRIPT = ScriptBundle(runs="cell.ps1", files={"cell.undo.ps1": "undo\r\n", "cell.ps1": "do\r\n"})
 
 LONGEST_COMMAND = 8191
 """Characters of a command line that cmd.exe takes, which Windows' sshd starts by default."""
+LONGEST_LOADER = 4000
 
 
 def test_what_travels_is_the_same_without_remarks_and_indentation() -> None:
@@ -21,7 +29,12 @@ def test_what_travels_is_the_same_without_remarks_and_indentation() -> None:
         skipped = (TokenKind.COMMENT, TokenKind.NEWLINE)
         return [(token.kind, token.text) for token in tokens(text) if token.kind not in skipped]
 
-    assert words(command()) == words(render_bootstrap().decode("ascii"))
+    assert words(command()) == words(render_loader().decode("ascii"))
+
+
+def test_the_loader_runs_no_other_receiver_than_this_one() -> None:
+    assert f"'{hashlib.sha256(render_receiver()).hexdigest().upper()}'" in command()
+    assert len(render_receiver()) <= 65536
 
 
 @pytest.mark.parametrize("shell", ["pwsh", "powershell"])
@@ -29,6 +42,7 @@ def test_the_command_fits_and_means_the_same_to_every_shell(shell: str) -> None:
     words = remote_words(shell)
 
     assert len(f'cmd.exe /c "{" ".join(words)}"') < LONGEST_COMMAND
+    assert len(words[-1]) < LONGEST_LOADER
     assert all(re.fullmatch(r"[A-Za-z0-9.+/=-]+", word) for word in words)
     assert b64decode(words[-1]).decode("utf-16-le") == command()
 
@@ -56,6 +70,9 @@ def test_what_connect_says_comes_ahead_of_the_target() -> None:
 
 def test_the_frame_says_lengths_and_digests_first_and_what_runs_before_the_rest() -> None:
     data = frame(SCRIPT, ("-AsJson",))
+    receiver = render_receiver()
+    assert data.startswith(b"%08d" % len(receiver) + receiver)
+    data = data[8 + len(receiver) :]
 
     length = int(data[:8])
     first, second = hashlib.sha256(b"do\r\n").hexdigest(), hashlib.sha256(b"undo\r\n").hexdigest()
@@ -63,10 +80,18 @@ def test_the_frame_says_lengths_and_digests_first_and_what_runs_before_the_rest(
     assert data[8 + length :] == b"do\r\nundo\r\n"
 
 
-@pytest.mark.parametrize("name", ["../a.ps1", "A.ps1", "a.txt", ".ps1", "a b.ps1", "a.ps1\n"])
+@pytest.mark.parametrize(
+    "name", ["../a.ps1", "A.ps1", "a.txt", ".ps1", "a b.ps1", "a.ps1\n", "Rarms/a.ps1", "Rarms.psd1"]
+)
 def test_a_name_that_is_no_scripts_is_not_sent(name: str) -> None:
     with pytest.raises(ValueError, match="name"):
         frame(ScriptBundle(runs=name, files={name: "x"}), ())
+
+
+def test_the_module_goes_into_a_folder_of_its_own() -> None:
+    data = frame(ScriptBundle(runs="a.ps1", files={"a.ps1": "x", "Rarms/Rarms.psm1": "y", "Rarms/Rarms.psd1": "z"}), ())
+
+    assert data.endswith(b"xzy")
 
 
 @pytest.mark.parametrize(
@@ -82,7 +107,7 @@ def test_arguments_are_those_that_the_bootstrap_takes(
     waits: WaitLimits, abandoning: bool, expected: tuple[str]
 ) -> None:
     arguments = arguments_of("param([switch] $AsJson, [switch] $Force)", waits, abandoning=abandoning)
-    pattern = re.search(r"-cnotmatch '(\^\( .*?\$)'", command())
+    pattern = re.search(r"-cnotmatch '(\^\( .*?\$)'", render_receiver().decode("ascii"))
 
     assert arguments == expected
     assert pattern

@@ -1,0 +1,1511 @@
+# The module Rarms: what every script of rarms calls. Definitions only, nothing runs while it is imported.
+# From the top: what a run does, what a step does, how readings are compared, how it is told; then each kind of thing.
+
+[Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSUseShouldProcessForStateChangingFunctions', '', Scope = 'Function',
+    Target = '*', Justification = 'Every step is asked for, once, in Test-Wanted.')]
+param()
+
+# What a profile or a caller set reaches none of the calls below.
+Set-StrictMode -Version 3.0
+$PSDefaultParameterValues = @{}
+$ErrorActionPreference = 'Stop'
+$WarningPreference = 'SilentlyContinue'
+$VerbosePreference = 'SilentlyContinue'
+$DebugPreference = 'SilentlyContinue'
+$InformationPreference = 'SilentlyContinue'
+$ProgressPreference = 'SilentlyContinue'
+$PSModuleAutoLoadingPreference = 'All'
+# Steps are asked for in Test-Wanted: what they call asks nobody a second time.
+$ConfirmPreference = 'None'
+
+$script:Ordinal = [System.StringComparer]::Ordinal  # of tables: 5.1 compares the keys of others by culture
+$script:Whole = @{ Address = 'host'; Number = 0 }  # stands for a step where an event is about none
+$script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
+$script:ProfileRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile'
+$script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
+
+function Invoke-RarmsPlan {
+    <#
+    .SYNOPSIS
+        Does the steps of a plan, and gives their events to the pipeline.
+    .PARAMETER Path
+        The script of a plan, which is run as it is.
+    .PARAMETER AsJson
+        With -Path: one JSON object a line, for a program to read.
+    .PARAMETER Run
+        What a script hands over: Caller is its $PSCmdlet, ScriptPath its $PSCommandPath, ModulePath the folder of this
+        module or nothing where the script holds it, ExitCode a reference, Plan a block, the others its preferences.
+    .EXAMPLE
+        Invoke-RarmsPlan -Path .\cell.ps1 -AsJson
+    #>
+    [CmdletBinding(PositionalBinding = $false)]
+    param([string] $Path = '', [switch] $AsJson, [System.Collections.IDictionary] $Run = $null)
+    if ($Path) {
+        & $Path -AsJson:$AsJson
+        return
+    }
+    if ($null -eq $Run) { throw 'give -Path: the script of a plan' }
+    # An alias of the caller would come before a function of this module: none is called before this.
+    $own = @(Microsoft.PowerShell.Core\Get-Command -CommandType Function -Module $MyInvocation.MyCommand.Module.Name)
+    $aliases = @(Microsoft.PowerShell.Utility\Get-Alias -Name @($own.Name) -ErrorAction Ignore)
+    if ($aliases.Count) { throw ('an alias hides a function of rarms, remove it: ' + ($aliases.Name -join ', ')) }
+    try {
+        Initialize-Run -Run $Run
+        # Bound to this module, so that its blocks see the variables and functions here.
+        $bound = $MyInvocation.MyCommand.Module.NewBoundScriptBlock($Run.Plan)
+        & $bound
+        if ($Run.Abandon) {
+            Close-Run
+        } else {
+            Open-Run
+            Assert-Host
+            if ($Run.Test) { Show-State } elseif ($script:Preview) { Show-Run } else { Complete-Run }
+        }
+        $script:Code = 0
+    } catch {
+        # An event is given to the pipeline here, where it cannot end up in a caller's variable.
+        Write-Failure -Failure $_
+    } finally {
+        Unlock-Host
+        $Run.ExitCode.Value = $script:Code
+    }
+}
+
+function Test-RarmsPlan {
+    <#
+    .SYNOPSIS
+        Tells of each step of a plan whether the host is in the state that is wanted, and writes nothing.
+    .DESCRIPTION
+        Gives an object a step, with Address, Action, InDesiredState and Disruption: stops, removes, deletes or nothing.
+    .PARAMETER Path
+        The script of a plan.
+    .PARAMETER Run
+        What a script hands over, as Invoke-RarmsPlan takes it.
+    .EXAMPLE
+        Test-RarmsPlan -Path .\cell.ps1
+    #>
+    [CmdletBinding(PositionalBinding = $false)]
+    param([string] $Path = '', [System.Collections.IDictionary] $Run = $null)
+    if ($Path) {
+        & $Path -Test
+        return
+    }
+    if ($null -eq $Run) { throw 'give -Path: the script of a plan' }
+    $Run['Test'] = $true
+    Invoke-RarmsPlan -Run $Run
+}
+
+function Initialize-Run {
+    # What a run knows when it begins.
+    param([System.Collections.IDictionary] $Run)
+    $script:Code = 1                # how the script will end: 0, 1 or 3
+    $script:Json = [bool] $Run.AsJson
+    $script:Current = $script:Whole # the step that is read or done: what fails, fails there
+    $script:Ending = $null          # of the event that ends the run, where the run itself ends it
+    $script:Plan = @{ Plan = '' }   # the run's facts, which the plan gives
+    $script:Steps = @()             # those of the plan
+    $script:Handle = $null          # of the owner's file while this run holds the computer; it ends with its process
+    $script:Caller = $Run.Caller
+    $script:ScriptPath = $Run.ScriptPath
+    $script:ModulePath = $Run.ModulePath
+    $script:Preview = $Run.Preview -or $Run.Test
+    # With it, nothing that is called by mistake changes anything either.
+    $script:WhatIfPreference = $script:Preview
+    $script:Confirmation = $Run.Confirmation
+    $script:LockTimeout = $Run.LockTimeout
+    $script:Target = $null          # address and reader of the steps that are added
+    $script:Wanted = @()            # the names that are read for
+    $script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
+    $script:Looking = $false        # whether everything is looked at, and no step done
+    $script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that a declined -Confirm left out
+    $script:Shortage = ''           # what the host has, and what a promise needs, where the promise was refused
+    $script:Changed = 0             # steps that this run did
+    $script:Messages = @()          # what a step has to tell beside that it is done
+    # A service or a logon may come without the variable; Windows knows the folder all the same.
+    $common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
+    $script:Folder = Join-Path -Path $common -ChildPath 'rarms'
+    $script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environment]::MachineName, $PID
+    $script:OwnerFile = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
+    $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
+    $script:Sound = [long] 0        # bytes of the journal that are whole records
+    $script:Past = @()              # the runs before the one that the journal holds
+    $script:Started = $null         # its first record: which run was the last one here
+    $script:StartedAt = ''          # when that one began
+    $script:Closing = ''            # how it was closed: done or abandoned
+    $script:Recorded = [hashtable]::new($script:Ordinal)  # by number of a step: what it says of it
+    $script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many runs there were
+    $script:Touched = [hashtable]::new($script:Ordinal)  # of an undo: the apply's steps that may have changed something
+    $script:Vm = $null              # the machine that was read last
+    $script:Shielded = [hashtable]::new($script:Ordinal)  # by id of a machine
+    $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
+    $set = '[0-9a-f]{12}(?: stopped| measuring)?(?: robot=NAME)?(?: protected)?'
+    $form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>SET)\r*$'
+    $script:MarkForm = $form.Replace('SET', $set).Replace('NAME', $name)
+    $script:Machines = [hashtable]::new($script:Ordinal)  # by partition: the id of its machine that this plan makes
+}
+
+function Write-Failure {
+    # The event that ends a run which does not end well; the code that its script ends with.
+    param($Failure)
+    $detail = [string] $Failure.Exception.Message
+    $ending = $script:Ending
+    if ($null -ne $ending) {
+        $script:Code = $ending.Code
+        Write-RunEvent -Kind $ending.Kind -Step $script:Current -Status $ending.Status -Detail $detail
+        return
+    }
+    $script:Code = 1
+    $id = [string] $Failure.FullyQualifiedErrorId
+    $at = $Failure.InvocationInfo  # of what a guest says there may be none
+    if ($id -cne $detail -and $null -ne $at) {
+        $detail += ' ({0} {1}, line {2})' -f $at.MyCommand, $id, $at.ScriptLineNumber
+    }
+    Write-RunEvent -Kind 'failed' -Step $script:Current -Status 'failed' -Detail $detail
+}
+
+function Open-Run {
+    # A run of this plan that was killed goes on; one that ended is only looked at.
+    $plan = $script:Plan
+    Lock-Host
+    if ($plan.Guest) { Assert-Guest } else { Assert-VmHost }
+    Import-Journal
+    $last = $script:Started
+    $open = $null -ne $last -and -not $script:Closing
+    $same = $null -ne $last -and $last.plan -ceq $plan.Plan
+    if ($same -and $last.run -ceq $plan.Run -and $script:Closing -cne 'abandoned') { return }
+    if ($plan.Run -ceq 'undo') {
+        if (-not $same -or $last.run -cne 'apply') { Stop-Run -Detail 'the last run here was not what this undoes' }
+    } elseif ($open) {
+        Stop-Run -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
+    } elseif (-not $plan.Guest -and [long] $script:Serials[$plan.Application] -ne $plan.Serial) {
+        Stop-Run -Detail 'this plan was used, or another was applied since it was made'
+    }
+    Clear-Journal
+}
+
+function Close-Run {
+    # -Abandon: this plan's unfinished run is closed, and the host stays as it is.
+    Lock-Host
+    Import-Journal
+    $last = $script:Started
+    $open = $null -ne $last -and -not $script:Closing
+    if ($open -and $last.plan -cne $script:Plan.Plan) {
+        Stop-Run -Detail ('plan {0} is unfinished here, not this one' -f $last.plan)
+    }
+    $status = if ($open) { 'abandoned' } else { 'unchanged' }
+    if ($open -and -not (Test-Wanted -Address 'host' -Action 'close the unfinished run')) {
+        $status = if ($script:Preview) { 'previewed' } else { 'skipped' }
+    } elseif ($open) {
+        Add-Record -Record ([ordered] @{ closing = $status; kind = 'run_closed' })
+    }
+    Write-RunEvent -Kind 'run' -Status $status
+}
+
+function Use-Target {
+    # What the steps that follow are about, and how it is read.
+    param([string] $Address, [scriptblock] $Read)
+    $script:Target = @{ Address = $Address; Read = $Read }
+}
+
+function Add-Step {
+    # A step of the plan: what is to be read before it and after it, and what makes it so.
+    param(
+        [string] $Action, [System.Collections.IDictionary] $Before, [System.Collections.IDictionary] $After,
+        [scriptblock] $Set, [scriptblock] $Fits = $null, [string] $Undoes = '', [string] $Lost = ''
+    )
+    $address = $script:Target.Address
+    $needs = @($address)
+    $lies = $address -creplace '^([^/]+/[^/]+)/.*$', '$1'
+    if ($lies -cne $address) { $needs = @($lies, $address) }
+    $script:Steps += @{
+        Number = $script:Steps.Count; Address = $address; Read = $script:Target.Read
+        # It builds on the steps of its own address, and on those of the machine that it lies in.
+        Needs = $needs
+        Before = [hashtable]::new($Before, $script:Ordinal); After = [hashtable]::new($After, $script:Ordinal)
+        Action = $Action; Set = $Set; Fits = $Fits; Undoes = $Undoes; Lost = $Lost
+    }
+}
+
+function Complete-Run {
+    # Do the steps, look once more at everything together, and only then close the journal.
+    if ($null -eq $script:Started) { Write-FirstRecord }
+    foreach ($step in $script:Steps) { Invoke-Step -Step $step }
+    if ($script:Skipped.Count) {
+        $script:Current = $script:Whole
+        $detail = 'steps were left out; run it again to do them, or -Abandon'
+        Stop-Run -Kind 'run' -Status 'stopped' -Code 1 -Detail $detail
+    }
+    if ($script:Closing -cne 'done') {
+        Assert-Host -Last
+        Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' })
+    }
+    Write-RunEvent -Kind 'run' -Status 'done' -Detail ('changed: {0}' -f $script:Changed)
+}
+
+function Assert-Host {
+    # Reads everything. What was done is still so; what is to be done finds what was planned before it, unless a step
+    # ahead of it is to make that so.
+    param([switch] $Last)
+    $made = [hashtable]::new($script:Ordinal)  # by address: what the steps that were done made of it
+    $ahead = [hashtable]::new($script:Ordinal)  # addresses with names that a step is to change yet
+    $script:Looking = $true
+    $alive = [DateTime]::UtcNow.AddMilliseconds(10000)
+    foreach ($step in $script:Steps) {
+        $at = $step.Address
+        $script:Current = $step
+        if ([DateTime]::UtcNow -gt $alive) {
+            Write-RunEvent -Kind 'step' -Step $step -Status 'reading' -Detail 'the host is still being read'
+            $alive = [DateTime]::UtcNow.AddMilliseconds(10000)
+        }
+        $leave = Get-Leave -Step $step
+        if ($leave -ceq 'done before') {
+            $gone = -not $made.Contains($at) -or $step.After['exists'] -ceq $false
+            $after = if ($gone) { [hashtable]::new($script:Ordinal) } else { $made[$at].After }
+            foreach ($name in $step.After.Keys) { $after[$name] = $step.After[$name] }
+            $made[$at] = @{ Address = $at; Number = $step.Number; Read = $step.Read; After = $after }
+        }
+        if ($leave) { continue }
+        if (-not @(foreach ($one in $step.Needs) { if ($ahead.Contains($one + ' exists')) { $one } }).Count) {
+            $live = Get-Reading -Step $step
+            foreach ($name in @(Compare-Step -Step $step -Live $live)) {
+                if ($ahead.Contains($at + ' ' + $name)) { continue }
+                Stop-Run -Detail (Get-Difference -Name $name -Live $live -Expected $step.Before)
+            }
+        }
+        foreach ($name in @(Compare-Reading -Live $step.Before -Expected $step.After)) {
+            $ahead[$at + ' ' + $name] = $true
+        }
+    }
+    $settled = [DateTime]::UtcNow.AddMilliseconds(300000)
+    foreach ($at in @($made.Keys | Sort-Object)) {
+        if ($ahead.Contains($at + ' exists')) { continue }
+        $script:Current = $made[$at]
+        $wanted = $made[$at].After
+        # A guest puts an entry of its own ahead of its disk once it runs: that was compared when it was set.
+        [void] $wanted.Remove('boots_from')
+        $live = Get-Settled -Name $wanted.Keys -Until $settled
+        foreach ($name in @(Compare-Reading -Live $live -Expected $wanted)) {
+            # The keys above several records are cleared with the last of them.
+            if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
+            $detail = Get-Difference -Name $name -Live $live -Expected $wanted -Text 'is not as wanted: '
+            if ($Last) { throw ('{0} {1}' -f $at, $detail) }
+            Stop-Run -Detail $detail
+        }
+    }
+    $script:Current = $script:Whole
+    $script:Looking = $false
+}
+
+function Invoke-Step {
+    # Read, compare, set, read again. As wanted: nothing. Neither as planned before nor as wanted: stop.
+    param([System.Collections.IDictionary] $Step)
+    $set = $Step.Set
+    $fits = $Step.Fits
+    $script:Current = $Step
+    $leave = Get-Leave -Step $Step
+    if ($leave) {
+        Write-RunEvent -Kind 'step' -Step $Step -Status 'unchanged' -Detail $leave
+        return
+    }
+    if (Test-Path -LiteralPath ($script:ScriptPath + '.stop')) {
+        # The maker of that file beside the script wants it to end before the next step.
+        $script:Current = $script:Whole
+        Stop-Run -Kind 'run' -Status 'stopped' -Code 1 -Detail 'asked to stop; run it again to go on'
+    }
+    # What was read with others, or of another, may be old by now.
+    if ($script:Known.Count -gt 2 -or -not $script:Known.Contains($Step.Address)) { $script:Known.Clear() }
+    $lacks = @(foreach ($one in $Step.Needs) { if ($script:Skipped.Contains($one)) { $one } })
+    $live = Get-Reading -Step $Step
+    # What builds on a declined step is left out and not recorded, as it would look as if it had nothing to do.
+    if (-not $lacks.Count -and -not @(Compare-Reading -Live $live -Expected $Step.After).Count) {
+        # One that was begun and killed has changed something.
+        $status = if ($script:Recorded.Contains([string] $Step.Number)) { 'changed' } else { 'unchanged' }
+        Add-StepRecord -Step $Step -Status $status
+        return
+    }
+    $moved = @(Compare-Step -Step $Step -Live $live)
+    $skip = ''
+    if ($lacks.Count) {
+        $skip = 'needs ' + ($lacks -join ', ')
+    } elseif ($moved.Count) {
+        Stop-Run -Detail (Get-Difference -Name $moved -Live $live -Expected $Step.Before)
+    } elseif ($null -ne $fits -and -not (& $fits)) {
+        if (-not $script:Skipped.Count) {
+            throw ('{0}: the host cannot keep this promise: {1}' -f $Step.Address, $script:Shortage)
+        }
+        $skip = 'needs room that skipped steps would have made'
+    } elseif (-not (Test-Wanted -Address $Step.Address -Action $Step.Action)) {
+        $skip = 'left out'
+    }
+    if ($skip) {
+        $script:Skipped[$Step.Address] = $true
+        Write-RunEvent -Kind 'step' -Step $Step -Status 'skipped' -Detail $skip
+        return
+    }
+    Add-StepRecord -Step $Step -Status 'begun' -Detail $Step.Action
+    [void] (& $set)
+    foreach ($message in $script:Messages) { Write-RunEvent -Kind 'step' -Step $Step -Status 'waited' -Detail $message }
+    $script:Messages = @()
+    $script:Known.Clear()
+    $missed = @(Compare-Reading -Live (Get-Reading -Step $Step) -Expected $Step.After)
+    if ($missed.Count) { throw ($Step.Address + ': set, but the host still shows otherwise: ' + ($missed -join ', ')) }
+    Add-StepRecord -Step $Step -Status 'changed' -Detail $Step.Action
+}
+
+function Test-Wanted {
+    # What -WhatIf or the user at the prompt says. -AsJson is for a program: no "What if" line between its events.
+    param([string] $Address, [string] $Action)
+    if ($script:Json -and $script:Preview) { return $false }
+    # The caller's ShouldProcess reads it where it is called.
+    $ConfirmPreference = $script:Confirmation
+    try {
+        $script:Caller.ShouldProcess($Address, $Action)
+    } catch {
+        throw 'this has to be confirmed, and no console answers here: run the script in a console, or with -Force'
+    }
+}
+
+function Get-Leave {
+    # Why there is nothing to do in a step; nothing where there is. The first two are for undo scripts.
+    param([System.Collections.IDictionary] $Step)
+    if ($Step.Undoes -cne '' -and -not $script:Touched.Contains($Step.Undoes)) { return 'was not done' }
+    $lost = $script:Touched.Contains($Step.Lost)
+    if ($lost -and -not (Get-Reading -Name 'exists')['exists']) { return 'went with its machine' }
+    $recorded = $script:Recorded[[string] $Step.Number]
+    if ($script:Closing -ceq 'done' -or @('changed', 'unchanged') -ccontains $recorded) { 'done before' }
+}
+
+function Add-StepRecord {
+    param([System.Collections.IDictionary] $Step, [string] $Status, [string] $Detail = '')
+    Add-Record -Record ([ordered] @{ number = $Step.Number; status = $Status; kind = 'step_recorded' })
+    $script:Recorded[[string] $Step.Number] = $Status
+    if ($Status -ceq 'changed') { $script:Changed += 1 }
+    Write-RunEvent -Kind 'step' -Step $Step -Status $Status -Detail $Detail
+}
+
+function Get-Reading {
+    # What the host shows of a step's names, or of others, at the address of the current step.
+    param([System.Collections.IDictionary] $Step = $null, [string[]] $Name = @())
+    $read = $script:Current.Read
+    $script:Wanted = if ($null -eq $Step) { $Name } else { @($Step.Before.Keys) + @($Step.After.Keys) }
+    & $read
+}
+
+function Get-Settled {
+    # What the host shows of these names; a guest that restarts just now is waited for.
+    param([string[]] $Name, $Until)
+    $live = Get-Reading -Name $Name
+    while ($live['state'] -ceq 'busy' -and [DateTime]::UtcNow -lt $Until) {
+        Start-Sleep -Milliseconds 500
+        $script:Known.Clear()
+        $live = Get-Reading -Name $Name
+    }
+    $live
+}
+
+function Compare-Step {
+    # The names in which the host is neither as wanted, nor as planned before, nor on the way from one to the other.
+    param([System.Collections.IDictionary] $Step, [System.Collections.IDictionary] $Live)
+    if (-not @(Compare-Reading -Live $Live -Expected $Step.After).Count) { return }
+    # What was begun may have been killed half-way: then each value is still the old one, or already the new one.
+    if ($script:Recorded.Contains([string] $Step.Number) -or $Step.Undoes -cne '') {
+        $names = @($Step.Before.Keys)
+        # What is not asked before a step may be anything, but not where nothing was.
+        $all = $Step.Before['exists'] -ceq $false -or $names -ccontains 'values'
+        if ($all) { $names += @($Step.After.Keys) + @(@($Live.Keys) -clike 'value:*') }
+        # What the killed run did itself is no difference: only the odd ones are named.
+        foreach ($name in $names) {
+            # Names of values come and go one by one; a machine may be on its way to be off.
+            $busy = @('values', 'empty') -ccontains $name -or ($name -ceq 'state' -and $Live[$name] -ceq 'busy')
+            $old = Test-Agreed -Left $Live -Right $Step.Before -Name $name
+            if (-not ($busy -or $old -or (Test-Agreed -Left $Live -Right $Step.After -Name $name))) { $name }
+        }
+        return
+    }
+    Compare-Reading -Live $Live -Expected $Step.Before
+}
+
+function Compare-Reading {
+    # The names whose live value is not the expected one.
+    param([System.Collections.IDictionary] $Live, [System.Collections.IDictionary] $Expected)
+    # No cmdlet filters here: a profile's own of the same name would say that there is nothing to do.
+    foreach ($name in @($Expected.Keys)) {
+        if (-not (Test-Agreed -Left $Live -Right $Expected -Name $name)) { $name }
+    }
+}
+
+function Get-Difference {
+    # The names that differ, or that all of it is gone.
+    param([string[]] $Name, $Live, $Expected, [string] $Text = 'changed since the plan: ')
+    if ($Live['exists'] -ceq $false -and -not ($Expected['exists'] -ceq $false)) {
+        return 'it is gone from this host: make a new plan'
+    }
+    $Text + ($Name -join ', ')
+}
+
+function Test-Agreed {
+    # Whether two tables have the same value of a name, or both none; -ceq is blind to characters without width.
+    param([System.Collections.IDictionary] $Left, [System.Collections.IDictionary] $Right, [string] $Name)
+    if ($Left.Contains($Name) -ne $Right.Contains($Name)) { return $false }
+    [string]::Equals([string] $Left[$Name], [string] $Right[$Name], [System.StringComparison]::Ordinal)
+}
+
+function Write-RunEvent {
+    param([string] $Kind, [System.Collections.IDictionary] $Step = $script:Whole, [string] $Status, [string] $Detail)
+    if ($script:Json) {
+        ConvertTo-AsciiJson -Value ([ordered] @{
+            format = 'rarms-event/1'; kind = $Kind; plan = $script:Plan.Plan; number = $Step.Number
+            total = $script:Steps.Count; address = $Step.Address; status = $Status; detail = $Detail
+        })
+    } else {
+        $text = '{0,-10} {1}  {2}' -f $Status, $Step.Address, $Detail
+        Write-Information -MessageData $text -InformationAction Continue
+    }
+}
+
+function Stop-Run {
+    # The host is not as planned, busy, or the plan was used: exit code 3, unless another is said.
+    param([string] $Kind = 'refused', [string] $Status = 'refused', [int] $Code = 3, [string] $Detail)
+    $script:Ending = @{ Kind = $Kind; Status = $Status; Code = $Code }
+    throw $Detail
+}
+
+function ConvertTo-AsciiJson {
+    # One line of JSON in pure ASCII; 5.1 and 7 leave different characters as they are.
+    param($Value)
+    $text = ConvertTo-Json -InputObject $Value -Depth 20 -Compress
+    [regex]::Replace($text, '[^\x20-\x7e]', { '\u{0:x4}' -f [int] [char] $args[0].Value })
+}
+
+# === preview ======================================================================================
+# What -WhatIf shows.
+
+function Show-Run {
+    # A preview: first what is stopped, removed and deleted, then every step that is not done, with what it comes after.
+    $shown = @(Get-Preview)
+    $losses = [hashtable]::new($script:Ordinal)
+    foreach ($one in $shown) {
+        $loss = if ($one.Status -ceq 'previewed') { Get-Loss -Step $one.Step }
+        if ($loss) { $losses[$loss] = [string] $losses[$loss] + ', ' + $one.Step.Address }
+    }
+    $lines = @(foreach ($loss in @('stops', 'removes', 'deletes')) {
+        if ($losses[$loss]) { $loss + $losses[$loss].Substring(1) }
+    })
+    $detail = if ($lines.Count) { $lines -join '; ' } else { 'nothing is stopped, removed or deleted' }
+    Write-RunEvent -Kind 'run' -Status 'previewed' -Detail $detail
+    foreach ($one in $shown) {
+        if ($script:Json -or $one.Status -ceq 'unchanged') {
+            Write-RunEvent -Kind 'step' -Step $one.Step -Status $one.Status -Detail $one.Detail
+        } else {
+            [void] (Test-Wanted -Address $one.Step.Address -Action $one.Detail)
+        }
+    }
+    $count = @(foreach ($one in $shown) { if ($one.Status -ceq 'previewed') { $one } }).Count
+    $detail = '{0} of {1} steps are to do; nothing was changed' -f $count, $shown.Count
+    Write-RunEvent -Kind 'run' -Status 'previewed' -Detail $detail
+}
+
+function Show-State {
+    # What -Test gives: an object a step.
+    foreach ($one in @(Get-Preview)) {
+        [pscustomobject] @{
+            Address = $one.Step.Address; Action = $one.Step.Action
+            InDesiredState = $one.Status -ceq 'unchanged'; Disruption = [string] (Get-Loss -Step $one.Step)
+        }
+    }
+}
+
+function Get-Preview {
+    # Each step with the status that a preview shows of it, and its detail.
+    $made = [hashtable]::new($script:Ordinal)  # by address: the last action that is shown of it
+    foreach ($step in $script:Steps) {
+        $script:Current = $step
+        $fits = $step.Fits
+        $after = ''
+        foreach ($at in $step.Needs) { if ($made.Contains($at)) { $after = $made[$at] } }
+        $leave = Get-Leave -Step $step
+        if (-not $leave -and -not $after) {
+            $moved = @(Compare-Reading -Live (Get-Reading -Step $step) -Expected $step.After).Count
+            $leave = if ($moved) { '' } else { 'as wanted' }
+        }
+        if ($leave) {
+            @{ Step = $step; Status = 'unchanged'; Detail = $leave }
+            continue
+        }
+        # Room that earlier steps make is not there yet.
+        if (-not $made.Count -and $null -ne $fits -and -not (& $fits)) {
+            throw ('{0}: the host cannot keep this promise: {1}' -f $step.Address, $script:Shortage)
+        }
+        $detail = if ($after) { '{0} (after: {1})' -f $step.Action, $after } else { $step.Action }
+        @{ Step = $step; Status = 'previewed'; Detail = $detail }
+        $made[$step.Address] = $step.Action
+    }
+    $script:Current = $script:Whole
+}
+
+function Get-Loss {
+    # What a step takes: the machine from its users, a machine or class from the host, a file from its disk.
+    param([System.Collections.IDictionary] $Step)
+    if ($Step.Before['exists'] -ceq $true -and $Step.After['exists'] -ceq $false) {
+        if ($Step.Address -cmatch '/disk(/|$)') { 'deletes' } else { 'removes' }
+    } elseif ($Step.After['state'] -ceq 'off' -and @('', 'off') -cnotcontains [string] $Step.Before['state']) {
+        'stops'
+    }
+}
+
+# === lock =========================================================================================
+# One run at a time on this computer, in a folder that only Administrators and SYSTEM may write to.
+
+function Lock-Host {
+    # A preview holds nothing. The folder comes first: no other account may open, and so hold, what lies in it.
+    if ($script:LockTimeout -lt 0 -or $script:LockTimeout -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
+    if ($script:Preview) { return }
+    $path = $script:OwnerFile
+    # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to all.
+    if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
+    else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
+    if (Test-Path -LiteralPath $path) { Assert-Owner -Path $path }
+    Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
+    $until = [DateTime]::UtcNow.AddMilliseconds(1000 * $script:LockTimeout)
+    $mode = [System.IO.FileMode]::OpenOrCreate
+    while ($null -eq $script:Handle) {
+        try {
+            $access = [System.IO.FileAccess]::Write
+            $script:Handle = [System.IO.FileStream]::new($path, $mode, $access, [System.IO.FileShare]::Read)
+        } catch [System.IO.IOException] {
+            if (-not ([DateTime]::UtcNow -lt $until)) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + (Get-Holder)) }
+            Start-Sleep -Milliseconds 500
+        }
+    }
+    [byte[]] $data = [System.Text.Encoding]::ASCII.GetBytes($script:Operator)
+    $script:Handle.SetLength(0)
+    $script:Handle.Write($data, 0, $data.Length)
+    $script:Handle.Flush($true)
+}
+
+function Get-Holder {
+    # Who holds this computer. It is open for writing, so it is opened shared for that.
+    $text = ''
+    try {
+        $access = [System.IO.FileAccess]::Read
+        $share = [System.IO.FileShare]::ReadWrite
+        $stream = [System.IO.FileStream]::new($script:OwnerFile, [System.IO.FileMode]::Open, $access, $share)
+        try {
+            $data = [byte[]]::new(300)
+            $text = [System.Text.Encoding]::ASCII.GetString($data, 0, $stream.Read($data, 0, 300))
+        } finally {
+            $stream.Dispose()
+        }
+    } catch {
+        Write-Verbose -Message $_.Exception.Message
+    }
+    if ($text) { $text } else { 'an unknown user' }
+}
+
+function Unlock-Host {
+    if ($null -eq $script:Handle) { return }
+    $script:Handle.Dispose()
+    # Another run may hold it by now.
+    try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
+}
+
+function Protect-Path {
+    # The owner is said, not left to the account: what a policy or an ssh logon makes of new files differs.
+    param([string] $Path, [string] $Descriptor)
+    if ($env:OS -cne 'Windows_NT') { return }
+    $acl = Get-Acl -LiteralPath $Path
+    $acl.SetSecurityDescriptorSddlForm($Descriptor)
+    Set-Acl -LiteralPath $Path -AclObject $acl
+}
+
+function Assert-Owner {
+    # A planted journal or folder must not tell an administrator what to do, nor lead elsewhere.
+    param([string] $Path)
+    if ($env:OS -cne 'Windows_NT') { return }
+    if ([System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint) {
+        throw ('{0} is a link: look where it leads, then remove it' -f $Path)
+    }
+    $owner = (Get-Acl -LiteralPath $Path).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
+    if (@('S-1-5-32-544', 'S-1-5-18') -ccontains $owner) { return }
+    throw ('{0} belongs to {1}, not to Administrators or SYSTEM: look at it, then remove it' -f $Path, $owner)
+}
+
+# === journal ======================================================================================
+# What a run did, kept on this computer: a line of JSON for each record, sealed by its length and a checksum.
+
+function Import-Journal {
+    # What the last run here did, by the whole records. The first one is never torn: it gets its name when it is whole. A
+    # later last one that a crash tore has no line end, or bytes that never came, and is dropped; all else is damage.
+    $fresh = $script:Journal + '.new'
+    # Left by a run that was killed before it began.
+    if (-not $script:Preview -and (Test-Path -LiteralPath $fresh)) { [System.IO.File]::Delete($fresh) }
+    if (-not (Test-Path -LiteralPath $script:Journal)) { return }
+    Assert-Owner -Path $script:Folder
+    Assert-Owner -Path $script:Journal
+    # Byte by byte: a text reader hides what an editor put before it.
+    $whole = [System.Text.Encoding]::ASCII.GetString([System.IO.File]::ReadAllBytes($script:Journal))
+    $damage = $script:Journal + ' is damaged: see what the last run did, then remove it'
+    $torn = $false
+    foreach ($line in @($whole -split '(?<=\n)')) {
+        if ($torn -and $line) { throw $damage }
+        if (-not $line) { continue }
+        $text = $line -creplace ',"length":[0-9]+,"checksum":"[0-9a-f]{64}"\}\n$', '}'
+        $torn = (Get-Sealed -Text $text) -cne $line
+        $ended = $line.EndsWith([string] [char] 10) -and -not $line.Contains([string] [char] 0)
+        if ($torn -and ($ended -or $null -eq $script:Started)) { throw $damage }
+        if ($torn) { continue }
+        $script:Sound += $line.Length
+        $record = ConvertFrom-Json -InputObject $text
+        if ($record.kind -ceq 'run_closed') { $script:Closing = $record.closing }
+        elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
+        else {
+            $script:Started = $record
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
+            foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
+            foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
+        }
+    }
+    if ($null -eq $script:Started) { throw $damage }
+}
+
+function Get-Sealed {
+    param([string] $Text)
+    $digest = Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes($Text))
+    '{0},"length":{1},"checksum":"{2}"}}{3}' -f ($Text -creplace '\}$', ''), $Text.Length, $digest, [char] 10
+}
+
+function Get-Sha256 {
+    param([byte[]] $Data, [int] $Count = $Data.Length)
+    $hash = [System.Security.Cryptography.SHA256]::Create()
+    ([System.BitConverter]::ToString($hash.ComputeHash($Data, 0, $Count)) -replace '-', '').ToLowerInvariant()
+}
+
+function Add-Record {
+    # It is on the disk when this returns. A torn end is cut off first.
+    param([System.Collections.IDictionary] $Record, [string] $Path = $script:Journal)
+    if ($script:Preview) { return }
+    [byte[]] $data = [System.Text.Encoding]::ASCII.GetBytes((Get-Sealed -Text (ConvertTo-AsciiJson -Value $Record)))
+    $mode = [System.IO.FileMode]::OpenOrCreate
+    $stream = [System.IO.FileStream]::new($Path, $mode, [System.IO.FileAccess]::Write)
+    try {
+        $stream.SetLength($script:Sound)
+        $stream.Position = $script:Sound
+        $stream.Write($data, 0, $data.Length)
+        $stream.Flush($true)
+    } finally {
+        $stream.Dispose()
+    }
+    $script:Sound += $data.Length
+}
+
+function Clear-Journal {
+    # The run that it holds becomes history, of which the last hundred are remembered; an undo takes back what it did.
+    $last = $script:Started
+    if ($null -eq $last) { return }
+    $closing = if ($script:Closing) { $script:Closing } else { $null }
+    $extra = $script:Past.Count - 99
+    $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
+        run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
+        started_at = $script:StartedAt; closing = $closing
+    }
+    $script:Touched.Clear()
+    foreach ($number in @(if ($script:Plan.Run -ceq 'undo') { $script:Recorded.Keys })) {
+        if ($script:Recorded[$number] -cne 'unchanged') { $script:Touched[$number] = $true }
+    }
+    $script:Started = $null
+    $script:Closing = ''
+    $script:Recorded.Clear()
+}
+
+function Write-FirstRecord {
+    # Starts the run in one write: uses the plan, raises the serial, and holds the run whole.
+    if ($script:Preview) { return }
+    $plan = $script:Plan
+    $undo = ''
+    if ($plan.Undo) {
+        # It must lie beside this one, as it was made.
+        $path = [System.IO.Path]::Combine([System.IO.Path]::GetDirectoryName($script:ScriptPath), $plan.Undo)
+        if (-not (Test-Path -LiteralPath $path)) { throw ('{0} must lie beside this script: put it there' -f $path) }
+        $data = [System.IO.File]::ReadAllBytes($path)
+        $undo = [System.Text.Encoding]::ASCII.GetString($data)
+        # Who signs it adds remarks at its end; all before them is the plan's.
+        $size = ($undo -creplace $script:Signature, '').Length
+        if ((Get-Sha256 -Data $data -Count $size) -cne $plan.UndoDigest) {
+            $line = '' + [char] 13 + [char] 10
+            $text = ($undo -creplace '\r?\n', $line) -creplace $script:Signature, ''
+            $same = (Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes($text))) -ceq $plan.UndoDigest
+            if ($same) { throw ('{0} has other line ends than it was made with: git needs "*.ps1 -text"' -f $path) }
+            throw ('{0} was edited' -f $path)
+        }
+    }
+    $script:Serials[$plan.Application] = [long] $script:Serials[$plan.Application] + 1
+    $fresh = $script:Journal + '.new'
+    $script:Sound = [long] 0
+    $record = [ordered] @{
+        run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
+        robot = $plan.Robot; script = [System.IO.File]::ReadAllText($script:ScriptPath); undo = $undo
+        # As text without the T of ISO dates, which 7 would read back as a date; a cast knows no culture.
+        started_at = [string] [DateTime]::UtcNow -creplace '^(..)/(..)/(....) (.*)$', '$3-$1-$2 $4 UTC'
+        history = @($script:Past)
+        serials = $script:Serials; touched = @($script:Touched.Keys | Sort-Object); kind = 'run_started'
+    }
+    # The script and its undo need it, too; a script in one file holds it.
+    if ($script:ModulePath) {
+        $record['module'] = [hashtable]::new($script:Ordinal)
+        foreach ($name in @('Rarms.psd1', 'Rarms.psm1')) {
+            $path = [System.IO.Path]::Combine($script:ModulePath, $name)
+            $record['module'][$name] = [System.IO.File]::ReadAllText($path)
+        }
+    }
+    Add-Record -Path $fresh -Record $record
+    Protect-Path -Path $fresh -Descriptor 'O:BAG:SYD:P(A;;FA;;;BA)(A;;FA;;;SY)'
+    $old = $script:Journal + '.old'
+    if (Test-Path -LiteralPath $script:Journal) { [System.IO.File]::Replace($fresh, $script:Journal, $old) }
+    else { [System.IO.File]::Move($fresh, $script:Journal) }
+}
+
+# === host =========================================================================================
+# Whether a script runs where it was made for, and whether a reserve has any effect there.
+
+function Assert-VmHost {
+    # Is it this host, may we, and does a reserve have any effect here?
+    $plan = $script:Plan
+    if ([IntPtr]::Size -ne 8) { Stop-Run -Detail 'this PowerShell has 32 bits: start the one that has 64' }
+    # Where 7 does not load Hyper-V itself, its objects come through 5.1 and are none that cmdlets take.
+    if ([string] (Get-Command -Name 'Hyper-V\Get-VM').CommandType -cne 'Cmdlet') {
+        Stop-Run -Detail 'this PowerShell does not load Hyper-V itself: start powershell.exe'
+    }
+    $vmHost = Hyper-V\Get-VMHost
+    if ($vmHost.Name -ne $plan.Computer) {
+        Stop-Run -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
+    }
+    if ($plan.Identity -and (Get-HostIdentity) -cne $plan.Identity) {
+        Stop-Run -Detail ('this {0} is not the one that the plan was made for: make a plan for this one' -f $vmHost.Name)
+    }
+    # An undo gives back, and promises nothing.
+    if ($plan.Run -ceq 'undo') { return }
+    if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
+        Stop-Run -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
+    }
+    if ($plan.AcceptScheduler) { return }
+    if (Test-RootScheduler) {
+        throw 'the hypervisor runs its root scheduler, under which reserve, limit and weight have no effect'
+    }
+}
+
+function Get-HostIdentity {
+    # What tells this Windows from every other, as observe.ps1 works it out.
+    $id = [string] (Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Cryptography').GetValue('MachineGuid')
+    $data = [System.Text.Encoding]::ASCII.GetBytes('rarms host ' + $id.Trim().ToLowerInvariant())
+    (Get-Sha256 -Data $data).Substring(0, 32)
+}
+
+function Test-RootScheduler {
+    # Event 2 of the hypervisor says 4 for root. Where it has left the log: a client Windows has root, of a server it is
+    # not known, which the plan told.
+    try {
+        $filter = @{ ProviderName = 'Microsoft-Windows-Hyper-V-Hypervisor'; ID = 2 }
+        $found = @(Get-WinEvent -FilterHashtable $filter -MaxEvents 1)
+        return [int] $found[0].Properties[0].Value -eq 4
+    } catch {
+        Write-Verbose -Message $_.Exception.Message
+    }
+    $windows = Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion'
+    [string] $windows.GetValue('InstallationType') -ceq 'Client'
+}
+
+# === guest ========================================================================================
+# Where the script of a guest may run.
+
+function Assert-Guest {
+    # In the machine that it was made for, as Hyper-V tells its guest: by its id, or by its name where the plan makes it.
+    if ([IntPtr]::Size -ne 8) { Stop-Run -Detail 'this PowerShell has 32 bits: start the one that has 64' }
+    $path = 'HKLM:\SOFTWARE\Microsoft\Virtual Machine\Guest\Parameters'
+    if (-not (Test-Path -LiteralPath $path)) {
+        Stop-Run -Detail 'this Windows is no guest, or its service vmickvpexchange never ran: start that'
+    }
+    $key = Get-Item -LiteralPath $path
+    $id = ([string] $key.GetValue('VirtualMachineId')).ToLowerInvariant()
+    $name = [string] $key.GetValue('VirtualMachineName')
+    if (@($id, $name) -ccontains $script:Plan.Guest) { return }
+    Stop-Run -Detail ('this is the guest of {0} ({1}), not of {2}' -f $name, $id, $script:Plan.Guest)
+}
+
+# === machines =====================================================================================
+# How virtual machines are found, read and marked: never by their names.
+
+function Get-PartitionReading {
+    # What the host shows of the machine with this id.
+    param([string] $Machine, [switch] $Clustered)
+    Get-MachineReading -Machine $Machine -Clustered $Clustered
+}
+
+function Get-MachineReading {
+    # As Get-PartitionReading, for its other callers.
+    param([string] $Machine, [bool] $Clustered)
+    $live = Get-Known
+    if (-not $live.Count) {
+        $found = @(Find-Machine -Machine $Machine)
+        # Of what was done nothing is to be changed.
+        if ($script:Current.Contains('Set')) { foreach ($vm in $found) { Assert-Untied -Vm $vm -Clustered $Clustered } }
+        Add-MachineReading -Live $live -Found $found
+    }
+    Add-ProcessorReading -Live $live
+    $script:Vm = $live['vm']
+    $live
+}
+
+function Get-Known {
+    # What was read already at the address of the current step: nothing is read twice until a step changes something.
+    $at = $script:Current.Address
+    if (-not $script:Known.Contains($at)) { $script:Known[$at] = [hashtable]::new($script:Ordinal) }
+    $script:Known[$at]
+}
+
+function Find-Machine {
+    # Where everything is looked at, all machines are listed once.
+    param([string] $Machine)
+    if (-not $script:Looking) {
+        try { return Hyper-V\Get-VM -Id $Machine } catch { Write-Verbose -Message $_.Exception.Message }
+    }
+    foreach ($vm in @(Get-MachineList)) { if ([string] $vm.Id -eq $Machine) { $vm } }
+}
+
+function Get-MachineList {
+    # All machines of the host, listed once for all that is read until something changes.
+    if (-not $script:Known.Contains('machines')) { $script:Known['machines'] = @(Hyper-V\Get-VM) }
+    $script:Known['machines']
+}
+
+function Add-MachineReading {
+    # Into the reading: whether there is the machine, and what it says of itself.
+    param([System.Collections.IDictionary] $Live, $Found)
+    if ($Found.Count -gt 1) { Stop-Run -Detail ('{0} machines answer to it' -f $Found.Count) }
+    $Live['exists'] = $Found.Count -eq 1
+    $Live['vm'] = $null
+    if (-not $Found.Count) { return }
+    $vm = $Found[0]
+    $mark = Get-Mark -Vm $vm
+    $Live['vm'] = $vm
+    $Live['machine'] = ([string] $vm.Id).ToLowerInvariant()
+    $Live['name'] = [string] $vm.Name
+    $Live['generation'] = [long] $vm.Generation
+    $Live['processors'] = [long] $vm.ProcessorCount
+    $Live['memory'] = [long] $vm.MemoryStartup
+    $Live['dynamic_memory'] = [bool] $vm.DynamicMemoryEnabled
+    $Live['start_action'] = ConvertTo-Word -Value $vm.AutomaticStartAction
+    $Live['stop_action'] = ConvertTo-Word -Value $vm.AutomaticStopAction
+    $Live['checkpoints'] = ConvertTo-Word -Value $vm.CheckpointType
+    $Live['state'] = ConvertTo-RunState -State $vm.State
+    $Live['running'] = $Live['state'] -ceq 'running'
+    $Live['mark'] = if ($mark.Name) { '{0}/{1}' -f $mark.Application, $mark.Name } else { '' }
+    $Live['set'] = $mark.Set
+}
+
+function Add-ProcessorReading {
+    # Only where one of these is asked for: a machine that is stopped or removed needs none of them.
+    param([System.Collections.IDictionary] $Live)
+    if (-not $Live['exists'] -or -not (Test-Unread -Live $Live -Name 'reserve', 'limit', 'weight')) { return }
+    $cpu = Hyper-V\Get-VMProcessor -VM $Live['vm']
+    $Live['reserve'] = [long] $cpu.Reserve
+    $Live['limit'] = [long] $cpu.Maximum
+    $Live['weight'] = [long] $cpu.RelativeWeight
+}
+
+function Test-Unread {
+    param([System.Collections.IDictionary] $Live, [string[]] $Name)
+    foreach ($one in $Name) { if ($script:Wanted -ccontains $one -and -not $Live.Contains($one)) { return $true } }
+    $false
+}
+
+function Get-Mark {
+    # Our line in a machine's notes. One that names another machine's id was copied and is none; so are two of them.
+    param($Vm)
+    if (Test-Replica -Vm $Vm) { return @{ Application = ''; Name = ''; Set = '' } }
+    $found = @(@([string] $Vm.Notes -split '\n') | Where-Object -FilterScript { $_ -cmatch $script:MarkForm })
+    if ($found.Count -eq 1 -and $found[0] -cmatch $script:MarkForm -and $Matches['vm'] -ceq (Get-ShortId -Vm $Vm)) {
+        return @{ Application = $Matches['app']; Name = $Matches['name']; Set = $Matches['set'] }
+    }
+    @{ Application = ''; Name = ''; Set = '' }
+}
+
+function Assert-Untied {
+    # A replica, a shielded machine and one of a cluster are not the host's alone; a plan may accept the last.
+    param($Vm, [bool] $Clustered)
+    $tie = Get-Tie -Vm $Vm
+    if ($tie -ceq 'of a failover cluster' -and $Clustered) { $tie = '' }
+    if (-not $tie -and (Test-Shielded -Vm $Vm)) { $tie = 'shielded' }
+    if ($tie) { Stop-Run -Detail ('machine {0} ({1}) is {2}, and not changed here' -f $Vm.Name, $Vm.Id, $tie) }
+}
+
+function Get-Tie {
+    # What a machine says itself of who else decides over it; nothing of one that is the host's alone.
+    param($Vm)
+    if (Test-Replica -Vm $Vm) { return 'a replica of one on another host' }
+    $clustered = $Vm.PSObject.Properties['IsClustered']
+    if ($null -ne $clustered -and $clustered.Value) { return 'of a failover cluster' }
+    ''
+}
+
+function Test-Replica {
+    # A replica has the id and the notes of its primary, so that our mark on it says nothing.
+    param($Vm)
+    @('Replica', 'TestReplica', 'ExtendedReplica') -ccontains [string] $Vm.ReplicationMode
+}
+
+function Test-Shielded {
+    # Asked once a run of each machine.
+    param($Vm)
+    $id = [string] $Vm.Id
+    if (-not $script:Shielded.Contains($id)) { $script:Shielded[$id] = [bool] (Hyper-V\Get-VMSecurity -VM $Vm).Shielded }
+    $script:Shielded[$id]
+}
+
+function Get-ShortId {
+    param($Vm)
+    ([string] $Vm.Id).ToLowerInvariant().Substring(0, 8)
+}
+
+function Write-Mark {
+    # The mark that the step wants, or none, above the user's lines: the only text built around what a host says.
+    $wanted = $script:Current.After
+    $notes = [string] $script:Vm.Notes -creplace ('(?m)' + $script:MarkForm + '\n?'), ''
+    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], (Get-ShortId -Vm $script:Vm), $wanted['set']
+    if ($wanted['mark']) { $notes = if ($notes) { $line + [char] 13 + [char] 10 + $notes } else { $line } }
+    Hyper-V\Set-VM -VM $script:Vm -Notes $notes
+}
+
+function ConvertTo-RunState {
+    param($State)
+    $name = [string] $State
+    if ($name -clike '*Critical') { return 'critical' }
+    if (@('Off', 'Running', 'Paused', 'Saved') -ccontains $name) { return $name.ToLowerInvariant() }
+    'busy'
+}
+
+function ConvertTo-Word {
+    # An enumeration's name as plans write it: TurnOff becomes turn_off.
+    param($Value)
+    ([string] $Value -creplace '(?<=[a-z])(?=[A-Z])', '_').ToLowerInvariant()
+}
+
+# === devices ======================================================================================
+# What a machine has beside processors and memory: one call for each kind that is wanted and was not read yet.
+
+function Get-DeviceReading {
+    param([string] $Machine, [switch] $Clustered)
+    Add-DeviceReading -Live (Get-MachineReading -Machine $Machine -Clustered $Clustered)
+}
+
+function Add-DeviceReading {
+    param([System.Collections.IDictionary] $Live)
+    $vm = $Live['vm']
+    if (-not $Live['exists']) { return $Live }
+    if (Test-Unread -Live $Live -Name 'secure_boot', 'boots_from') {
+        $firmware = Hyper-V\Get-VMFirmware -VM $vm
+        $off = [string] $firmware.SecureBoot -ceq 'Off'
+        $Live['secure_boot'] = if ($off) { 'off' } else { [string] $firmware.SecureBootTemplate }
+        $Live['boots_from'] = ''
+        foreach ($device in @($firmware.BootOrder)) {
+            if (-not $Live['boots_from']) { $Live['boots_from'] = ConvertTo-Word -Value $device.BootType }
+        }
+    }
+    if (Test-Unread -Live $Live -Name 'adapters') { $Live['adapters'] = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count }
+    if (Test-Unread -Live $Live -Name 'disks') { $Live['disks'] = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count }
+    if (Test-Unread -Live $Live -Name 'snapshots') { $Live['snapshots'] = @(Hyper-V\Get-VMSnapshot -VM $vm).Count }
+    $Live
+}
+
+# === making =======================================================================================
+# The machine that this plan makes: it carries our mark, or before that the plan's pending name.
+
+function Get-NewPartitionReading {
+    param([string] $Name)
+    $live = Get-Known
+    if (-not $live.Count) {
+        $id = $script:Machines[$Name]
+        $found = @(if ($id) { Find-Machine -Machine $id } else { Find-NewMachine -Name $Name })
+        Add-MachineReading -Live $live -Found $found
+        if ($live['exists']) { $script:Machines[$Name] = $live['machine'] }
+    }
+    Add-ProcessorReading -Live $live
+    if (Test-Unread -Live $live -Name 'taken') { $live['taken'] = Test-Stranger -Name $Name }
+    $script:Vm = $live['vm']
+    Add-DeviceReading -Live $live
+}
+
+function Find-NewMachine {
+    param([string] $Name)
+    $pending = Get-PendingName -Name $Name
+    foreach ($vm in @(Get-MachineList)) {
+        $mark = Get-Mark -Vm $vm
+        $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
+        # -ceq takes no notice of characters without width, such as a soft hyphen.
+        if ($ours -or [string]::Equals($vm.Name, $pending, [System.StringComparison]::Ordinal)) { $vm }
+    }
+}
+
+function Get-PendingName {
+    # What a partition is called while this plan makes it; a dot cannot occur in a manifest's name.
+    param([string] $Name)
+    '{0}.rarms-{1}' -f $Name, $script:Plan.Plan
+}
+
+function Test-Stranger {
+    # Whether a machine of this name is foreign: it carries no mark of our application.
+    param([string] $Name)
+    foreach ($vm in @(Get-MachineList)) {
+        if (-not [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)) { continue }
+        if ((Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { return $true }
+    }
+    $false
+}
+
+function Add-PartitionDisk {
+    # A run may have been killed right behind it.
+    param([string] $Path)
+    if (@(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm).Count) { return }
+    Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path $Path
+}
+
+function Move-NewPartition {
+    # Hyper-V made a folder of the pending name, and a new name would leave it so. What is there already is not moved again.
+    param([string] $Folder, [string] $Name)
+    $path = Get-PartitionFolder -Folder $Folder -Name $Name
+    if ([string] $script:Vm.Path -ne $path) {
+        Hyper-V\Move-VMStorage -VM $script:Vm -VirtualMachinePath $path -SnapshotFilePath $path -SmartPagingFilePath $path
+    }
+    Remove-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name (Get-PendingName -Name $Name))
+}
+
+function Get-PartitionFolder {
+    param([string] $Folder, [string] $Name)
+    '{0}\{1}' -f ($Folder -creplace '\\$', ''), $Name
+}
+
+function Get-FolderReading {
+    # How many folders are left empty where this plan made a machine: of its pending name, and of its final one.
+    param([string] $Folder, [string] $Name)
+    $count = 0
+    foreach ($one in @((Get-PendingName -Name $Name), $Name)) {
+        if (Test-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name $one)) { $count += 1 }
+    }
+    @{ folders = $count }
+}
+
+function Remove-PartitionFolder {
+    param([string] $Folder, [string] $Name)
+    foreach ($one in @((Get-PendingName -Name $Name), $Name)) {
+        Remove-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name $one)
+    }
+}
+
+function Remove-EmptyFolder {
+    # Never with what lies in it.
+    param([string] $Path)
+    if (Test-EmptyFolder -Path $Path) { [System.IO.Directory]::Delete($Path) }
+}
+
+function Test-EmptyFolder {
+    param([string] $Path)
+    if (-not (Test-Path -LiteralPath $Path)) { return $false }
+    $link = [System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint
+    -not $link -and -not @(Get-ChildItem -LiteralPath $Path -Force).Count
+}
+
+function Remove-NetworkAdapter {
+    # Hyper-V gives one to every new machine.
+    if (@(Hyper-V\Get-VMNetworkAdapter -VM $script:Vm).Count) { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
+}
+
+# === capacity =====================================================================================
+# Whether the host can keep what it promises, its unmanaged machines included.
+
+function Test-Capacity {
+    # Whether all promises fit with this machine's new one: in sum, in memory, and each processor onto a logical one.
+    param([long] $Processors, [long] $Reserve, [long] $Memory)
+    $others = @(foreach ($vm in @(Get-MachineList)) {
+        if ([string] $vm.Id -ceq [string] $script:Vm.Id) { continue }
+        $ours = (Get-Mark -Vm $vm).Application -ceq $script:Plan.Application
+        $active = @('off', 'saved') -cnotcontains (ConvertTo-RunState -State $vm.State)
+        # A replica starts at a failover only.
+        $starts = -not (Test-Replica -Vm $vm) -and [string] $vm.AutomaticStartAction -cne 'Nothing'
+        if ($active -or (-not $ours -and $starts)) { $vm }
+    })
+    $cpu = if ($script:Plan.ThreadsPerCore -eq 1) { $null } else { Hyper-V\Get-VMProcessor -VM $script:Vm }
+    $claims = @(@{ Cores = Get-CoreCount -Cpu $cpu -Processors $Processors; Reserve = $Reserve })
+    $needed = $claims[0].Cores * $script:Plan.ThreadsPerCore * $Reserve
+    $taken = [long] 0
+    $promised = @()
+    $bytes = $Memory
+    if ($others.Count) {
+        foreach ($cpu in @(Hyper-V\Get-VMProcessor -VM $others)) {
+            $cores = Get-CoreCount -Cpu $cpu -Processors $cpu.Count
+            $claims += @{ Cores = $cores; Reserve = [long] $cpu.Reserve }
+            $share = $cores * $script:Plan.ThreadsPerCore * [long] $cpu.Reserve
+            $taken += $share
+            if ($share) { $promised += '{0} {1}' -f $cpu.VMName, (ConvertTo-Processor -Percent $share) }
+        }
+        foreach ($vm in $others) { $bytes += [long] $vm.MemoryStartup }
+    }
+    $room = [long] (($script:Plan.Memory - $bytes + $Memory) / 1048576)
+    $free = ConvertTo-Processor -Percent ($script:Plan.Percent - $taken)
+    $needed = ConvertTo-Processor -Percent $needed
+    $script:Shortage = 'needs {0} and {1} MiB, free {2} and {3} MiB' -f $needed, [long] ($Memory / 1048576), $free, $room
+    if ($promised.Count) { $script:Shortage += ', promised: ' + ($promised -join ', ') }
+    $percent = [long] 0
+    $free = @(100) * $script:Plan.Cores
+    foreach ($one in $claims) {
+        $percent += $one.Cores * $script:Plan.ThreadsPerCore * $one.Reserve
+        if ($one.Reserve -gt 0 -and $one.Cores -gt $free.Count) { return $false }
+    }
+    if ($percent -gt $script:Plan.Percent -or $bytes -gt $script:Plan.Memory) { return $false }
+    # Machines as wide as the host lie on every core; of the others the largest go first, each to the first place.
+    $wide = 0
+    $sizes = @()
+    foreach ($one in $claims) {
+        if ($one.Cores -eq $free.Count) { $wide += $one.Reserve }
+        else { $sizes += @($one.Reserve) * $one.Cores }
+    }
+    for ($at = 0; $at -lt $free.Count; $at++) { $free[$at] -= $wide }
+    foreach ($size in @($sizes | Sort-Object -Descending)) {
+        $at = 0
+        while ($at -lt $free.Count -and $free[$at] -lt $size) { $at++ }
+        if ($at -eq $free.Count) { return $false }
+        $free[$at] -= $size
+    }
+    $wide -le 100
+}
+
+function ConvertTo-Processor {
+    # Per cent of logical processors as plans write them, without a culture's comma: 160 is 1.60 LP.
+    param([long] $Percent)
+    if ($Percent -lt 0) { return '0.00 LP' }
+    ('00' + $Percent) -creplace '^0*([0-9]+)([0-9]{2})$', '$1.$2 LP'
+}
+
+function Get-CoreCount {
+    # The cores that a machine takes where none runs two machines at once; elsewhere each processor counts as a core.
+    param($Cpu, [long] $Processors)
+    if ($script:Plan.ThreadsPerCore -eq 1) { return $Processors }
+    $own = $Cpu.PSObject.Properties['HwThreadCountPerCore']
+    # Without SMT of its own, it leaves the other thread of each core idle.
+    if ($null -eq $own -or $own.Value -eq 1) { return $Processors }
+    ($Processors + ($Processors -band 1)) / 2
+}
+
+# === stop =========================================================================================
+# How a virtual machine is stopped.
+
+function Stop-Partition {
+    # Asks a guest to shut down as soon as it can be asked, forces it from half of the grace on, and turns the machine off
+    # at its end. What refuses to be asked is told and waited out: a shutdown may be on its way already.
+    param([long] $GraceMs)
+    $vm = $script:Vm
+    $begun = [DateTime]::UtcNow
+    $until = $begun.AddMilliseconds($GraceMs)
+    $force = $begun.AddMilliseconds($GraceMs / 2)
+    # -Force gives programs five minutes and no more: a longer grace is not cut short by it.
+    $last = $begun.AddMilliseconds($GraceMs - 300000)
+    if ($last -gt $force) { $force = $last }
+    $asked = ''
+    $jobs = @()
+    $now = $vm
+    try {
+        while ([DateTime]::UtcNow -lt $until -and @('running', 'busy') -ccontains (ConvertTo-RunState -State $now.State)) {
+            $how = if ([DateTime]::UtcNow -lt $force) { 'asked' } else { 'forced' }
+            if ($asked -cne $how -and [string] $now.State -ceq 'Running' -and (Test-ShutdownService -Vm $now)) {
+                $asked = $how
+                $jobs += @(if ($how -ceq 'forced') { Hyper-V\Stop-VM -VM $vm -Force -AsJob }
+                    else { Hyper-V\Stop-VM -VM $vm -AsJob })
+            }
+            $jobs = @(foreach ($job in $jobs) {
+                if ([string] $job.State -cne 'Failed') {
+                    $job
+                    continue
+                }
+                try { [void] (Receive-Job -Job $job) } catch {
+                    $message = 'its guest could not be {0}, and is waited for: {1}' -f $asked, $_.Exception.Message
+                    $script:Messages += $message
+                }
+                Remove-Job -Job $job -Force
+            })
+            Start-Sleep -Milliseconds 1000
+            $now = Hyper-V\Get-VM -Id $vm.Id
+        }
+    } finally {
+        foreach ($job in $jobs) { Remove-Job -Job $job -Force }
+    }
+    if ([string] $now.State -cne 'Off') { Hyper-V\Stop-VM -VM $vm -TurnOff -Force }
+}
+
+function Test-ShutdownService {
+    # Whether the guest answers to what asks it to shut down; by id, as the service's name is in the host's language.
+    param($Vm)
+    foreach ($one in @(Hyper-V\Get-VMIntegrationService -VM $Vm)) {
+        if (-not (([string] $one.Id).ToLowerInvariant() -clike '*9f8233ac-be49-4c79-8ee3-e7e1985b2077')) { continue }
+        return $one.Enabled -and @('Ok', 'Degraded') -ccontains [string] $one.PrimaryOperationalStatus
+    }
+    $false
+}
+
+# === disks ========================================================================================
+# How virtual disks are read and removed.
+
+function Get-DiskReading {
+    # Whether it is there and grows out of this image; with -Everywhere also whether any machine has it.
+    param([string] $Path, [string] $Parent, [switch] $Everywhere)
+    if (-not (Test-Path -LiteralPath $Path)) { return @{ exists = $false } }
+    $disk = Hyper-V\Get-VHD -Path $Path
+    $child = [string] $disk.VhdType -ceq 'Differencing' -and (Test-SamePath -Left $disk.ParentPath -Right $Parent)
+    $live = @{ exists = $true; child = $child }
+    if ($Everywhere) { $live['used'] = Test-DiskUse -Path $Path }
+    $live
+}
+
+function Get-MadePartitionReading {
+    # As Get-NewPartitionReading, and what the machine was given since: an undo must not take it away with that.
+    param([string] $Name, [string] $Disk = '')
+    $live = Get-NewPartitionReading -Name $Name
+    if (-not $live['exists'] -or -not (Test-Unread -Live $live -Name 'added')) { return $live }
+    $added = @(foreach ($drive in @(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm)) {
+        if (-not (Test-SamePath -Left $drive.Path -Right $Disk)) { 'disk ' + $drive.Path }
+    })
+    if (@($Name, (Get-PendingName -Name $Name)) -cnotcontains $live['name']) { $added += 'name ' + $live['name'] }
+    if (@(Hyper-V\Get-VMSnapshot -VM $script:Vm).Count) { $added += 'a checkpoint' }
+    $live['added'] = $added -join ', '
+    $live
+}
+
+function Test-DiskUse {
+    # Whether a machine or one of its checkpoints has this disk, or one that grows out of it.
+    param([string] $Path)
+    $all = @(Get-MachineList)
+    if (-not $all.Count) { return $false }
+    $drives = @(Hyper-V\Get-VMHardDiskDrive -VM $all)
+    foreach ($one in @(Hyper-V\Get-VMSnapshot -VM $all)) { $drives += @(Hyper-V\Get-VMHardDiskDrive -VMSnapshot $one) }
+    foreach ($drive in $drives) {
+        $at = [string] $drive.Path
+        while ($at) {
+            if (Test-SamePath -Left $at -Right $Path) { return $true }
+            $at = if (Test-Path -LiteralPath $at) { [string] (Hyper-V\Get-VHD -Path $at).ParentPath } else { '' }
+        }
+    }
+    $false
+}
+
+function Test-SamePath {
+    # Windows tells paths apart neither by case nor by the direction of a slash.
+    param([string] $Left, [string] $Right)
+    $Left.Replace('/', '\') -eq $Right.Replace('/', '\')
+}
+
+function Get-DiskPath {
+    # Where this plan puts a new disk of a partition: in its folder, or in the host's own.
+    param([string] $Folder, [string] $Name, [string] $Type)
+    if (-not $Folder) { $Folder = (Hyper-V\Get-VMHost).VirtualHardDiskPath }
+    # Not Join-Path, which wants the drive to be there while the steps are still compared.
+    '{0}\{1}-{2}.{3}' -f ($Folder -creplace '\\$', ''), $Name, $script:Plan.Plan, $Type
+}
+
+function Remove-DiskFile {
+    param([string] $Path)
+    Remove-Item -LiteralPath $Path
+}
+
+# === tasks ========================================================================================
+# How multimedia task classes are read and written, each value with its type, and what rarms keeps of them.
+
+function Get-TaskClassReading {
+    # Values with their types, and our record: whose it is and what was last written.
+    param([string] $Task)
+    $live = [hashtable]::new($script:Ordinal)
+    $live['exists'] = $false
+    foreach ($name in @('values', 'record', 'set')) { $live[$name] = '' }
+    $live['empty'] = Test-EmptyKey -Task $Task
+    [string[]] $names = @(foreach ($name in @(Get-TaskValueName -Task $Task)) { $name.ToLowerInvariant() })
+    [Array]::Sort($names, [System.StringComparer]::Ordinal)
+    foreach ($name in $names) {
+        $key = Get-Item -LiteralPath (Get-TaskPath -Task $Task)
+        $kind = ([string] $key.GetValueKind($name)).ToLowerInvariant()
+        $data = $key.GetValue($name)
+        if ($kind -ceq 'dword') { $data = [long] $data -band 4294967295 }
+        $live['value:' + $name] = '{0}:{1}' -f ($kind -creplace '^string$', 'sz'), $data
+        $live['exists'] = $true
+        # Windows does not tell the case of a value's name apart.
+        $live['values'] = $names -join ', '
+    }
+    if (-not (Test-Path -LiteralPath $script:RecordRoot)) { return $live }
+    foreach ($application in @(Get-ChildItem -LiteralPath $script:RecordRoot)) {
+        $path = Get-RecordPath -Task $Task -Application $application.PSChildName
+        if (-not (Test-Path -LiteralPath $path)) { continue }
+        $set = [string] (Get-Item -LiteralPath $path).GetValue('set')
+        if ($set) {
+            $live['record'] = [string] $application.PSChildName
+            $live['set'] = $set
+        }
+    }
+    $live
+}
+
+function Get-TaskValueName {
+    # The names of a task class's values; of the key above the classes only the one that is meant.
+    param([string] $Task)
+    $path = Get-TaskPath -Task $Task
+    if (-not (Test-Path -LiteralPath $path)) { return }
+    foreach ($name in @((Get-Item -LiteralPath $path).GetValueNames())) {
+        if ($path -cne $script:ProfileRoot -or $name -eq $Task) { $name }
+    }
+}
+
+function Get-TaskPath {
+    # SystemResponsiveness is one value of the key above the task classes; our record of it lies among theirs.
+    param([string] $Task)
+    if ($Task -ceq 'SystemResponsiveness') { return $script:ProfileRoot }
+    '{0}\Tasks\{1}' -f $script:ProfileRoot, $Task
+}
+
+function Write-TaskValue {
+    # A value that is there already is left: a step that was killed goes on where it stopped.
+    param([string] $Task, [string] $Name, [string] $Type, $Value)
+    $path = Get-TaskPath -Task $Task
+    Add-Key -Path $path
+    $wanted = '{0}:{1}' -f ($Type.ToLowerInvariant() -creplace '^string$', 'sz'), $Value
+    $live = Get-TaskClassReading -Task $Task
+    $there = [string] $live['value:' + $Name.ToLowerInvariant()]
+    if ([string]::Equals($there, $wanted, [System.StringComparison]::Ordinal)) { return }
+    [void] (New-ItemProperty -LiteralPath $path -Name $Name -PropertyType $Type -Value $Value -Force)
+}
+
+function Remove-TaskValue {
+    # Takes one value away; with -Keep every value but these, whose names are joined as readings join them.
+    param([string] $Task, [string] $Name = '', [string] $Keep = '')
+    foreach ($one in @(Get-TaskValueName -Task $Task)) {
+        $goes = if ($Keep) { @($Keep -split ', ') -notcontains $one } else { $one -eq $Name }
+        if ($goes) { Remove-ItemProperty -LiteralPath (Get-TaskPath -Task $Task) -Name $one }
+    }
+}
+
+function Remove-TaskClass {
+    param([string] $Task)
+    $path = Get-TaskPath -Task $Task
+    if ($path -ceq $script:ProfileRoot) { throw 'the profile itself is no task class, and is never removed' }
+    Remove-Key -Path $path
+}
+
+function Write-TaskRecord {
+    # What was there before comes first, the digest last: without it the record does not count.
+    param([string] $Task, [string] $Application, [string] $Digest, [string] $Before)
+    $path = Get-RecordPath -Task $Task -Application $Application
+    Add-Key -Path $script:RecordRoot
+    Add-Key -Path ('{0}\{1}' -f $script:RecordRoot, $Application)
+    Add-Key -Path $path
+    foreach ($one in @(@('before', $Before), @('set', $Digest))) {
+        # What is there already is left: a step that was killed goes on where it stopped.
+        $there = [string] (Get-Item -LiteralPath $path).GetValue($one[0])
+        if ([string]::Equals($there, $one[1], [System.StringComparison]::Ordinal)) { continue }
+        [void] (New-ItemProperty -LiteralPath $path -Name $one[0] -PropertyType String -Value $one[1] -Force)
+    }
+}
+
+function Remove-TaskRecord {
+    # With the keys above it that hold nothing else.
+    param([string] $Task, [string] $Application)
+    Remove-Key -Path (Get-RecordPath -Task $Task -Application $Application)
+    foreach ($path in @(('{0}\{1}' -f $script:RecordRoot, $Application), $script:RecordRoot)) {
+        if (Test-BareKey -Path $path) { Remove-Key -Path $path }
+    }
+}
+
+function Test-EmptyKey {
+    # Whether a kill left keys that hold nothing: a class without values, a record without its digest, or ours above it.
+    param([string] $Task)
+    $application = '{0}\{1}' -f $script:RecordRoot, $script:Plan.Application
+    $record = '{0}\{1}' -f $application, $Task
+    foreach ($path in @((Get-TaskPath -Task $Task), $application, $script:RecordRoot)) {
+        if (Test-BareKey -Path $path) { return $true }
+    }
+    (Test-Path -LiteralPath $record) -and -not (Get-Item -LiteralPath $record).GetValue('set')
+}
+
+function Test-BareKey {
+    # Whether a key is there and holds neither values nor keys.
+    param([string] $Path)
+    if (-not (Test-Path -LiteralPath $Path)) { return $false }
+    -not (@(Get-ChildItem -LiteralPath $Path).Count + @((Get-Item -LiteralPath $Path).GetValueNames()).Count)
+}
+
+function Get-RecordPath {
+    # Ours, never below the multimedia keys.
+    param([string] $Task, [string] $Application)
+    '{0}\{1}\{2}' -f $script:RecordRoot, $Application, $Task
+}
+
+function Add-Key {
+    # Never with -Force, which would empty a key that is there.
+    param([string] $Path)
+    if (-not (Test-Path -LiteralPath $Path)) { [void] (New-Item -Path $Path) }
+}
+
+function Remove-Key {
+    param([string] $Path)
+    if (Test-Path -LiteralPath $Path) { Remove-Item -LiteralPath $Path }
+}
+
+# === unseen =======================================================================================
+# Task classes of a guest that could not be looked into, so that its own record decides.
+
+function Get-GuestTaskClassReading {
+    # As Get-TaskClassReading, and whether the class is not ours to take: another application's, there before rarms, or with
+    # values that could not be brought back: text with variables, lists, bytes, the key's own value, and names that
+    # cmdlets read as patterns or that PowerShell keeps for itself.
+    param([string] $Task, [string] $Application, [bool] $Replace)
+    $live = Get-TaskClassReading -Task $Task
+    $other = if ($live['record']) { $live['record'] -cne $Application } else { $live['exists'] -and -not $Replace }
+    $live['taken'] = [bool] $other
+    foreach ($name in @(Get-TaskValueName -Task $Task)) {
+        $known = $live['value:' + $name.ToLowerInvariant()] -cmatch '^(dword|qword|sz):'
+        $odd = $name.ToLowerInvariant() -cmatch '^(|\(default\)|ps(object|base|adapted|extended|typenames))$|[*?[\]`]'
+        if ($odd -or -not $known) { $live['taken'] = $true }
+    }
+    $live
+}
+
+function Save-TaskRecord {
+    # What was there before rarms is kept once; a record that is ours already knows it.
+    param([string] $Task, [string] $Application, [string] $Digest)
+    $live = Get-TaskClassReading -Task $Task
+    $before = 'null'
+    if ($live['record']) {
+        $path = Get-RecordPath -Task $Task -Application $Application
+        $before = [string] (Get-Item -LiteralPath $path).GetValue('before')
+    } elseif ($live['exists']) {
+        $values = [hashtable]::new($script:Ordinal)
+        foreach ($name in @(Get-TaskValueName -Task $Task)) {
+            $kind, $data = $live['value:' + $name.ToLowerInvariant()] -split ':', 2
+            if ($kind -cne 'sz') { $data = [long] $data }
+            $values[$name] = [ordered] @{ kind = $kind; data = $data }
+        }
+        $before = ConvertTo-AsciiJson -Value $values
+    }
+    Write-TaskRecord -Task $Task -Application $Application -Digest $Digest -Before $before
+}
+
+function Restore-TaskClass {
+    # Brings back what the record says was there before rarms: no class, or exactly these values.
+    param([string] $Task, [string] $Application)
+    $path = Get-RecordPath -Task $Task -Application $Application
+    # Without its digest nothing was written yet; without the record all is back.
+    if (-not (Test-Path -LiteralPath $path) -or -not (Get-Item -LiteralPath $path).GetValue('set')) { return }
+    $before = ConvertFrom-Json -InputObject ([string] (Get-Item -LiteralPath $path).GetValue('before'))
+    if ($null -eq $before) {
+        Remove-TaskClass -Task $Task
+        return
+    }
+    foreach ($name in @(Get-TaskValueName -Task $Task)) { Remove-TaskValue -Task $Task -Name $name }
+    foreach ($one in $before.PSObject.Properties) {
+        $type = $one.Value.kind -creplace '^sz$', 'string'
+        Write-TaskValue -Task $Task -Name $one.Name -Type $type -Value $one.Value.data
+    }
+}
