@@ -92,10 +92,10 @@ def report_of(
         planned: What the hosts promise; None: by these logs alone, on hosts as the manifest has them.
 
     Returns:
-        Measurements by platform, falling criticality and name; amounts in LPs.
+        Measurements by platform, falling criticality and name, the load that decides first; amounts in LPs.
     """
     current = [log for log in logs if all(name in system.components for name in log.log.header.setup.members)]
-    measurements = sorted(_resting(system, [_measurement(system, logged) for logged in current]), key=_order)
+    measurements = _in_order(tuple(_resting(system, [_measurement(system, logged) for logged in current])))
     rested = {measurement.components for measurement in measurements if measurement.decides}
     planned = planned or planned_totals(system, _shown(measurements), {})
     return Report(
@@ -127,14 +127,16 @@ def _resting(system: System, measurements: Sequence[Measurement]) -> Iterator[Me
         yield replace(measurement, decides=any(measurement is each for each in decisive))
 
 
-def _order(measurement: Measurement) -> tuple[str, bool, int, str, str]:
-    return (
-        measurement.platform,
-        not measurement.decides,
-        -measurement.criticality,
-        measurement.name,
-        measurement.interference,
-    )
+def _in_order(measurements: Sequence[Measurement]) -> Sequence[Measurement]:
+    """What decides first; of the same components the load that decides, or asks for most, then the others."""
+    deciding = {(each.platform, each.components) for each in measurements if each.decides}
+
+    def key(each: Measurement) -> tuple[str, bool, int, str, bool, int, str]:
+        is_compared = (each.platform, each.components) not in deciding
+        needed = 101 if each.reserve is None else each.reserve
+        return each.platform, is_compared, -each.criticality, each.name, not each.decides, -needed, each.interference
+
+    return sorted(measurements, key=key)
 
 
 def _measurement(system: System, logged: ReportedLog) -> Measurement:

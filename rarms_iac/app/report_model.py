@@ -240,7 +240,7 @@ class Report:
     kind: Literal["report"] = "report"
     application: str
     description: str
-    measurements: tuple[Measurement, ...]  # by platform, criticality (falling), name, interference
+    measurements: tuple[Measurement, ...]  # by platform, criticality (falling), name; the load that decides first
     capacities: tuple[PlatformCapacity, ...]  # by platform
     unmeasured: tuple[tuple[str, ...], ...] = ()  # components of a partition that no data log here speaks for
     proofs: tuple[ComponentProof, ...] = ()

@@ -12,6 +12,7 @@ from rarms_iac.applying.scripts import scripts_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.journal import Journal, RunKind, ScriptRun
 from rarms_iac.model.output import output
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.wording import quoted, suggestion
@@ -280,6 +281,46 @@ def compare_scripts(old: PlanScript, new: PlanScript) -> ScriptDifference:
         The steps that only one has, or that differ.
     """
     return replace(difference(_outline_of(old), _outline_of(new)), old=old.name, new=new.name)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScriptSince:
+    """A script of a plan, beside the one that was applied last."""
+
+    script: PlanScript
+    applied: str  # id of the plan of the last apply; empty: there was none that rarms walked
+    difference: ScriptDifference | None  # None: that plan had no script of this name
+
+
+def scripts_since(plan: Plan, runs: Mapping[str, Journal | ScriptRun | None]) -> tuple[ScriptSince, ...]:
+    """Make the plan's own scripts, each with the difference to what was applied last.
+
+    Args:
+        plan: the plan.
+        runs: by host, the last run there.
+
+    Returns:
+        The scripts of hosts and guests, without those that undo; of a Linux host none.
+    """
+    last = {
+        name: run.started
+        for name, run in runs.items()
+        if isinstance(run, Journal) and run.started.run is RunKind.APPLY and run.started.application == plan.application
+    }
+    before = {
+        script.name: script
+        for started in last.values()
+        for script in plan_scripts(replace(plan, id=started.plan, hosts=(started.host_plan,)))
+    }
+    return tuple(
+        ScriptSince(
+            script=script,
+            applied=last[script.host].plan if script.host in last else "",
+            difference=compare_scripts(before[script.name], script) if script.name in before else None,
+        )
+        for script in plan_scripts(plan)
+        if not script.undo
+    )
 
 
 def observe_script() -> str:

@@ -132,10 +132,20 @@ class RelaxationKind(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RelaxedLevel:
+    """An APT that would be easier to meet."""
+
+    component: str
+    index: str
+    level: str  # as the manifest has it: 131 ms
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Relaxation:
     """What to change in the manifest, so that it would fit; it was tried. What is not certain has to be measured."""
 
     changes: tuple[str, ...]  # needed together
+    levels: tuple[RelaxedLevel, ...] = ()  # of the changes, those of an APT
     kind: RelaxationKind = RelaxationKind.CERTAIN
     host: str = ""  # where it has to be measured, if the hosts differ in platform
 

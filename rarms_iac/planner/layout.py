@@ -102,8 +102,20 @@ def causes_as_findings(
             f"{cause.message}{unproven}",
             (where_room_lacks if cause.code in room else "") or cause.advice or _advice(answer.relaxations),
             address=cause.address,
-            values={**cause.values, "proven": answer.proven},
+            values={**cause.values, **_relaxed_levels(answer.relaxations), "proven": answer.proven},
         )
+
+
+def _relaxed_levels(ways: Sequence[Relaxation]) -> Facts:
+    """The APTs that the ways out relax, each as its component, index and level, in three rows of equal length."""
+    levels = [level for way in ways for level in way.levels]
+    if not levels:
+        return {}
+    return {
+        "relaxed_components": tuple(level.component for level in levels),
+        "relaxed_indexes": tuple(level.index for level in levels),
+        "relaxed_levels": tuple(level.level for level in levels),
+    }
 
 
 def _advice(ways: Sequence[Relaxation]) -> Wording:

@@ -24,14 +24,15 @@ from rarms_iac.app.applying import (
 from rarms_iac.app.control import Control, StopSignal, always_consents, never_consents
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.experiments.measure import measure_components
-from rarms_iac.app.experiments.measure_request import MeasureRequest
+from rarms_iac.app.experiments.measure_request import MeasureRequest, reserves_between
 from rarms_iac.app.experiments.narrowing import narrow
 from rarms_iac.app.experiments.prove import ProveRequest, prove_layout
 from rarms_iac.app.experiments.tune import TuneRequest, UnattendedTuning, tune_components
-from rarms_iac.app.hosts import Hosts, select_hosts
+from rarms_iac.app.hosts import Hosts, last_runs, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.requests import SILENCE_MS, HostSelection, ManifestSource, today_utc
+from rarms_iac.app.scripts import ScriptSince, scripts_since
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.model.commands import PLAN, RecommendedCommand, command
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
@@ -55,6 +56,7 @@ class Workspace:
 
     source: ManifestSource
     plan: Plan | None = None
+    scripts: tuple[ScriptSince, ...] = ()  # of the plan
 
     def hosts(self) -> Hosts:
         """Read the manifest as it is now.
@@ -100,7 +102,10 @@ class MeasureAction(Action):
 
     components: list[str] = []
     together: bool = False
-    setting: Percent | None = None  # only this one; None: search
+    coarse: bool = False  # a coarse curve to choose a level from, as the paper's session begins
+    first: Percent | None = None  # settings from here ...
+    last: Percent | None = None  # ... to here ...
+    step: Percent | None = None  # ... so far apart; all None: a search
     stop_partitions: bool = False
     on_busy_host: bool = False
     weak_load: bool = False
@@ -108,11 +113,13 @@ class MeasureAction(Action):
 
     def command(self) -> RecommendedCommand:
         """`rarms measure`."""
-        chosen: Mapping[str, str | int] = {} if self.setting is None else _only(self.setting)
+        settings = {"from_": self.first, "to": self.last, "step": self.step}
+        chosen = {name: f"{value}%" for name, value in settings.items() if value is not None}
         return command(
             "measure",
             *self.components,
             together=self.together,
+            interactive=self.coarse,
             **chosen,
             stop_partitions=self.stop_partitions,
             on_busy_host=self.on_busy_host,
@@ -125,7 +132,8 @@ class MeasureAction(Action):
         request = MeasureRequest(
             components=tuple(self.components),
             together=self.together,
-            reserves=() if self.setting is None else (self.setting,),
+            reserves=reserves_between(self.first, self.last, self.step),
+            coarse=self.coarse and self.first is None,
             weak_load=self.weak_load,
             on_busy_host=self.on_busy_host,
         )
@@ -137,10 +145,6 @@ class MeasureAction(Action):
         transcript.findings(outcome.findings, hosts.manifest.sources)
         transcript.say(summary_text(outcome))
         return _ending(outcome.findings, stopped=outcome.stopped)
-
-
-def _only(setting: int) -> Mapping[str, str]:
-    return {"from_": f"{setting}%", "to": f"{setting}%"}
 
 
 def _measuring(transcript: Transcript, stop: StopSignal, *, stops: bool, on_busy_host: bool) -> Control:
@@ -220,8 +224,11 @@ class PlanAction(Action):
     def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:  # noqa: ARG002 - it is over soon
         """Plan; the page shows the plan itself."""
         workspace.plan = None
-        workspace.plan = make_plan(workspace.hosts())
-        transcript.message(f"Plan {workspace.plan.id} is made.")
+        hosts = workspace.hosts()
+        plan = make_plan(hosts)
+        workspace.scripts = scripts_since(plan, dict(last_runs(hosts)))
+        workspace.plan = plan
+        transcript.message(f"Plan {plan.id} is made.")
         return "done"
 
 

@@ -13,6 +13,7 @@ from rarms_iac.app.experiments.prove import ProveRequest
 from rarms_iac.app.experiments.tune import TuneRequest
 from rarms_iac.app.options import Option
 from rarms_iac.app.report_model import Report
+from rarms_iac.app.scripts import ScriptSince
 from rarms_iac.app.status import HostOverview, NextCommand, PartitionStatus
 from rarms_iac.model.commands import plain_text, sentences
 from rarms_iac.model.indexes import index_named, show_threshold
@@ -26,6 +27,7 @@ from rarms_iac.views.reports.html import render_page
 from rarms_iac.views.reports.page import on_page
 from rarms_iac.views.reports.table import show_cell
 from rarms_iac.views.reports.tables import levels_of_component
+from rarms_iac.views.scripts import difference_text
 from rarms_iac.views.status import describe_partition, history_rows
 
 
@@ -77,6 +79,7 @@ class PlanOnPage:
 
     id: str
     text: str
+    scripts: tuple[tuple[str, str, str, str], ...]  # name, text, plan that was applied last, difference to it
     has_steps: bool
     changed: tuple[str, ...]  # that the manifest has changed since
 
@@ -88,6 +91,9 @@ STOP_PARTITIONS = Box(
 )
 
 
+COARSE = Box(name="coarse", flag="--interactive", label="Measure a coarse curve, to choose the level from.")
+
+
 def _boxes(request: type, *names: str) -> Iterator[Box]:
     """Boxes of these fields of a request, in the words of the command line's help."""
     options = {field.name: field.metadata.get("option") for field in fields(request)}
@@ -97,7 +103,7 @@ def _boxes(request: type, *names: str) -> Iterator[Box]:
         yield Box(name=name, flag=option.flags[0], label=option.help)
 
 
-MEASURE_BOXES = (STOP_PARTITIONS, *_boxes(MeasureRequest, "on_busy_host", "weak_load", "together"))
+MEASURE_BOXES = (COARSE, STOP_PARTITIONS, *_boxes(MeasureRequest, "on_busy_host", "weak_load", "together"))
 TUNE_BOXES = (STOP_PARTITIONS, *_boxes(TuneRequest, "on_busy_host", "dry_run"))
 PROVE_BOXES = tuple(_boxes(ProveRequest, "load_host", "without_load"))
 
@@ -232,9 +238,15 @@ def _plan(known: Knowledge, workspace: Workspace, manifest_options: str) -> Plan
     return PlanOnPage(
         id=plan.id,
         text=render(plan_text(plan, sources=known.sources, verbose=True), UNLIMITED, manifest=manifest_options),
+        scripts=tuple(_script(since) for since in workspace.scripts),
         has_steps=any(part.steps for part in plan.hosts),
         changed=tuple(plain_text(sentences(note.detail, note.advice), manifest_options) for note in notes),
     )
+
+
+def _script(since: ScriptSince) -> tuple[str, str, str, str]:
+    difference = "" if since.difference is None else render(difference_text(since.difference), UNLIMITED)
+    return since.script.name, since.script.text, since.applied, difference
 
 
 def _history(known: Knowledge) -> Iterator[tuple[str, ...]]:

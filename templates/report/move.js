@@ -128,7 +128,7 @@ export const start = () => {
   page.cards = readCards(data);
   for (const plot of plots().filter((each) => moved.has(identityOf(each)))) {
     plot.text = moved.get(identityOf(plot));
-    plot.moved = true;
+    plot.moved = !plot.apt || plot.text !== plot.start; // what was written is the manifest's own by now
   }
   page.cards.forEach(begin);
   showTotals(page);

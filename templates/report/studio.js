@@ -40,9 +40,9 @@ const bodyOf = (form) => {
 
 const wordsOf = (form, words) => {
   const component = form.elements.components?.value ?? "";
-  const setting = form.elements.setting?.value ?? "";
-  const flags = [...form.elements].filter((field) => field.type === "checkbox" && field.checked).map((field) => field.dataset.flag);
-  return [words, component, ...(setting === "" ? [] : [`--from ${setting}% --to ${setting}%`]), ...flags].filter(Boolean).join(" ");
+  const given = [...form.elements].filter((field) => field.dataset.flag && (field.type === "checkbox" ? field.checked : field.value !== ""));
+  const options = given.map((field) => (field.type === "checkbox" ? field.dataset.flag : `${field.dataset.flag} ${field.value}%`));
+  return [words, component, ...options].filter(Boolean).join(" ");
 };
 
 const showWords = (form) => {
@@ -59,52 +59,52 @@ const begin = async (form) => {
   }
 };
 
-const measureAlone = (name, setting = "") => {
+// A component, or one setting of it, with the boxes of the form as they are.
+const measureOf = (names, setting = "") => {
   const form = element("measure");
-  form.elements.components.value = name;
-  form.elements.setting.value = setting;
-  showWords(form);
-  form.requestSubmit();
+  const body = { ...bodyOf(form), components: names, together: names.length > 1 };
+  for (const end of ["first", "last"]) body[end] = setting === "" ? null : Number(setting);
+  body.step = null;
+  return send("do/measure", body).catch((problem) => say(problem.message));
 };
 
 // --- levels
 
 const cardOf = (id) => page.cards.find((card) => card.id === id);
-const previews = new Map(); // by card: what was shown, in the order in which it is written
-const levelOf = (plot, digest) => ({ component: plot.component, index: plot.index, level: `${plot.text} ${plot.unit}`, digest });
+const previews = new WeakMap(); // by edit on the page: what was shown, in the order in which it is written
+const levelOf = (plot) => ({ component: plot.component, index: plot.index, level: `${plot.text} ${plot.unit}` });
 
-const showPreview = async (card) => {
+const showPreview = async (edit, levels) => {
   const answers = [];
   const problems = [];
-  for (const plot of wanted(card)) {
+  for (const level of levels) {
     try {
-      answers.push({ plot, ...(await send("level", levelOf(plot, ""))) });
+      answers.push({ level, ...(await send("level", level)) });
     } catch (problem) {
       problems.push(problem.message);
     }
   }
-  previews.set(card.id, problems.length > 0 ? [] : answers);
   const differences = answers.map((answer) => answer.difference).join("");
-  element(`${card.id}-difference`).textContent = differences || (problems.length > 0 ? "Nothing can be written." : "The manifest says so already.");
-  element(`${card.id}-follows`).textContent = [...problems, ...answers.map((answer) => answer.text)].join("\n");
-  element(`${card.id}-edit`).hidden = false;
-  const button = document.querySelector(`[data-write="${card.id}"]`);
-  button.hidden = problems.length > 0 || differences === "";
+  const nothing = problems.length > 0 ? "Nothing can be written." : "The manifest says so already.";
+  previews.set(edit, answers);
+  edit.querySelector(".difference").textContent = differences || nothing;
+  edit.querySelector(".follows").textContent = [...problems, ...answers.flatMap((answer) => [answer.command, answer.text])].join("\n");
+  edit.querySelector(".write").hidden = problems.length > 0 || differences === "";
+  edit.hidden = false;
 };
 
 // Each level is written onto the text that was shown, or that the level before it left.
-const write = async (card) => {
-  const answers = previews.get(card.id) ?? [];
+const write = async (edit) => {
+  const answers = previews.get(edit) ?? [];
   let digest = answers[0]?.digest;
   try {
-    for (const { plot, difference } of answers) {
-      if (difference === "") continue;
-      digest = (await send("level", levelOf(plot, digest))).after;
-      plot.moved = false;
+    for (const { level, difference } of answers) {
+      if (difference !== "") digest = (await send("level", { ...level, digest })).after;
     }
-    element(`${card.id}-edit`).hidden = true;
+    edit.hidden = true;
+    say("Written into the manifest.");
   } catch (problem) {
-    element(`${card.id}-follows`).textContent = problem.message;
+    edit.querySelector(".follows").textContent = problem.message;
   }
 };
 
@@ -127,7 +127,6 @@ const showWork = (work) => {
   );
   element("work-lines").hidden = work.lines.length === 0;
   element("work-lines").textContent = work.lines.map((text) => text.trimEnd()).join("\n");
-  for (const form of document.querySelectorAll("form[data-action] button:not([data-off])")) form.classList.toggle("waiting", isRunning);
 };
 
 // --- following the files
@@ -191,22 +190,28 @@ events.addEventListener("files", (event) => {
 // --- clicks
 
 document.addEventListener("submit", (event) => {
+  const form = event.target;
   event.preventDefault();
-  if (event.target.dataset.action) begin(event.target);
+  if (form.dataset.action) begin(form);
+  if (form.dataset.for) measureOf(form.dataset.for.split(" "), form.elements.setting.value);
 });
 document.addEventListener("input", (event) => {
   const form = event.target.closest("form[data-action]");
   if (form) showWords(form);
 });
 document.addEventListener("line", (event) => {
-  const edit = element(`${event.detail.id}-edit`);
-  if (edit) edit.hidden = true; // what was shown is not what would be written now
+  const edit = element(event.detail.id).querySelector("[data-edit] .edit");
+  edit.hidden = true; // what was shown is not what would be written now
 });
 document.addEventListener("click", (event) => {
-  const { preview, write: written, measure, way } = event.target.closest("button")?.dataset ?? {};
-  if (event.target.id === "work-stop") send("stop", {});
-  if (preview) showPreview(cardOf(preview));
-  if (written) write(cardOf(written));
-  if (measure) measureAlone(measure);
-  if (way) element(way)?.scrollIntoView({ block: "center" });
+  const button = event.target.closest("button");
+  if (!button) return;
+  const { preview, component, index, level, measure, way } = button.dataset;
+  const edit = button.closest("[data-edit]")?.querySelector(".edit");
+  if (button.id === "work-stop") send("stop", {}).catch((problem) => say(problem.message));
+  if (preview) showPreview(edit, wanted(cardOf(preview)).map(levelOf));
+  if (component) showPreview(edit, [{ component, index, level }]);
+  if (button.classList.contains("write")) write(edit);
+  if (measure) measureOf([measure]);
+  if (way) element(way).querySelector("button").focus();
 });

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Any
 
+from rarms_iac.model.layout import RelaxedLevel
 from rarms_iac.model.system import System
 from rarms_iac.planner.problem import HostView, has_layout, problem_of
 from rarms_iac.planner.reservations import ReservationSource
@@ -46,6 +47,7 @@ class Edit:
 
     message: str
     apply: Callable[[Variant], Variant]
+    level: RelaxedLevel | None = None  # where it relaxes an APT
 
 
 Edits = tuple[Edit, ...]

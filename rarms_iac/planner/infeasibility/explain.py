@@ -209,7 +209,12 @@ def ways_out(problem: Problem, conflict: Sequence[str], start: Variant) -> tuple
 
 
 def _relaxation(edits: Edits, kind: RelaxationKind = RelaxationKind.CERTAIN, host: str = "") -> Relaxation:
-    return Relaxation(changes=tuple(edit.message for edit in edits), kind=kind, host=host)
+    return Relaxation(
+        changes=tuple(edit.message for edit in edits),
+        levels=tuple(edit.level for edit in edits if edit.level is not None),
+        kind=kind,
+        host=host,
+    )
 
 
 def _moving(problem: Problem, trials: Trials) -> Iterator[Edits]:

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index, show_threshold, show_value
+from rarms_iac.model.layout import RelaxedLevel
 from rarms_iac.model.quantities import (
     CpuAmount,
     LogicalProcessors,
@@ -130,7 +131,8 @@ def _relaxed_apt(component: Component, name: str, threshold: Threshold) -> Edit:
         return variant.with_entries("components", {before.name: replace(before, apt={**before.apt, name: threshold})})
 
     before = show_value(index, component.apt[name].value)
-    return Edit(f"{component.name}: {name} {show_threshold(index, threshold)} instead of {before}", apply)
+    level = RelaxedLevel(component=component.name, index=name, level=show_value(index, threshold.value))
+    return Edit(f"{component.name}: {name} {show_threshold(index, threshold)} instead of {before}", apply, level)
 
 
 def narrowing_relaxations(group: Group, problem: Problem) -> Iterator[RelaxationRange]:

@@ -149,7 +149,14 @@ def _finding(diagnostic: Diagnostic) -> dict[str, object]:
             for name, value in diagnostic.values.items()
         },
         "commands": list(diagnostic.commands),
+        "levels": _relaxed_levels(diagnostic),
     }
+
+
+def _relaxed_levels(diagnostic: Diagnostic) -> list[tuple[str, ...]]:
+    """The levels that its ways out choose: component, index and level of each."""
+    rows = [diagnostic.values.get(f"relaxed_{name}", ()) for name in ("components", "indexes", "levels")]
+    return list(zip(*(row for row in rows if isinstance(row, tuple)), strict=True))
 
 
 def _policy(style: str, script: str) -> str:

@@ -71,6 +71,7 @@ class Card:
     id: str
     measurement: Measurement
     plots: tuple[Plot, ...]
+    is_beside: bool  # the card before it is of the same components, beside the load that decides
 
     @property
     def name(self) -> str:
@@ -93,16 +94,24 @@ def on_page(table: Table) -> Table:
 
 def cards_of(report: Report) -> tuple[Card, ...]:
     """One card a measurement, in the report's order."""
+    before = (None, *report.measurements)
     return tuple(
         Card(
             id=f"m{number}",
             measurement=measurement,
+            is_beside=_is_beside(measurement, before[number - 1]),
             plots=tuple(
                 plot_of(index, measurement, f"m{number}-{place}") for place, index in enumerate(measurement.indexes, 1)
             ),
         )
         for number, measurement in enumerate(report.measurements, 1)
     )
+
+
+def _is_beside(measurement: Measurement, before: Measurement | None) -> bool:
+    if before is None or measurement.decides or measurement.stale:
+        return False
+    return (before.platform, before.components) == (measurement.platform, measurement.components)
 
 
 def plot_of(curve: IndexCurve, measurement: Measurement, name: str) -> Plot:
