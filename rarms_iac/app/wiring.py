@@ -9,7 +9,7 @@ from typing import assert_never
 
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.host import Host, HypervHost, ProviderKind
+from rarms_iac.model.host import Connect, Host, HypervHost, ProviderKind
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.names import is_name
 from rarms_iac.model.state import State, TaskClass
@@ -37,6 +37,9 @@ def open_host(host: Host, folder: str, state_path: str, channel: CommandChannel 
 
     Returns:
         A host that is not connected to yet.
+
+    Raises:
+        HostFailed: what describes a Linux host says WinRM, which no checked manifest does.
     """
     match host.provider:
         case ProviderKind.SIMULATED:
@@ -51,10 +54,12 @@ def open_host(host: Host, folder: str, state_path: str, channel: CommandChannel 
             from rarms_iac.providers.cgroups.remote import through_channel
 
             return through_channel(host, channel)
-        case ProviderKind.LINUX if host.connect is not None:
+        case ProviderKind.LINUX if isinstance(host.connect, Connect):
             from rarms_iac.providers.cgroups.remote import open_remote
 
             return open_remote(host, host.connect)
+        case ProviderKind.LINUX if host.connect is not None:
+            raise HostFailed(host.name, "WinRM does not reach a Linux host", "Reach it by `connect: {ssh: user@host}`.")
         case ProviderKind.LINUX:
             from rarms_iac.providers.cgroups.run import LinuxHostProvider
 

@@ -27,6 +27,7 @@ from rarms_iac.manifest.document.hosts import (
     KeepForHostBlock,
     LinuxBlock,
     SimulatedBlock,
+    WinRmBlock,
 )
 from rarms_iac.manifest.document.manifest import (
     BrowserBlock,
@@ -43,7 +44,17 @@ from rarms_iac.manifest.document.manifest import (
     StressBlock,
 )
 from rarms_iac.manifest.document.rules import BLOCK_OF
-from rarms_iac.model.host import Connect, Fault, Host, HypervHost, KeepForHost, LinuxHost, ProviderKind, SimulatedHost
+from rarms_iac.model.host import (
+    Connect,
+    Fault,
+    Host,
+    HypervHost,
+    KeepForHost,
+    LinuxHost,
+    ProviderKind,
+    SimulatedHost,
+    WinRmConnect,
+)
 from rarms_iac.model.loads import DEFAULT_LOADS, LOADS_WITHOUT_ENTRY, Browser, Bursts, BusyLoop, CommandLoad, Stress
 from rarms_iac.model.quantities import UNITS, Unit
 from rarms_iac.model.run import (
@@ -261,5 +272,6 @@ _CONVERTERS: Mapping[type, Converter] = {
     StressBlock: _to(Stress),
     TimeFieldBlock: lambda block: Field(name=block.field, factor=UNITS[Unit.TIME][block.unit]),
     UntilBlock: _until,
+    WinRmBlock: _to(WinRmConnect),
 }
 """What becomes of a block's value by its type; one of another type stays as it is."""

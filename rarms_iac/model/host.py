@@ -7,6 +7,7 @@ from enum import StrEnum
 from fractions import Fraction
 
 from rarms_iac.model.quantities import Bytes, CpuAmount, Milliseconds, Percent, ShareOfHost
+from rarms_iac.model.run import FromEnvironment
 
 
 class ProviderKind(StrEnum):
@@ -36,6 +37,17 @@ class Connect:
     key: str | None = None  # path of a private key
     jump: str | None = None  # user@host
     control_path: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WinRmConnect:
+    """How a remote Windows is reached: WinRM over HTTPS, whose certificate is checked."""
+
+    winrm: str  # the host's name or address
+    shell: str = "pwsh"  # pwsh or powershell
+    port: int | None = None  # of its HTTPS listener; None: 5986
+    user: str | None = None  # None: the account of the Kerberos ticket
+    password: FromEnvironment | None = None
 
 
 class SchedulerType(StrEnum):
@@ -136,7 +148,7 @@ class Host:
     memory: Bytes
     keep_for_host: KeepForHost
     platform: str  # hosts of one platform share measurements
-    connect: Connect | None
+    connect: Connect | WinRmConnect | None
     settings: HostSettings
     system_responsiveness: int | None = None  # per cent that MMCSS leaves to everybody else; None: left as it is
 

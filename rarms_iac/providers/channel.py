@@ -1,7 +1,8 @@
 """Ways to a host: a program that was started, line by line, and a channel that runs one command.
 
-`Channel` is a conversation: what the program writes, what it is sent, and whether it still lives. `CommandChannel` runs
-one command with standard input and returns its output, so that any engine that reaches hosts can be one.
+`Conversation` is with a program that runs: what it writes, what it is sent, and whether it still lives; `Channel` is
+one with a program of this computer. `CommandChannel` runs one command with standard input and returns its output, so
+that any engine that reaches hosts can be one.
 
 Threads read and write, so that neither side can block the other and the caller may look up now and then. The program
 gets a process group of its own: Ctrl-C is for rarms, which then asks for an end after the running step. The system's
@@ -54,8 +55,33 @@ class SilenceTimeout(Exception):
     """Nothing came for so long."""
 
 
+class Conversation(Protocol):
+    """A program that was started, here or elsewhere."""
+
+    @property
+    def error_lines(self) -> tuple[str, ...]:
+        """The last lines of its standard error."""
+        ...
+
+    def send(self, data: bytes) -> None:
+        """Have this on its standard input, after what was sent before; a program that does not listen is no error."""
+        ...
+
+    def next_line(self, silence_s: float, look: Callable[[], None]) -> str | None:
+        """Return its next line without its end, None when there are no more; `look` is called while waiting.
+
+        Raises:
+            SilenceTimeout: nothing came for so long.
+        """
+        ...
+
+    def code(self) -> int | None:
+        """Return its exit code, once its output has ended: None where it lives on, `SSH_FAILED` where the way broke."""
+        ...
+
+
 class Channel:
-    """A started program. Use it as a context: when that ends, the program has ended too.
+    """A `Conversation` with a program of this computer. Use it as a context: when that ends, the program has ended too.
 
     Raises:
         OSError: it cannot be started.
@@ -89,11 +115,9 @@ class Channel:
 
     @property
     def error_lines(self) -> tuple[str, ...]:
-        """The last lines of its standard error."""
         return tuple(self._errors)
 
     def send(self, data: bytes) -> None:
-        """Have this on its standard input, after what was sent before; a program that does not listen is no error."""
         self._sending.put(data)
 
     def close(self) -> None:
@@ -101,24 +125,9 @@ class Channel:
         self._sending.put(None)
 
     def next_line(self, silence_s: float, look: Callable[[], None]) -> str | None:
-        """The next line without its end, None when there are no more; `look` is called while waiting.
-
-        Raises:
-            SilenceTimeout: nothing came for so long.
-        """
-        until = time.monotonic() + silence_s
-        while True:
-            look()
-            try:
-                line = self._lines.get(timeout=LOOK_SECONDS)
-            except Empty:
-                if time.monotonic() >= until:
-                    raise SilenceTimeout from None
-                continue
-            return None if line is None else line.decode("utf-8", "replace").rstrip("\r\n")
+        return next_of(self._lines, silence_s, look)
 
     def code(self) -> int | None:
-        """Exit code of the program, once its output has ended; None where it lives on."""
         try:
             code = self._process.wait(LAST_SECONDS)
         except subprocess.TimeoutExpired:
@@ -149,6 +158,29 @@ class Channel:
                 pipe.flush()
         with contextlib.suppress(OSError):
             pipe.close()
+
+
+def next_of(lines: "SimpleQueue[bytes | None]", silence_s: float, look: Callable[[], None]) -> str | None:
+    """Return the next line of a queue that another thread fills, as `Conversation.next_line` does.
+
+    Args:
+        lines: with their ends; None: there are no more.
+        silence_s: seconds after which it is given up.
+        look: called while waiting.
+
+    Raises:
+        SilenceTimeout: nothing came for so long.
+    """
+    until = time.monotonic() + silence_s
+    while True:
+        look()
+        try:
+            line = lines.get(timeout=LOOK_SECONDS)
+        except Empty:
+            if time.monotonic() >= until:
+                raise SilenceTimeout from None
+            continue
+        return None if line is None else line.decode("utf-8", "replace").rstrip("\r\n")
 
 
 if sys.platform == "win32":
@@ -218,22 +250,26 @@ def open_channel(host: str, words: Sequence[str]) -> Channel:
         raise HostUnreachable(host, message, f"Install {words[0]}, or mend its rights.") from None
 
 
-def await_line(channel: Channel, host: str, target: str, is_wanted: Callable[[str], bool]) -> str | None:
+def await_line(
+    channel: Conversation, host: str, target: str, is_wanted: Callable[[str], bool], way: str = "ssh"
+) -> str | None:
     """Wait for the line by which the other end says that it is ready; what a login prints before is passed over.
 
     Args:
-        channel: of ssh.
+        channel: of ssh, or another way.
         host: its name in the manifest.
         target: user@host, as the manifest names it.
         is_wanted: whether a line is that line.
+        way: ssh, or how the way is called.
 
     Returns:
-        The line; None: what ssh started there ended before.
+        The line; None: what was started there ended before.
 
     Raises:
-        HostUnreachable: ssh does not get through, or nothing came for `CONNECT_SECONDS`.
+        HostUnreachable: the way does not get through, or nothing came for `CONNECT_SECONDS`.
     """
-    advice = f"Try it by hand, as rarms does, without questions: `ssh -o BatchMode=yes {target}`."
+    by_hand = f"ssh -o BatchMode=yes {target}" if way == "ssh" else f"Test-WSMan -UseSSL -ComputerName {target}"
+    advice = f"Try it by hand, as rarms does, without questions: `{by_hand}`."
     try:
         while (line := channel.next_line(CONNECT_SECONDS, lambda: None)) is not None:
             if is_wanted(line):
@@ -241,7 +277,9 @@ def await_line(channel: Channel, host: str, target: str, is_wanted: Callable[[st
     except SilenceTimeout:
         raise HostUnreachable(host, f"{target} did not answer within {CONNECT_SECONDS:.0f} s", advice) from None
     if channel.code() == SSH_FAILED:
-        raise HostUnreachable(host, f"ssh does not reach {target}: {last_of(channel.error_lines)}".rstrip("."), advice)
+        raise HostUnreachable(
+            host, f"{way} does not reach {target}: {last_of(channel.error_lines)}".rstrip("."), advice
+        )
     return None
 
 

@@ -14,7 +14,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
@@ -66,7 +66,8 @@ class Remote:
     """The folder of a running sshd and of the host behind it."""
 
     folder: Path
-    server: subprocess.Popen[bytes]
+    server: subprocess.Popen[bytes] | None  # None: it is reached by WinRM, whose stand-in lies in the folder `winrm`
+    variables: Mapping[str, str] = field(default_factory=dict)  # of who calls rarms, beside the usual
 
     @property
     def host(self) -> WindowsHost:
@@ -84,7 +85,8 @@ class Remote:
     def environment(self) -> Mapping[str, str]:
         """Of who calls rarms."""
         path = f"{self.folder}/here{os.pathsep}{os.environ['PATH']}"
-        return {**os.environ, "PATH": path, "PYTHONPATH": str(CHECKOUT), "NO_COLOR": "1"}
+        usual = {**os.environ, "PATH": path, "PYTHONPATH": str(CHECKOUT), "NO_COLOR": "1"}
+        return {**usual, **self.variables}
 
     def start(self, *words: str, with_pwsh: bool = False) -> subprocess.Popen[bytes]:
         """`rarms` as a process, in the host's folder; `with_pwsh`: on the host itself."""
@@ -107,6 +109,7 @@ class Remote:
 
     def cut(self) -> None:
         """Break every connection, as if a cable were pulled: the sessions' processes end without a word."""
+        assert self.server is not None
         for process in children(self.server.pid):
             os.kill(process, signal.SIGKILL)
 
@@ -133,11 +136,28 @@ def children(parent: int) -> list[int]:
 @contextmanager
 def a_remote(folder: Path, host: WindowsHost) -> Iterator[Remote]:
     """A server that is up, with this host behind it."""
-    standin = f'exec "{sys.executable}" -m tests.standin.powershell "{folder}" "$@"'
-    write_script(folder / "there" / "pwsh", f'cd "{CHECKOUT}" && {standin}')
+    write_standin(folder)
     powershell.save(folder, host)
     with a_server(folder) as remote:
         yield remote
+
+
+def by_winrm(folder: Path, host: WindowsHost) -> Remote:
+    """This host behind the stand-in of pypsrp, which starts what it is asked to on this computer."""
+    write_standin(folder)
+    powershell.save(folder, host)
+    path = f"{folder}/there{os.pathsep}{os.environ['PATH']}"
+    packages = f"{CHECKOUT}/tests/standin/winrm{os.pathsep}{CHECKOUT}"
+    return Remote(folder, None, {"PATH": path, "PYTHONPATH": packages, "CELL_PASSWORD": WINRM_PASSWORD})
+
+
+WINRM_PASSWORD = "a secret of the plant"
+
+
+def write_standin(folder: Path) -> None:
+    """Have the stand-in of PowerShell in this folder, as `pwsh` of the other end."""
+    standin = f'exec "{sys.executable}" -m tests.standin.powershell "{folder}" "$@"'
+    write_script(folder / "there" / "pwsh", f'cd "{CHECKOUT}" && {standin}')
 
 
 @contextmanager

@@ -39,6 +39,7 @@ CHECKS: Mapping[Finding, Check] = {
     partitions.NO_COMMON_HOST: partitions.no_common_host,
     hosts.NOTHING_KEPT_FOR_HOST: hosts.nothing_kept_for_host,
     hosts.CONNECT_TO_SIMULATED: of_hosts(hosts.connect_to_simulated),
+    hosts.NOT_BY_WINRM: of_hosts(hosts.not_by_winrm),
     hosts.PLATFORM_OF_DIFFERENT_HOSTS: hosts.platform_of_different_hosts,
     hosts.PATH_ON_WINDOWS: hosts.path_on_windows,
     hosts.SECURE_BOOT_OF_GENERATION_1: hosts.secure_boot_of_generation_1,

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from rarms_iac.manifest.checks.common import Violation, may_run_on
 from rarms_iac.model.diagnostics import Finding
-from rarms_iac.model.host import Host, HypervHost, ProviderKind
+from rarms_iac.model.host import Host, HypervHost, ProviderKind, WinRmConnect
 from rarms_iac.model.mmcss import OFF, is_taken_as_is, taken_for
 from rarms_iac.model.quantities import in_processors, show_bytes
 from rarms_iac.model.system import RunsOn, System
@@ -13,6 +13,7 @@ from rarms_iac.model.wording import list_names, quoted
 
 NOTHING_KEPT_FOR_HOST = Finding.warning("RARMS058", "A host keeps too little for the components that run on it")
 CONNECT_TO_SIMULATED = Finding.warning("RARMS084", "`connect` has no effect on a simulated host")
+NOT_BY_WINRM = Finding.error("RARMS368", "WinRM cannot reach a host in this way")
 PLATFORM_OF_DIFFERENT_HOSTS = Finding.error("RARMS085", "Hosts of one platform differ")
 PATH_ON_WINDOWS = Finding.error("RARMS099", "A Windows host cannot use this path")
 SECURE_BOOT_OF_GENERATION_1 = Finding.error("RARMS256", "Secure boot needs generation 2")
@@ -58,6 +59,30 @@ def connect_to_simulated(host: Host) -> Iterator[Violation]:
             detail=f'"{host.name}" is simulated. It is a file on this machine, so `connect` has no effect.',
             advice="Remove `connect`, or write the provider of the real host.",
             values={"provider": host.provider.value},
+        )
+
+
+def not_by_winrm(host: Host) -> Iterator[Violation]:
+    """`winrm` to a host that has no Windows, or with a user and no password, or the other way round."""
+    if not isinstance(host.connect, WinRmConnect):
+        return
+    path = ("hosts", host.name, "connect")
+    if host.provider is ProviderKind.LINUX:
+        yield Violation(
+            path=(*path, "winrm"),
+            at_key=True,
+            detail=f'"{host.name}" is a Linux host, and WinRM reaches Windows only.',
+            advice="Write `connect: {ssh: user@host}`.",
+            values={"provider": host.provider.value},
+        )
+    if (host.connect.user is None) is not (host.connect.password is None):
+        missing = "user" if host.connect.user is None else "password"
+        yield Violation(
+            path=path,
+            at_key=True,
+            detail=f'`connect` of "{host.name}" has no `{missing}`: WinRM takes user and password, or neither of them.',
+            advice=f"Write `{missing}`, or leave out both to use the Kerberos ticket.",
+            values={"missing": missing},
         )
 
 

@@ -2,12 +2,13 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Discriminator, Field, Tag
 
+from rarms_iac.manifest.document.components import FromEnvironmentBlock
 from rarms_iac.manifest.document.fields import Block, Maybe, by_name, needed, optional
 from rarms_iac.manifest.document.quantities import Amount, Memory, PositiveMemory, Time
 from rarms_iac.manifest.document.rules import BLOCK_OF
-from rarms_iac.manifest.document.texts import Filled, Name, Operation, SliceName, SshFile, SshTarget
+from rarms_iac.manifest.document.texts import Filled, HostName, Name, Operation, SliceName, SshFile, SshTarget
 from rarms_iac.model.host import FaultEffect, Mechanism, ProviderKind, SchedulerType
 
 
@@ -47,6 +48,32 @@ class ConnectBlock(Block):
         "The socket over which connections are shared (ssh's `ControlPath`): one login for all. Absent: as your "
         "ssh configuration says."
     )
+
+
+class WinRmBlock(Block):
+    """How a remote Windows is reached: by WinRM over HTTPS, whose certificate is checked."""
+
+    winrm: HostName = needed("The name or address of the host, as its certificate has it.")
+    shell: Literal["pwsh", "powershell"] = optional(
+        "The shell at the other end: `pwsh` (PowerShell 7) or `powershell` (Windows PowerShell 5.1).", "pwsh"
+    )
+    port: Maybe[Annotated[int, Field(ge=1, le=65535)]] = optional("The port of its HTTPS listener; absent: 5986.")
+    user: Maybe[Filled] = optional(
+        "The account, such as `CELL\\rarms`; absent, with `password`: that of the Kerberos ticket."
+    )
+    password: Maybe[FromEnvironmentBlock] = optional(
+        "The variable of rarms' own environment that holds the password; absent: the Kerberos ticket."
+    )
+
+
+def _connection(value: Any) -> str:
+    return "winrm" if isinstance(value, WinRmBlock) or (isinstance(value, dict) and "winrm" in value) else "ssh"
+
+
+Connection = Annotated[
+    Annotated[ConnectBlock, Tag("ssh")] | Annotated[WinRmBlock, Tag("winrm")], Discriminator(_connection)
+]
+"""How a host is reached: by the key that it has."""
 
 
 class FaultBlock(Block):
@@ -126,7 +153,7 @@ class HostBlock(Block):
         "What enforces reservations there: `simulated` (needs nothing), `hyperv` or `linux`.", "simulated"
     )
     platform: Maybe[Name] = optional("Hosts of one platform share measurements; absent: the host's own name.")
-    connect: Maybe[ConnectBlock] = optional("How the host is reached; absent: it is this machine.")
+    connect: Maybe[Connection] = optional("How the host is reached; absent: it is this machine.")
     logical_processors: int = needed("How many logical processors (LPs) the host has.", ge=1, le=2048)
     memory: PositiveMemory = needed("How much memory the host has: `4 GiB`.")
     keep_for_host: Maybe[KeepForHostBlock] = optional("What partitions never get; absent: nothing.")

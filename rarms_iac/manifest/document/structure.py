@@ -18,6 +18,7 @@ MOST_ERRORS = 1000
 """Errors shown of one document: who made more mends a generator, and would wait a minute for 400,000 of them."""
 
 _TAGGED = (
+    ("hosts", "*", "connect"),
     ("interference", "*"),
     ("policy", "interference"),
     ("components", "*", "interference"),

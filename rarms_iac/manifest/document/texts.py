@@ -13,6 +13,7 @@ _PYTHON = "[A-Za-z_][A-Za-z0-9_]*"
 VARIABLE_PATTERN = "^[A-Za-z_][A-Za-z0-9_]{0,254}$"
 CALL_PATTERN = rf"^{_PYTHON}(\.{_PYTHON})*:{_PYTHON}$"
 SSH_PATTERN = r"^([A-Za-z0-9_][A-Za-z0-9_.\\-]{0,127}@)?[A-Za-z0-9\[][A-Za-z0-9_.:%\[\]-]{0,254}$"
+HOST_PATTERN = r"^[A-Za-z0-9\[][A-Za-z0-9_.:%\[\]-]{0,254}$"
 SSH_FILE_PATTERN = "^[A-Za-z0-9_~/.%][A-Za-z0-9_~/.%+:@ -]{0,254}$"
 SLICE_PATTERN = "^[a-z0-9][a-z0-9_-]{0,62}$"
 STRESSOR_PATTERN = "^[a-z][a-z0-9-]{0,39}$"
@@ -36,6 +37,7 @@ FORMS: dict[str, tuple[str, str]] = {
     ),
     CALL_PATTERN: ("a function", "Write module:function, as in components.path_planning:plan."),
     SSH_PATTERN: ("an address for ssh", "Write user@host, or a name of your ssh configuration."),
+    HOST_PATTERN: ("the name of a host", "Write its name or address, as in cell.plant.example."),
     SSH_FILE_PATTERN: ("a file of ssh", "Write its path, without quotes; letters, digits, blanks and ~/._%+:@- fit."),
     SLICE_PATTERN: (
         "the name of a control group",
@@ -54,6 +56,7 @@ TaskName = Annotated[str, StringConstraints(pattern=TASK_PATTERN)]
 Variable = Annotated[str, StringConstraints(pattern=VARIABLE_PATTERN)]
 CallTarget = Annotated[str, StringConstraints(pattern=CALL_PATTERN)]
 SshTarget = Annotated[str, StringConstraints(pattern=SSH_PATTERN)]
+HostName = Annotated[str, StringConstraints(pattern=HOST_PATTERN)]
 SshFile = Annotated[str, StringConstraints(pattern=SSH_FILE_PATTERN)]
 SliceName = Annotated[str, StringConstraints(pattern=SLICE_PATTERN)]
 Stressor = Annotated[str, StringConstraints(pattern=STRESSOR_PATTERN)]

@@ -4,9 +4,10 @@ import re
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import assert_never
 
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.host import Host
+from rarms_iac.model.host import Connect, Host, WinRmConnect
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import State
 from rarms_iac.powershell.render import render_observe
@@ -186,8 +187,18 @@ def open_hyperv(host: Host, signed: Path) -> LiveHypervHost:
 
 
 def transport_to(host: Host) -> Transport:
-    """The way to a host: over ssh, or this computer's own PowerShell."""
-    return LocalTransport(host.name) if host.connect is None else SshTransport(host.name, host.connect)
+    """The way to a host: over ssh or WinRM, or this computer's own PowerShell."""
+    match host.connect:
+        case None:
+            return LocalTransport(host.name)
+        case Connect():
+            return SshTransport(host.name, host.connect)
+        case WinRmConnect():
+            from rarms_iac.providers.hyperv.winrm import WinRmTransport
+
+            return WinRmTransport(host.name, host.connect)
+        case _:
+            assert_never(host.connect)
 
 
 class _Events:

@@ -1,6 +1,6 @@
-"""Running scripts on a Hyper-V host: here through its PowerShell, elsewhere through the system's ssh.
+"""Running scripts on a Hyper-V host: here through its PowerShell, elsewhere through ssh, or WinRM (`winrm`).
 
-Both are given the same bytes and say the same: lines, and an exit code. Over ssh there is one fixed command, and
+All are given the same bytes and say the same: lines, and an exit code. From elsewhere there is one fixed command, and
 scripts on its standard input (`bootstrap`).
 """
 
@@ -17,6 +17,7 @@ from rarms_iac.model.host import Connect
 from rarms_iac.providers.channel import (
     SSH_FAILED,
     Channel,
+    Conversation,
     SilenceTimeout,
     await_line,
     last_of,
@@ -159,14 +160,7 @@ class SshTransport:
     ) -> ScriptExited | ScriptLost:
         """Nothing is sent before the other end says that it is ready."""
         with self._ready() as channel:
-            channel.send(frame(script, arguments))
-            refusal = _RefusalListener(listener)
-            ended = _follow(channel, silence_s, refusal, lambda: channel.send(STOP))
-            if isinstance(ended, ScriptExited) and ended.code == FAILED_CODE and refusal.reason:
-                raise HostFailed(self._host, f"the scripts did not arrive as sent: {refusal.reason}", "Run it again.")
-            if isinstance(ended, ScriptExited) and ended.code == SSH_FAILED:
-                return ScriptLost(why=f"the connection broke ({last_of(ended.last_lines)})")
-            return ended
+            return send_and_follow(channel, self._host, script, arguments, silence_s, listener)
 
     @contextmanager
     def session(self, script: ScriptBundle, arguments: Sequence[str]) -> Iterator[ScriptSession]:
@@ -178,10 +172,41 @@ class SshTransport:
         return _ready_channel(self._host, self._connect.ssh, program_of(self._connect.shell), words)
 
 
+def send_and_follow(
+    channel: Conversation,
+    host: str,
+    script: ScriptBundle,
+    arguments: Sequence[str],
+    silence_s: float,
+    listener: Listener,
+) -> ScriptExited | ScriptLost:
+    """Send scripts to a bootstrap that is ready, and follow what the first of them says until it ends.
+
+    Args:
+        channel: to the bootstrap.
+        host: its name in the manifest.
+        script: the files.
+        arguments: of the first.
+        silence_s: seconds without a line after which it is taken for lost.
+        listener: told each line, and asked whether to stop.
+
+    Raises:
+        HostFailed: the bootstrap would not run them.
+    """
+    channel.send(frame(script, arguments))
+    refusal = _RefusalListener(listener)
+    ended = _follow(channel, silence_s, refusal, lambda: channel.send(STOP))
+    if isinstance(ended, ScriptExited) and ended.code == FAILED_CODE and refusal.reason:
+        raise HostFailed(host, f"the scripts did not arrive as sent: {refusal.reason}", "Run it again.")
+    if isinstance(ended, ScriptExited) and ended.code == SSH_FAILED:
+        return ScriptLost(why=f"the connection broke ({last_of(ended.last_lines)})")
+    return ended
+
+
 class _BootstrapSession:
     """A `ScriptSession` behind the bootstrap, which asks the script to stop when its input ends: rarms may be dead."""
 
-    def __init__(self, channel: Channel) -> None:
+    def __init__(self, channel: Conversation) -> None:
         self._channel = channel
 
     def next_line(self, silence_s: float) -> str | None:
@@ -198,7 +223,7 @@ class _BootstrapSession:
 
 
 @contextmanager
-def _session(channel: Channel, script: ScriptBundle, arguments: Sequence[str]) -> Iterator[_BootstrapSession]:
+def _session(channel: Conversation, script: ScriptBundle, arguments: Sequence[str]) -> Iterator[_BootstrapSession]:
     """Run a script behind a bootstrap that is ready, until it has removed what it made."""
     channel.send(frame(script, arguments))
     try:
@@ -235,14 +260,30 @@ def _ready_channel(host: str, target: str, program: str, words: Sequence[str]) -
         HostFailed: ssh does not get through, or PowerShell does not start.
     """
     with open_channel(host, words) as channel:
-        if await_line(channel, host, target, lambda line: line == READY) is None:
-            message = f"{program} does not start on {target} (exit code {channel.code()}): "
-            raise HostFailed(
-                host,
-                message + last_of(channel.error_lines),
-                "Say in the manifest which PowerShell the host has: `connect.shell: pwsh` or `powershell`.",
-            )
+        await_bootstrap(channel, host, target, program)
         yield channel
+
+
+def await_bootstrap(channel: Conversation, host: str, target: str, program: str, way: str = "ssh") -> None:
+    """Wait until the bootstrap at the other end is ready.
+
+    Args:
+        channel: to what starts it.
+        host: its name in the manifest.
+        target: where it leads to, as messages name it.
+        program: the PowerShell that is started there.
+        way: as `await_line` has it.
+
+    Raises:
+        HostFailed: the other end is not reached, or PowerShell does not start there.
+    """
+    if await_line(channel, host, target, lambda line: line == READY, way) is None:
+        message = f"{program} does not start on {target} (exit code {channel.code()}): "
+        raise HostFailed(
+            host,
+            message + last_of(channel.error_lines),
+            "Say in the manifest which PowerShell the host has: `connect.shell: pwsh` or `powershell`.",
+        )
 
 
 def protect(path: str, descriptor: str) -> None:
@@ -266,7 +307,7 @@ def protect(path: str, descriptor: str) -> None:
 
 
 def _follow(
-    channel: Channel, silence_s: float, listener: Listener, stop: Callable[[], None]
+    channel: Conversation, silence_s: float, listener: Listener, stop: Callable[[], None]
 ) -> ScriptExited | ScriptLost:
     """Pass every line on until the end, and a request to stop the other way, once."""
     asked = False

@@ -32,6 +32,11 @@ hosts:
     connect:
       { ssh: operator@server, shell: powershell, port: 2222, key: ~/.ssh/cell, jump: gate, control_path: ~/.ssh/%C }
     hyperv: { switch: robots, image: 'D:\\images\\base.vhdx', vm_path: 'D:\\machines', generation: 2, secure_boot: off }
+  far:
+    provider: hyperv
+    logical_processors: 8
+    memory: 64 GiB
+    connect: { winrm: far.plant.example, user: 'PLANT\\rarms', password: { from_env: FAR_PASSWORD }, port: 5986 }
   bench:
     provider: linux
     logical_processors: 2

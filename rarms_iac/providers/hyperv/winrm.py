@@ -1,0 +1,208 @@
+"""The way to a Hyper-V host over WinRM: the command that ssh starts there too, through the shell of pypsrp.
+
+One thread sends and polls, since a connection of WinRM asks and is answered in turn. When rarms ends, the host is not
+told: a script that changes something goes on to its end, and measuring, whose test partitions would stay, is refused.
+"""
+
+import os
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from queue import Empty, SimpleQueue
+from threading import Event, Thread
+from typing import TYPE_CHECKING, Any
+
+from rarms_iac.model.host import WinRmConnect
+from rarms_iac.providers.channel import KEPT_LINES, LAST_SECONDS, LONGEST_LINE, SSH_FAILED, next_of
+from rarms_iac.providers.hyperv.bootstrap import program_of, remote_words
+from rarms_iac.providers.hyperv.transport import Listener, ScriptSession, await_bootstrap, send_and_follow
+from rarms_iac.providers.interface import HostFailed, HostUnreachable, ScriptBundle, ScriptExited, ScriptLost
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+PORT = 5986
+CONNECT_SECONDS = 15
+POLL_SECONDS = 2
+"""How long the host holds a question back that it has no answer to; what is sent waits so long at most."""
+LARGEST_SEND = 64 * 2**10
+"""Bytes of one message: WinRM takes 150 KiB of XML unless its host is told otherwise."""
+UTF_8 = 65001
+
+WAY = "WinRM"
+
+
+class WinRmTransport:
+    """Runs scripts through the shell of WinRM."""
+
+    def __init__(self, host: str, connect: WinRmConnect) -> None:
+        self._host = host
+        self._connect = connect
+
+    def run(
+        self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
+    ) -> ScriptExited | ScriptLost:
+        """Nothing is sent before the other end says that it is ready."""
+        with self._ready() as program:
+            return send_and_follow(program, self._host, script, arguments, silence_s, listener)
+
+    def session(
+        self,
+        script: ScriptBundle,  # noqa: ARG002 - as the protocol has it
+        arguments: Sequence[str],  # noqa: ARG002
+    ) -> AbstractContextManager[ScriptSession]:
+        raise HostFailed(
+            self._host,
+            "it cannot be measured over WinRM, which does not tell a host when rarms ends: test partitions would stay",
+            "Reach it by ssh to measure (`connect: {ssh: user@host}`), or run rarms on the host itself.",
+        )
+
+    @contextmanager
+    def _ready(self) -> "Iterator[RemoteProgram]":
+        connect = self._connect
+        target = connect.winrm
+        with _shell(self._host, connect) as start, RemoteProgram(start(remote_words(connect.shell))) as program:
+            await_bootstrap(program, self._host, target, program_of(connect.shell), WAY)
+            yield program
+
+
+@contextmanager
+def _shell(host: str, connect: WinRmConnect) -> "Iterator[Callable[[Sequence[str]], Any]]":
+    """Open a shell at the other end; what comes out starts a program in it.
+
+    Raises:
+        HostFailed: pypsrp or the password is missing here.
+        HostUnreachable: the host is not reached, or does not let this user in.
+    """
+    try:
+        from pypsrp.exceptions import WinRMError
+        from pypsrp.shell import Process, WinRS
+        from pypsrp.wsman import WSMan
+        from spnego.exceptions import SpnegoError
+    except ImportError:
+        message = "WinRM needs the Python package pypsrp, which is not installed here"
+        raise HostFailed(host, message, 'Install it with rarms: `pip install "rarms-iac[winrm]"`.') from None
+    password = _password(host, connect)
+    opened = ExitStack()
+    try:
+        wsman = WSMan(
+            connect.winrm,
+            port=connect.port or PORT,
+            username=connect.user,
+            password=password,
+            ssl=True,
+            auth="negotiate" if connect.user else "kerberos",
+            cert_validation=True,
+            connection_timeout=CONNECT_SECONDS,
+        )
+        shell = WinRS(wsman, codepage=UTF_8)
+        opened.enter_context(shell)
+    except (WinRMError, SpnegoError, OSError) as error:
+        advice = f"Try it by hand: `Test-WSMan -UseSSL -ComputerName {connect.winrm}`; its certificate is checked."
+        raise HostUnreachable(host, f"{WAY} does not reach {connect.winrm}: {_in_a_line(error)}", advice) from None
+
+    def start(words: Sequence[str]) -> Any:
+        process = Process(shell, words[0], list(words[1:]))
+        try:
+            process.begin_invoke()
+        except (WinRMError, OSError) as error:
+            message = f"{words[0]} cannot be started on {connect.winrm}: {_in_a_line(error)}"
+            raise HostFailed(host, message, "Look into the host's log of WinRM, then run it again.") from None
+        return process
+
+    try:
+        yield start
+    finally:
+        with suppress(WinRMError, OSError):
+            opened.close()
+
+
+def _password(host: str, connect: WinRmConnect) -> str | None:
+    """Return the password.
+
+    Raises:
+        HostFailed: its variable is not set here.
+    """
+    if connect.password is None:
+        return None
+    name = connect.password.name
+    if (value := os.environ.get(name)) is None:
+        message = f"the variable {name}, which holds the password of {connect.user}, is not set here"
+        raise HostFailed(host, message, f"Set {name} where rarms runs.")
+    return value
+
+
+def _in_a_line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+class RemoteProgram:
+    """A `Conversation` with a program that WinRM started. Use it as a context: when that ends, so does the program."""
+
+    def __init__(self, process: Any) -> None:
+        """Begin to ask for its output; `process` is pypsrp's, and was started."""
+        self._process = process
+        self._lines: SimpleQueue[bytes | None] = SimpleQueue()
+        self._sending: SimpleQueue[bytes] = SimpleQueue()
+        self._errors: deque[str] = deque(maxlen=KEPT_LINES)
+        self._rest = b""
+        self._broke = False
+        self._leaving = Event()
+        self._thread = Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> "RemoteProgram":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._leaving.set()
+        self._thread.join(LAST_SECONDS)
+
+    @property
+    def error_lines(self) -> tuple[str, ...]:
+        return tuple(self._errors)
+
+    def send(self, data: bytes) -> None:
+        for at in range(0, len(data), LARGEST_SEND):
+            self._sending.put(data[at : at + LARGEST_SEND])
+
+    def next_line(self, silence_s: float, look: "Callable[[], None]") -> str | None:
+        return next_of(self._lines, silence_s, look)
+
+    def code(self) -> int | None:
+        self._thread.join(LAST_SECONDS)
+        if self._broke:
+            return SSH_FAILED
+        return None if self._thread.is_alive() else int(self._process.rc or 0)
+
+    def _run(self) -> None:
+        from pypsrp.exceptions import WinRMError
+        from pypsrp.shell import CommandState, SignalCode
+
+        try:
+            while self._process.state != CommandState.DONE:
+                if self._leaving.is_set():
+                    self._process.signal(SignalCode.TERMINATE)
+                    break
+                with suppress(Empty):
+                    while True:
+                        self._process.send(self._sending.get_nowait(), end=False)
+                self._process.poll_invoke(timeout=POLL_SECONDS)
+                self._take()
+        except (WinRMError, OSError) as error:
+            self._broke = True
+            self._errors.append(_in_a_line(error))
+        finally:
+            if self._rest:
+                self._lines.put(self._rest)
+            self._lines.put(None)
+
+    def _take(self) -> None:
+        """Take what came since the last question, line by line."""
+        *lines, self._rest = (self._rest + self._process.stdout).split(b"\n")
+        if len(self._rest) > LONGEST_LINE:
+            lines, self._rest = [*lines, self._rest], b""
+        for line in lines:
+            self._lines.put(line)
+        self._errors.extend(filter(None, map(str.strip, self._process.stderr.decode("utf-8", "replace").splitlines())))
+        self._process.stdout = self._process.stderr = b""

@@ -1,0 +1,6 @@
+class WinRMError(Exception):
+    pass
+
+
+class AuthenticationError(WinRMError):
+    pass

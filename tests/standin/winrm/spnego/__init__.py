@@ -1,0 +1,1 @@
+"""What rarms uses of pyspnego."""

@@ -1,0 +1,137 @@
+"""A Hyper-V host by WinRM, with stand-ins for pypsrp and PowerShell: what is true over ssh is true here."""
+
+import json
+from collections.abc import Iterator
+
+import pytest
+
+from tests.standin.remote import Remote, by_winrm
+from tests.system.test_remote_host import (
+    MANIFEST,
+    an_empty_host,
+    apply,
+    is_as_wanted,
+    journal_of,
+    test_a_host_that_changed_since_rarms_looked_is_not_touched,
+    test_a_host_without_that_powershell_is_told,
+    test_a_machine_that_changed_since_rarms_looked_is_not_overwritten,
+    test_a_run_that_is_left_as_it_is_stands_in_no_way,
+    test_a_script_that_says_nothing_for_too_long_is_unknown,
+    test_apply_ends_with_an_empty_plan_and_undo_takes_all_of_it_back,
+    test_ctrl_c_stops_after_the_running_step_and_the_next_apply_goes_on,
+    test_noise_on_both_streams_is_shown_or_ignored_but_harms_nothing,
+    test_scripts_that_do_not_arrive_as_sent_are_not_run,
+    test_the_host_runs_the_very_bytes_of_the_plan_and_keeps_no_copy,
+    test_what_powershell_says_instead_of_running_a_script_is_told,
+)
+
+__all__ = [
+    "test_a_host_that_changed_since_rarms_looked_is_not_touched",
+    "test_a_host_without_that_powershell_is_told",
+    "test_a_machine_that_changed_since_rarms_looked_is_not_overwritten",
+    "test_a_run_that_is_left_as_it_is_stands_in_no_way",
+    "test_a_script_that_says_nothing_for_too_long_is_unknown",
+    "test_apply_ends_with_an_empty_plan_and_undo_takes_all_of_it_back",
+    "test_ctrl_c_stops_after_the_running_step_and_the_next_apply_goes_on",
+    "test_noise_on_both_streams_is_shown_or_ignored_but_harms_nothing",
+    "test_scripts_that_do_not_arrive_as_sent_are_not_run",
+    "test_the_host_runs_the_very_bytes_of_the_plan_and_keeps_no_copy",
+    "test_what_powershell_says_instead_of_running_a_script_is_told",
+]
+
+pytestmark = [pytest.mark.needs("linux")]
+
+SSH = "connect: { ssh: cell, shell: pwsh }"
+WINRM = "connect: { winrm: cell, shell: pwsh, user: rarms, password: { from_env: CELL_PASSWORD } }"
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Remote:
+    return by_winrm(tmp_path_factory.mktemp("winrm"), an_empty_host())
+
+
+@pytest.fixture
+def remote(server: Remote, monkeypatch: pytest.MonkeyPatch) -> Iterator[Remote]:
+    """The host, empty and behaving, and a fresh manifest; those that tests of ssh write have this way, too."""
+    monkeypatch.setattr("tests.system.test_remote_host.MANIFEST", MANIFEST.replace(SSH, WINRM))
+    server.put(an_empty_host())
+    server.ask()
+    write(server)
+    yield server
+    server.ask()
+
+
+def write(remote: Remote, connect: str = WINRM) -> None:
+    (remote.folder / "rarms.yaml").write_text(MANIFEST.replace(SSH, connect), encoding="utf-8", newline="\n")
+
+
+def in_a_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def test_a_connection_that_breaks_is_unknown_and_the_next_apply_finishes(remote: Remote) -> None:
+    broken = Remote(remote.folder, None, {**remote.variables, "WINRM_BREAKS": "1"})
+
+    lost = apply(broken)
+
+    assert lost.code == 1, lost
+    assert "RARMS250" in lost.err
+    finished = apply(remote)
+    while finished.code == 3:  # the script there goes on until it notices
+        finished = apply(remote)
+    assert finished.code == 0, finished
+    assert is_as_wanted(remote)
+
+
+def test_what_a_plan_and_a_journal_hold_never_has_the_password(remote: Remote) -> None:
+    assert remote.rarms("plan", "--out", "plan.json").code == 0
+    assert remote.rarms("apply", "plan.json").code == 0
+
+    written = "".join(path.read_text(encoding="utf-8") for path in remote.folder.rglob("*.json*"))
+    assert remote.variables["CELL_PASSWORD"] not in written + json.dumps(journal_of(remote))
+    assert "CELL_PASSWORD" in written
+
+
+@pytest.mark.parametrize(
+    ("connect", "variables", "message"),
+    [
+        (WINRM, {"CELL_PASSWORD": "another"}, "WinRM does not reach cell: Failed to authenticate the user"),
+        (WINRM.replace("cell", "refused"), {}, "WinRM does not reach refused: [Errno 111] Connection refused"),
+        (WINRM.replace("CELL_", "NO_"), {}, "the variable NO_PASSWORD, which holds the password of rarms, is not set"),
+        (WINRM, {"PYTHONPATH": "."}, 'pip install "rarms-iac[winrm]"'),
+    ],
+    ids=["password", "service", "variable", "package"],
+)
+def test_a_host_that_is_not_reached_is_told_with_what_to_do(
+    remote: Remote, connect: str, variables: dict[str, str], message: str
+) -> None:
+    from tests.needs import CHECKOUT
+
+    given = {name: str(CHECKOUT) if value == "." else value for name, value in variables.items()}
+    write(remote, connect)
+
+    failed = Remote(remote.folder, None, {**remote.variables, **given}).rarms("plan")
+
+    assert failed.code == 1
+    assert message in in_a_line(failed.err)
+    assert "another" not in failed.err
+
+
+def test_the_kerberos_ticket_is_used_where_no_user_is_named(remote: Remote) -> None:
+    write(remote, "connect: { winrm: cell }")
+
+    assert remote.rarms("plan").code == 0
+
+
+def test_it_is_not_measured_over_winrm(remote: Remote) -> None:
+    run = "run: { command: [app.exe], samples: { from: pattern, pattern: 'ms=([0-9.]+)' }, until: { samples: 10 } }"
+    text = (remote.folder / "rarms.yaml").read_text(encoding="utf-8")
+    text = text.replace("memory: 16 GiB\n", "memory: 16 GiB\n    hyperv: { credential: robots, image: 'D:\\guest.vhdx' }\n")
+    text = text.replace("cpu: { reserve: 20 % } }", f"cpu: {{ reserve: 20 % }}, {run} }}")
+    (remote.folder / "rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
+
+    refused = remote.rarms("measure", "vision", "--from", "10%", "--to", "100%")
+
+    assert refused.code == 1, refused
+    assert "cannot be measured over WinRM" in in_a_line(refused.err)
+    assert not remote.host.vms
