@@ -126,7 +126,9 @@ def test_the_kerberos_ticket_is_used_where_no_user_is_named(remote: Remote) -> N
 def test_it_is_not_measured_over_winrm(remote: Remote) -> None:
     run = "run: { command: [app.exe], samples: { from: pattern, pattern: 'ms=([0-9.]+)' }, until: { samples: 10 } }"
     text = (remote.folder / "rarms.yaml").read_text(encoding="utf-8")
-    text = text.replace("memory: 16 GiB\n", "memory: 16 GiB\n    hyperv: { credential: robots, image: 'D:\\guest.vhdx' }\n")
+    text = text.replace(
+        "memory: 16 GiB\n", "memory: 16 GiB\n    hyperv: { credential: robots, image: 'D:\\guest.vhdx' }\n"
+    )
     text = text.replace("cpu: { reserve: 20 % } }", f"cpu: {{ reserve: 20 % }}, {run} }}")
     (remote.folder / "rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
 
