@@ -50,8 +50,13 @@ def desired_hosts(
         return {}, refused
     states = sorted(observed.items())
     if request.purpose is not Purpose.APPLY:
+        names = {group.name for group in groups_of(system)}
         return {
-            name: Desired(observed=state, state=replace(state, partitions=(), tasks=(), responsiveness=None))
+            name: Desired(
+                observed=state,
+                state=replace(state, partitions=(), tasks=(), responsiveness=None),
+                unnamed=unnamed_partitions(names, system.moved, state.of(request.application).partitions),
+            )
             for name, state in states
         }, ()
     views = {name: host_view(state, request.application) for name, state in states}
@@ -83,7 +88,7 @@ def rules_of(request: PlanRequest, desired: Desired) -> ManifestRules:
         protected=frozenset(name for name, partition in system.partitions.items() if partition.protect),
         replaceable=frozenset(name.lower() for name, task in system.tasks.items() if task.replace_shipped),
         unused=desired.unused,
-        unnamed=unnamed_partitions(system, desired.observed.of(request.application).partitions),
+        unnamed=desired.unnamed,
         locate=_locator(system, request.places, desired.host, desired.classes),
     )
 

@@ -1,6 +1,7 @@
 """Preconditions of planning for a host: rights to see its machines, a scheduler that honours reserves."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places
 from rarms_iac.model.host import SchedulerType
@@ -72,7 +73,8 @@ def ignored_reserves(desired: State, places: Places) -> Iterator[Diagnostic]:
         if partition.settings.reserve or partition.settings.limit < 100
     ]
     if asked:
-        yield from scheduler_findings(desired.facts, ", ".join(asked), places.key("hosts", desired.facts.name))
+        for finding in scheduler_findings(desired.facts, ", ".join(asked), None):  # places are looked for only then
+            yield replace(finding, place=places.key("hosts", desired.facts.name))
 
 
 def scheduler_findings(facts: HostFacts, whose: str, place: Place | None) -> Iterator[Diagnostic]:

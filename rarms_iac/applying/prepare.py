@@ -30,7 +30,6 @@ from rarms_iac.model.plan_basis import HostContext, PlanBasis
 from rarms_iac.model.state import State, StopAction, StoppedBy
 from rarms_iac.model.version import __version__
 from rarms_iac.planner.desired import Desired
-from rarms_iac.planner.groups import unnamed_partitions
 from rarms_iac.storage.finding_pages import known_codes
 from rarms_iac.storage.plan_file import identified
 
@@ -160,7 +159,7 @@ def _named(request: PlanRequest, desired: Desired) -> frozenset[str]:
     own = desired.observed.of(request.application).partitions
     there = {partition.mark.name for partition in own if partition.mark}
     wanted = {partition.settings.name for partition in desired.state.partitions}
-    return frozenset(there | wanted) - unnamed_partitions(request.system, own)
+    return frozenset(there | wanted) - desired.unnamed
 
 
 def _unused(observed: State, application: str, name: str) -> UnusedPartition:

@@ -36,7 +36,8 @@ class Desired:
     observed: State
     state: State
     layout: Layout | None = None  # of all hosts; None: nothing is laid out, as where everything is removed
-    unused: frozenset[str] = frozenset()  # partitions of ours that the manifest no longer names: in `state`, stopped
+    unnamed: frozenset[str] = frozenset()  # partitions of ours that the manifest no longer names
+    unused: frozenset[str] = frozenset()  # those of them that are in `state`, stopped
     classes: Mapping[tuple[str, str], ClassValues] = field(default_factory=dict)  # by partition (empty: the host), name
     by_hand: tuple[TaskClass, ...] = ()  # wanted in guests that could not be looked into: in no state, so no change
     findings: tuple[Diagnostic, ...] = ()
@@ -76,7 +77,7 @@ def desired_state(
     here = [partition for partition in layout.partitions if partition.host == observed.facts.name]
     there = {partition.mark.name: partition for partition in observed.of(application).partitions if partition.mark}
     current = _current_names(there, {partition.name for partition in here}, system.moved)
-    unnamed = unnamed_partitions(system, there.values())
+    unnamed = unnamed_partitions({partition.name for partition in layout.partitions}, system.moved, there.values())
     may_remove = system.policy.unused is Unused.REMOVE and limit is Disruption.REMOVAL
     unused = [there[name] for name in sorted(unnamed) if not (may_remove or observed.holds_nothing(there[name].id))]
     wanted = [_wanted(partition, there.get(current.get(partition.name, "")), system) for partition in here]
@@ -96,6 +97,7 @@ def desired_state(
             responsiveness=_responsiveness(system.hosts[observed.facts.name], observed, application),
         ),
         unused=frozenset(partition.mark.name for partition in unused if partition.mark),
+        unnamed=unnamed,
         classes=values,
         by_hand=tuple(task for task in tasks if task.inside in unseen),
         findings=problems,

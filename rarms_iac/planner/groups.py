@@ -1,6 +1,6 @@
 """Which components share a partition, before anything is searched: what `partitions` and `together` say."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from rarms_iac.model.diagnostics import Facts
@@ -65,19 +65,19 @@ def groups_of(system: System) -> tuple[Group, ...]:
     return tuple(sorted(groups, key=lambda group: group.name))
 
 
-def unnamed_partitions(system: System, own: Iterable[Partition]) -> frozenset[str]:
+def unnamed_partitions(wanted: Collection[str], moved: Mapping[str, str], own: Iterable[Partition]) -> frozenset[str]:
     """Find the partitions on a host that the manifest no longer names.
 
     Args:
-        system: the manifest, with its moves.
+        wanted: the names of all partitions of the manifest.
+        moved: its moves, new names by old.
         own: the machines there with the application's mark.
 
     Returns:
         The names in their marks.
     """
     there = {partition.mark.name for partition in own if partition.mark}
-    wanted = {group.name for group in groups_of(system)}
-    new = renaming(there, wanted, system.moved).new
+    new = renaming(there, wanted, moved).new
     return frozenset(name for name in there if new[name] not in wanted)
 
 

@@ -286,10 +286,12 @@ def reserve_rounded_up(system: System) -> Iterator[Violation]:
     """Reserves of wide components that whole per cent of each virtual processor make much larger, on every host."""
     for section, name, cpu, hosts in cpu_settings(system):
         inside, fixed = _users(system, section, name)
-        given = [_rounded(cpu, host, fixed, inside) for host in hosts]
+        unlike = {host.logical_processors: host for host in reversed(hosts)}.values()
+        given = [_rounded(cpu, host, fixed, inside) for host in unlike]
         if not given or not all(much for *_, much in given):
             continue
-        host, (wanted, rounded, _) = hosts[0], given[0]
+        host = hosts[0]
+        wanted, rounded, _ = _rounded(cpu, host, fixed, inside)
         yield Violation(
             path=(section, name, "cpu", "reserve"),
             detail=f'"{name}" reserves {show_processors(wanted)}, and gets {show_processors(rounded)} on '
