@@ -22,7 +22,7 @@ from rarms_iac.model.journal import Journal, RunOrigin, ScriptRun
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
 from rarms_iac.model.wording import quoted, suggestion
-from rarms_iac.providers.channel import CommandChannel
+from rarms_iac.providers.channel import CommandChannel, one_command_only
 from rarms_iac.providers.interface import DistantHost, HostError, HostLocked, LiveHost, RecordableHost
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.snapshot_file import write_snapshot
@@ -110,7 +110,12 @@ class Hosts:
 
         Args:
             host: a name of the manifest.
+
+        Raises:
+            UseCaseError: a channel leads to it, which runs one command at a time (failed).
         """
+        if host in self.channels:
+            raise UseCaseError(Outcome.FAILED, [refusals.host_failed(one_command_only(host))])
         return open_measuring_host(self.system, host, self.folder, self.state_path(host))
 
     def reloaded(self) -> "Hosts":

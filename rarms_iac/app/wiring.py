@@ -49,7 +49,7 @@ def open_host(host: Host, folder: str, state_path: str, channel: CommandChannel 
         case ProviderKind.HYPERV:
             from rarms_iac.providers.hyperv.run import open_hyperv
 
-            return open_hyperv(host, Path(folder) / SIGNED)
+            return open_hyperv(host, Path(folder) / SIGNED, channel)
         case ProviderKind.LINUX if channel is not None:
             from rarms_iac.providers.cgroups.remote import through_channel
 

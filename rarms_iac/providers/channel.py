@@ -309,7 +309,7 @@ class CommandChannel(Protocol):
         """Run one command, and return when it has ended.
 
         Args:
-            command: for the shell that the host gives to this user.
+            command: for the shell that the host gives to this user; of Hyper-V cmd.exe or PowerShell.
             data: its whole standard input, which then ends.
             silence_s: seconds without output after which it is given up.
 
@@ -321,6 +321,19 @@ class CommandChannel(Protocol):
             HostFailed: it did not answer in time; whether the command ran is not known.
         """
         ...
+
+
+def one_command_only(host: str) -> HostFailed:
+    """Return the refusal to talk with what runs on a host, through a channel that runs one command.
+
+    Args:
+        host: its name in the manifest.
+    """
+    return HostFailed(
+        host,
+        "measuring talks with the host all the while, and the channel to it runs one command at a time",
+        "Measure where rarms runs on the host itself, or reaches it by ssh of its own.",
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,7 +3,8 @@
 # in a new folder that only its user can read, runs the first, passes its exit code on, and removes them.
 # Input: 8 digits, the length of a table; the table, one line for the arguments and one `name length sha256` a file;
 # then the files' bytes. Text that ends with a dot after that, `3 run 45 55.`, is laid beside the script, which reads it;
-# anything else, or the end of the input, asks the script to stop before its next step.
+# `o` says that nothing follows and the script goes on; anything else, or the end of the input, asks it to stop before its
+# next step.
 param([System.IO.Stream] $Source)
 
 $PSDefaultParameterValues = @{}
@@ -68,6 +69,8 @@ try {
     while (-not $child.WaitForExit(200)) {
         if ($null -eq $more -or -not $more.IsCompleted) { continue }
         $line = $ascii.GetString($data, 0, $more.Result)
+        $more = $null
+        if ($line -ceq 'o') { continue }
         $kind = if ($line -cmatch '\.$') { '.next' } else { '.stop' }
         [System.IO.File]::WriteAllText($main + $kind, $line)
         $more = if ($line) { $Source.ReadAsync($data, 0, 99) }

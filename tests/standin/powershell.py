@@ -25,7 +25,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, READY, command, render_receiver
+from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, NO_MORE, READY, command, render_receiver
 from rarms_iac.storage.codec import decode
 from rarms_iac.storage.lock import Locked, hold
 from tests.twin.compiling import compiled
@@ -230,6 +230,9 @@ def start(folder: Path, script: Path, arguments: Sequence[str]) -> int:
     while not (ended := os.waitpid(child, os.WNOHANG))[0]:
         if more and select.select([sys.stdin.buffer], [], [], 0.05)[0]:
             line = os.read(0, 99).decode("ascii")
+            if line == NO_MORE.decode("ascii"):
+                more = False
+                continue
             suffix = ".next" if line.endswith(".") else ".stop"
             script.with_name(f"{script.name}{suffix}").write_text(line, encoding="utf-8")
             more = bool(line)

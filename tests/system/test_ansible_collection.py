@@ -13,8 +13,10 @@ from typing import Any
 import pytest
 
 from rarms_iac.providers.cgroups.run import STATE_FOLDER
+from tests.contracts.test_measuring_contract import JOBS
 from tests.needs import CHECKOUT, require
-from tests.standin.remote import a_server
+from tests.standin.remote import a_remote, a_server
+from tests.system.test_remote_host import an_empty_host
 from tests.unit.cli.running import rarms
 
 pytestmark = [pytest.mark.needs("ansible", "posix"), pytest.mark.thorough]
@@ -246,6 +248,103 @@ def test_three_slices_are_reached_by_ansibles_own_ssh(slices: Fleet) -> None:
     facts = slices.play({"rarms.fleet.facts": {}}).results["l-2"]["ansible_facts"]["rarms"]["status"]
     assert [partition["name"] for partition in facts["hosts"][0]["partitions"]] == ["vision"]
     assert slices.play({"rarms.fleet.apply": {"state": "absent"}}).changed == ["l-1", "l-2", "l-3"]
+
+
+HYPERV = """\
+schema: rarms/v1
+application: { name: robot }
+hosts:
+  onboard: { provider: hyperv, connect: { ssh: cell, shell: pwsh }, logical_processors: 8, memory: 16 GiB }
+components:
+  vision: { criticality: 50, memory: 1 GiB, processors: 2, cpu: { reserve: 0.4 LP } }
+"""
+
+
+@pytest.mark.needs("ssh", "linux")
+def test_a_hyper_v_robot_is_changed_through_ansibles_own_connection(tmp_path: Path) -> None:
+    """As far as a stand-in of PowerShell behind a real sshd goes."""
+    with a_remote(tmp_path, an_empty_host()) as remote:
+        (tmp_path / "fleet").mkdir()
+        fleet = a_fleet(tmp_path / "fleet", HYPERV, remote.environment["PATH"])
+        fleet.add("w-1")
+
+        applied = fleet.play(APPLY)
+        assert (applied.code, applied.changed) == (0, ["w-1"]), applied.out
+        assert [(vm.name, vm.state) for vm in remote.host.vms.values()] == [("vision", "Running")]
+        again = fleet.play(APPLY)
+        assert (again.code, again.changed) == (0, []), again.out
+
+        measured = fleet.play({"rarms.fleet.measure": {"folder": "C:\\robot"}})
+        assert "one command at a time" in measured.results["w-1"]["msg"]
+        assert fleet.play({"rarms.fleet.apply": {"state": "absent"}}).changed == ["w-1"]
+        assert not remote.host.vms
+
+
+def test_a_robot_behind_winrm_has_ansibles_variables_for_it_and_no_password_in_a_file(fleet: Fleet) -> None:
+    connect = "{ winrm: cell-7.example, user: ops, password: { from_env: CELL_PASSWORD } }"
+    fleet.add("w-1", f"hosts: {{ onboard: {{ provider: hyperv, connect: {connect} }} }}\n")
+    words = [str(ANSIBLE / "ansible-inventory"), "-i", "robots.fleet.yml", "--host", "w-1"]
+
+    listed = json.loads(fleet.run(words, fleet.folder / "none").stdout)
+
+    assert listed["ansible_connection"] == "winrm"
+    assert (listed["ansible_host"], listed["ansible_port"]) == ("cell-7.example", 5986)
+    assert "lookup('ansible.builtin.env', 'CELL_PASSWORD')" in listed["ansible_password"]
+
+
+MEASURED = """\
+schema: rarms/v1
+application: { name: robot }
+policy: { measuring: { setting: 20 s, proof: 40 s } }
+hosts:
+  onboard: { provider: linux, memory: 1 GiB, keep_for_host: { processor: 0 %, memory: 256 MiB }, platform: bench }
+components:
+  eyes:
+    criticality: 20
+    memory: 64 MiB
+    processors: 1
+    cpu: { reserve: measured }
+    apt: { mean_response_time: { at_most: 60 ms } }
+    interference: busy-loop
+    run:
+      command: [python3, jobs.py, '0.006', '0', '1']
+      until: { elapsed: 2 s }
+      samples: { from: json_lines, response_time: { field: ms, unit: ms } }
+"""
+
+
+@pytest.mark.alone
+@pytest.mark.needs("ssh", "control-groups")
+def test_a_robot_behind_ssh_measures_and_proves_itself(tmp_path: Path) -> None:
+    with a_server(tmp_path) as remote:
+        (tmp_path / "fleet").mkdir()
+        fleet = a_fleet(tmp_path / "fleet", MEASURED, remote.environment["PATH"])
+        (fleet.folder / "jobs.py").write_text(JOBS, encoding="utf-8")
+        processors = len(os.sched_getaffinity(0))
+        reached = f"logical_processors: {processors}, connect: {{ ssh: cell }}, linux: {{ slice: fleet-bench }}"
+        fleet.add("m-1", f"hosts: {{ onboard: {{ {reached} }} }}\n")
+        own = str(tmp_path / "robot")
+        where = {"folder": own, "executable": str(ANSIBLE / "rarms")}
+        role = {f"rarms_measure_{name}": value for name, value in where.items()}
+        try:
+            measured = fleet.play(
+                {"ansible.builtin.import_role": {"name": "rarms.fleet.measure"}, "vars": role},
+                vars={"ansible_python_interpreter": sys.executable},
+            )
+            assert measured.changed == ["m-1"], measured.out
+            assert list((fleet.folder / "measurements" / "bench" / "eyes").glob("busy-loop.jsonl"))
+            assert fleet.play(APPLY).changed == ["m-1"]
+            proven = fleet.play({"rarms.fleet.prove": {"load_host": True, **where}})
+            assert proven.results["m-1"]["proof"]["met"] is True, proven.out
+            proofs = [path for path in (fleet.folder / "measurements").rglob("*") if '"robot":"m-1"' in _text(path)]
+            assert proofs, "the proof came back, and names the robot"
+        finally:
+            fleet.play({"rarms.fleet.apply": {"state": "absent"}})
+            shutil.rmtree(STATE_FOLDER / "fleet-bench", ignore_errors=True)
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8").replace('": "', '":"') if path.is_file() else ""
 
 
 def test_a_robot_pulls_its_own_configuration(fleet: Fleet, tmp_path: Path) -> None:

@@ -20,6 +20,8 @@ READY = "rarms-bootstrap/1 ready"
 FAILED = "rarms-bootstrap/1 failed"
 FAILED_CODE = 90
 STOP = b"s"
+NO_MORE = b"o"
+"""Said behind the scripts where the input ends at once and the script is to go on all the same."""
 
 _PROGRAMS = {"pwsh": "pwsh", "powershell": "powershell.exe"}
 _NAME = re.compile(r"[a-z0-9][a-z0-9.-]*\.ps1|Rarms/Rarms\.ps[dm]1")

@@ -12,12 +12,13 @@ from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import State
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.powershell.templates import without_signature
-from rarms_iac.providers.hyperv.bootstrap import arguments_of
+from rarms_iac.providers.channel import CommandChannel
+from rarms_iac.providers.hyperv.bootstrap import SHELLS, arguments_of
 from rarms_iac.providers.hyperv.condition import condition_of, findings_of, unread_error
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal
 from rarms_iac.providers.hyperv.observation import HostObservation, is_unread, observation_of
 from rarms_iac.providers.hyperv.parse import last_run_of, to_state
-from rarms_iac.providers.hyperv.transport import Listener, LocalTransport, SshTransport, Transport
+from rarms_iac.providers.hyperv.transport import ChannelTransport, Listener, LocalTransport, SshTransport, Transport
 from rarms_iac.providers.interface import (
     EventListener,
     HostDamaged,
@@ -181,9 +182,18 @@ class LiveHypervHost:
         return HostFailed(self.name, f"what {OBSERVE} printed cannot be read: {message}", advice)
 
 
-def open_hyperv(host: Host, signed: Path) -> LiveHypervHost:
-    """The host that this describes: over ssh, or this computer; with the folder of what was signed for it."""
-    return LiveHypervHost(host, transport_to(host), signed)
+def open_hyperv(host: Host, signed: Path, channel: CommandChannel | None = None) -> LiveHypervHost:
+    """Open the host that this describes.
+
+    Args:
+        host: as the manifest or a plan has it.
+        signed: the folder of what was signed for it.
+        channel: reaches it in place of what `connect` says.
+    """
+    if channel is None:
+        return LiveHypervHost(host, transport_to(host), signed)
+    shell = SHELLS[0] if host.connect is None else host.connect.shell
+    return LiveHypervHost(host, ChannelTransport(host.name, channel, shell), signed)
 
 
 def transport_to(host: Host) -> Transport:

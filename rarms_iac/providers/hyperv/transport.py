@@ -17,16 +17,19 @@ from rarms_iac.model.host import Connect
 from rarms_iac.providers.channel import (
     SSH_FAILED,
     Channel,
+    CommandChannel,
     Conversation,
     SilenceTimeout,
     await_line,
     last_of,
+    one_command_only,
     open_channel,
     ssh_words,
 )
 from rarms_iac.providers.hyperv.bootstrap import (
     FAILED,
     FAILED_CODE,
+    NO_MORE,
     READY,
     SHELLS,
     STOP,
@@ -195,12 +198,46 @@ def send_and_follow(
     """
     channel.send(frame(script, arguments))
     refusal = _RefusalListener(listener)
-    ended = _follow(channel, silence_s, refusal, lambda: channel.send(STOP))
+    return _judged(host, _follow(channel, silence_s, refusal, lambda: channel.send(STOP)), refusal)
+
+
+def _judged(host: str, ended: ScriptExited | ScriptLost, refusal: "_RefusalListener") -> ScriptExited | ScriptLost:
+    """How a script ended, or the bootstrap or the way to it before."""
     if isinstance(ended, ScriptExited) and ended.code == FAILED_CODE and refusal.reason:
         raise HostFailed(host, f"the scripts did not arrive as sent: {refusal.reason}", "Run it again.")
     if isinstance(ended, ScriptExited) and ended.code == SSH_FAILED:
         return ScriptLost(why=f"the connection broke ({last_of(ended.last_lines)})")
     return ended
+
+
+class ChannelTransport:
+    """A channel that runs one command: lines are told when it has ended, and the script cannot be asked to stop."""
+
+    def __init__(self, host: str, channel: CommandChannel, shell: str) -> None:
+        self._host = host
+        self._channel = channel
+        self._shell = shell
+
+    def run(
+        self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
+    ) -> ScriptExited | ScriptLost:
+        command = " ".join(remote_words(self._shell))
+        answer = self._channel.run(command, frame(script, arguments) + NO_MORE, silence_s)
+        lines = answer.output.splitlines()
+        errors = tuple(filter(None, map(str.strip, answer.error.splitlines())))
+        if READY not in lines:
+            raise _not_started(self._host, self._channel.target, program_of(self._shell), answer.code, errors)
+        refusal = _RefusalListener(listener)
+        for line in lines[lines.index(READY) + 1 :]:
+            refusal.line(line)
+        return _judged(self._host, ScriptExited(code=answer.code, last_lines=errors), refusal)
+
+    def session(
+        self,
+        script: ScriptBundle,  # noqa: ARG002 - none can be run so
+        arguments: Sequence[str],  # noqa: ARG002
+    ) -> AbstractContextManager[ScriptSession]:
+        raise one_command_only(self._host)
 
 
 class _BootstrapSession:
@@ -278,12 +315,15 @@ def await_bootstrap(channel: Conversation, host: str, target: str, program: str,
         HostFailed: the other end is not reached, or PowerShell does not start there.
     """
     if await_line(channel, host, target, lambda line: line == READY, way) is None:
-        message = f"{program} does not start on {target} (exit code {channel.code()}): "
-        raise HostFailed(
-            host,
-            message + last_of(channel.error_lines),
-            "Say in the manifest which PowerShell the host has: `connect.shell: pwsh` or `powershell`.",
-        )
+        raise _not_started(host, target, program, channel.code(), channel.error_lines)
+
+
+def _not_started(host: str, target: str, program: str, code: int | None, error_lines: Sequence[str]) -> HostFailed:
+    return HostFailed(
+        host,
+        f"{program} does not start on {target} (exit code {code}): {last_of(error_lines)}",
+        "Say in the manifest which PowerShell the host has: `connect.shell: pwsh` or `powershell`.",
+    )
 
 
 def protect(path: str, descriptor: str) -> None:

@@ -54,11 +54,12 @@ from typing import Any
 
 from ansible.errors import AnsibleParserError
 from ansible.plugins.inventory import BaseInventoryPlugin, Constructable
+from ansible.template import trust_as_template
 
 try:
     from rarms_iac.app.errors import RequestError, UseCaseError
     from rarms_iac.app.hosts import load
-    from rarms_iac.model.host import Host, ProviderKind
+    from rarms_iac.model.host import Host, ProviderKind, WinRmConnect
 except ImportError as error:
     RARMS_MISSING = str(error)
 else:
@@ -144,6 +145,8 @@ def _connection(host: Host) -> dict[str, Any]:
     if host.connect is None or host.provider is ProviderKind.SIMULATED:
         return {"ansible_connection": "local"}
     connect = host.connect
+    if isinstance(connect, WinRmConnect):
+        return _winrm(connect)
     user, address = connect.ssh.rpartition("@")[::2]
     common = {"ProxyJump": connect.jump, "ControlPath": connect.control_path}
     options = " ".join(shlex.quote(f"-o{name}={value}") for name, value in common.items() if value)
@@ -163,3 +166,19 @@ def _reason(error: UseCaseError | RequestError) -> str:
         return str(error)
     first = error.findings[0]
     return f"{f'{first.place}: ' if first.place else ''}{first.summary} ({first.code}): {first.detail}"
+
+
+def _winrm(connect: WinRmConnect) -> dict[str, Any]:
+    """Ansible's own WinRM; the password is looked up when a task runs, as rarms does."""
+    variables = {
+        "ansible_connection": "winrm",
+        "ansible_host": connect.winrm,
+        "ansible_port": connect.port or 5986,
+        "ansible_winrm_scheme": "https",
+        "ansible_shell_type": "powershell",
+        "ansible_user": connect.user,
+    }
+    if connect.password is not None:
+        lookup = f"{{{{ lookup('ansible.builtin.env', '{connect.password.name}') }}}}"
+        variables["ansible_password"] = trust_as_template(lookup)
+    return {name: value for name, value in variables.items() if value}

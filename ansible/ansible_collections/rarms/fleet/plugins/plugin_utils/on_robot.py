@@ -20,6 +20,7 @@ from ansible_collections.rarms.fleet.plugins.plugin_utils.robot import RARMS_MIS
 if not RARMS_MISSING:
     from rarms_iac.app.errors import RequestError
     from rarms_iac.app.files import make_folder, write_file
+    from rarms_iac.model.host import ProviderKind
 
 SILENCE_S = 3600.0
 HERE = ".rarms/here"
@@ -47,8 +48,14 @@ def run_on_robot(channel: ConnectionChannel, robot: Robot, arguments: Any, words
         Its JSON, exit code and what it said.
 
     Raises:
-        RequestError: no folder is named, `connect` stands in no overlay, or the command gave no JSON.
+        RequestError: the robot runs Hyper-V, no folder is named, `connect` stands in no overlay, or the command gave
+            no JSON.
     """
+    if robot.provider is ProviderKind.HYPERV:
+        raise RequestError(
+            "Running components on Hyper-V is a talk with the host, and Ansible's connection runs one command at a "
+            "time: use `rarms measure` and `rarms prove` on the controller."
+        )
     if not arguments["folder"]:
         raise RequestError(
             "The components run on the robot: say with `folder` where it keeps the manifest, and have rarms there."

@@ -1,0 +1,73 @@
+"""Scripts on a Hyper-V host through a channel that runs one command."""
+
+from dataclasses import dataclass, field
+
+import pytest
+
+from rarms_iac.providers.channel import SSH_FAILED, CommandResult
+from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, NO_MORE, READY, frame, remote_words
+from rarms_iac.providers.hyperv.transport import ChannelTransport
+from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost
+
+SCRIPT = ScriptBundle(runs="cell.ps1", files={"cell.ps1": "exit 0\r\n"})
+
+
+@dataclass
+class Answering:
+    """A channel whose host gives one answer."""
+
+    code: int
+    output: str
+    error: str = ""
+    target: str = "ops@cell"
+    asked: list[tuple[str, bytes]] = field(default_factory=list)
+
+    def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:
+        self.asked.append((command, data))
+        return CommandResult(code=self.code, output=self.output, error=self.error)
+
+
+@dataclass
+class Lines:
+    """What a script said."""
+
+    said: list[str] = field(default_factory=list)
+
+    def line(self, text: str) -> None:
+        self.said.append(text)
+
+    def should_stop(self) -> bool:
+        return False
+
+
+def run(channel: Answering, listener: Lines) -> ScriptExited | ScriptLost:
+    return ChannelTransport("onboard", channel, "powershell").run(SCRIPT, ("-AsJson",), 5.0, listener)
+
+
+def test_it_is_the_command_and_input_of_ssh_and_says_that_nothing_follows() -> None:
+    channel, listener = Answering(3, f"a banner\n{READY}\none\ntwo\n", "a word\n"), Lines()
+
+    assert run(channel, listener) == ScriptExited(code=3, last_lines=("a word",))
+    assert listener.said == ["one", "two"]
+    assert channel.asked == [(" ".join(remote_words("powershell")), frame(SCRIPT, ("-AsJson",)) + NO_MORE)]
+
+
+def test_a_host_without_that_powershell_is_named() -> None:
+    with pytest.raises(HostFailed, match=r"powershell.exe does not start on ops@cell \(exit code 9009\): not found"):
+        run(Answering(9009, "", "not found\n"), Lines())
+
+
+def test_scripts_that_did_not_arrive_are_no_end_of_a_run() -> None:
+    with pytest.raises(HostFailed, match="did not arrive as sent: bad name"):
+        run(Answering(FAILED_CODE, f"{READY}\n{FAILED} bad name\n"), Lines())
+
+
+def test_a_way_that_breaks_loses_the_script() -> None:
+    ended = run(Answering(SSH_FAILED, f"{READY}\none\n", "Connection reset\n"), Lines())
+
+    assert ended == ScriptLost(why="the connection broke (Connection reset)")
+
+
+def test_nothing_is_talked_with() -> None:
+    with pytest.raises(HostFailed, match="one command at a time"):
+        ChannelTransport("onboard", Answering(0, ""), "pwsh").session(SCRIPT, ())
