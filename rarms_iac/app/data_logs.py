@@ -16,7 +16,8 @@ from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
-from rarms_iac.model.measurement import CONFINEMENT, GROUP_CONFINEMENT
+from rarms_iac.model.measurement import CONFINEMENT, GROUP_CONFINEMENT, Setting, most_used
+from rarms_iac.model.processor_number import ProcessorNumber, Used, processor_number
 from rarms_iac.model.quantities import Bytes, show_bytes
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Component, System, run_of
@@ -33,7 +34,6 @@ from rarms_iac.planner.reservations import (
     to_be_measured,
 )
 from rarms_iac.statistics.curves import Curve, curve_of
-from rarms_iac.statistics.samples import usable_processors
 from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
 from rarms_iac.storage.datalog.identity import LogSubject, identity_of
 from rarms_iac.storage.datalog.log import DataLog
@@ -84,6 +84,7 @@ def subject_of(system: System, host: Host, members: tuple[str, ...], interferenc
         load=experiment.load,
         tasks=system.tasks,
         confinement=GROUP_CONFINEMENT if host.provider is ProviderKind.LINUX else CONFINEMENT,
+        fixes_processors=experiment.fixes_processors,
     )
 
 
@@ -128,6 +129,38 @@ def _why_log_outdated(subject: LogSubject, folder: Path, host: Host) -> str:
     if log is None:
         return "its data log is gone"
     return "; ".join(map(str, compare_log(log, subject, Files(folder), observed_platform(host)).changed))
+
+
+def used_processors(
+    system: System, host: Host, files: Files, platform_facts: ObservedPlatform, read: "_ReadLog | None" = None
+) -> Used:
+    """Return what data logs say of the processors that components use at once on a host.
+
+    Args:
+        system: What the manifest says.
+        host: Logs of its platform count, beside any load of the manifest.
+        files: Of the manifest's folder.
+        platform_facts: The host as it is now: a log that no longer holds says nothing.
+        read: Reads a log; None: each is read when it is asked for.
+
+    Returns:
+        A function from sorted names of components to the most that they were seen to use together; each is looked
+        up once.
+    """
+
+    @cache
+    def used(members: Names) -> int | None:
+        settings: list[Setting] = []
+        for load in system.interference:
+            path = log_path(files.folder, host.platform, members, load)
+            log = (read or _read)(path) if path.exists() else None
+            if isinstance(log, DataLog):
+                subject = subject_of(system, host, members, load)
+                if not compare_log(log, subject, files, platform_facts).changed:
+                    settings += (recorded.setting for recorded in log.recorded)
+        return most_used(settings)
+
+    return used
 
 
 def logs_of(measurements: Measurements, host: Host, members: Names) -> tuple[Path, ...]:
@@ -217,12 +250,15 @@ class _Kind:
     platform_facts: ObservedPlatform
 
 
+_ReadLog = Callable[[Path], DataLog | LogUnreadable | None]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _LogFolder:
     """A manifest's folder, of which each file and each log is read once."""
 
     files: Files
-    read: Callable[[Path], DataLog | LogUnreadable | None]
+    read: _ReadLog
 
 
 def _log_of_each_load(
@@ -230,9 +266,13 @@ def _log_of_each_load(
 ) -> tuple[MeasuredTogether, ...] | NotMeasured:
     """The log of each load, or why the first of those is missing that are."""
     members, found = names_of(group.members), list[MeasuredTogether]()
+    anywhere = replace(platform_facts, guest_image=None)  # a partition may have an image of its own
+    used = used_processors(system, host, folder.files, anywhere, folder.read)
+    number = processor_number(group.members, group.request.processors, host.logical_processors, used)
     described = [system.interference[load] for load in system.loads_of(members)]
     for load in system.loads_of(members):
-        log = _measured_together(subject_of(system, host, members, load), folder, group, host, platform_facts)
+        subject = subject_of(system, host, members, load)
+        log = _measured_together(subject, folder, group, host, platform_facts, number)
         if isinstance(log, NotMeasured):
             return log
         found.append(log)
@@ -255,7 +295,12 @@ def _left_idle(group: Group, logs: Sequence[MeasuredTogether]) -> Cause:
 
 
 def _measured_together(
-    subject: LogSubject, folder: _LogFolder, group: Group, host: Host, platform_facts: ObservedPlatform
+    subject: LogSubject,
+    folder: _LogFolder,
+    group: Group,
+    host: Host,
+    platform_facts: ObservedPlatform,
+    number: ProcessorNumber,
 ) -> MeasuredTogether | NotMeasured:
     members = names_of(group.members)
     path = path_of(folder.files.folder, subject)
@@ -298,17 +343,19 @@ def _measured_together(
             advice=advice,
             values=values,
         )
+    whole, log = log, log.of(number.number)
     return MeasuredTogether(
         path=path_shown,
         interference=subject.setup.interference,
-        processors=log.header.setup.processors,
+        processors=number.number,
+        processors_from=number.source,
         measured=tuple(sorted({setting.reserve for setting in log.settings})),
         curves=curves_in(log, {member.name: member for member in group.members}),
         remarks=tuple(_remarks(log, comparison, group, path_shown, again, folder.files.cut)),
         again=again,
         weak=any(recorded.provenance.weak_load for recorded in log.counting),
         cpu_ms=_cpu_ms_in(log),
-        usable=lambda component: usable_processors(log.settings, component, log.header.setup.processors),
+        used=most_used(recorded.setting for recorded in whole.recorded),
     )
 
 

@@ -69,8 +69,7 @@ def _choices(measurements: Measurements, components: Iterable[str]) -> tuple[Pat
             least = reservations.least(group.members, host)
             log = reservations.log(group.members, host)
             if isinstance(sized, PlacedPartition) and isinstance(log, MeasuredTogether) and least is not None:
-                data_log, reserve = measurements.folder / log.path, sized.settings.reserve
-                entries = _entries(measurements, group, data_log, reserve)
+                entries = _entries(measurements, group, log, sized.settings.reserve)
                 paths += [path for entry in entries if (path := _record(measurements.folder, host.platform, entry))]
     return tuple(paths)
 
@@ -91,8 +90,9 @@ def describe_apt(component: Component) -> dict[str, str]:
     }
 
 
-def _entries(measurements: Measurements, group: Group, path: Path, reserve: int) -> tuple[Chosen, ...]:
+def _entries(measurements: Measurements, group: Group, measured: MeasuredTogether, reserve: int) -> tuple[Chosen, ...]:
     """What was chosen for each member, with the data log that asks for it."""
+    path = measurements.folder / measured.path
     log = read_log(path)
     if log is None:
         return ()
@@ -107,7 +107,7 @@ def _entries(measurements: Measurements, group: Group, path: Path, reserve: int)
             task=member.task,
             data_log=path.relative_to(measurements.folder).as_posix(),
             identity=log.header.digest,
-            setup=log.header.setup,
+            setup=replace(log.header.setup, processors=measured.processors),
             platform_facts=log.header.platform_facts,
         )
         for member in group.members

@@ -114,6 +114,9 @@ class _AtLeast:
         answer = self.source.reservation(members, host)
         return ProcessorTime(fixed(members, host)) if isinstance(answer, NotMeasured) else answer
 
+    def processors(self, members: tuple[Component, ...], host: Host) -> int | None:
+        return self.source.processors(members, host)
+
     def depends_on(self, host: Host) -> Hashable:
         return self.source.depends_on(host)
 

@@ -169,6 +169,7 @@ def _data_log_summary(measurements: Measurements, group: Group, log: MeasuredTog
         interference=log.interference,
         other_loads=tuple(load for load in loads if load != log.interference),
         processors=log.processors,
+        processors_from=log.processors_from,
         provider=platform.provider.value,
         processor=platform.processor,
         logical_processors=platform.logical_processors,

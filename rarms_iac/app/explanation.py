@@ -10,6 +10,7 @@ from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.host import Host, SchedulerType
 from rarms_iac.model.outcomes import Estimate
 from rarms_iac.model.output import Internal, OpenBound, output
+from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import LogicalProcessors
 from rarms_iac.model.state import PartitionSettings
 from rarms_iac.model.system import AtMost, Component, Threshold
@@ -30,6 +31,7 @@ class DataLogSummary:
     interference: str  # the load that asks for most
     other_loads: tuple[str, ...]  # that it stands up to as well
     processors: int  # of P1: a CR is per cent of these
+    processors_from: ProcessorSource
     provider: str
     processor: str
     logical_processors: int

@@ -72,28 +72,6 @@ def edit_level(manifest: Manifest, component: Component, index: PerformanceIndex
     return FileEdit(file=file, before=before, after=after)
 
 
-def write_processors(manifest: Manifest, component: str, processors: int) -> str:
-    """Write the virtual processors of a component, into the file that says them, or that has the component.
-
-    Args:
-        manifest: Its file is written.
-        component: Its name.
-        processors: From 1.
-
-    Returns:
-        The file.
-
-    Raises:
-        CannotFormat: Its text is no manifest.
-        UseCaseError: It cannot be written (failed).
-    """
-    path = ("components", component, "processors")
-    exists = manifest.system.components[component].processors is not None
-    file = manifest.places.value(*path).file if exists else manifest.places.key(*path[:2]).file
-    write_file(file, set_value(_read(file), path, processors).encode("utf-8"))
-    return file
-
-
 def edit_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> PartitionEdits:
     """Make each compound a partition of its name; entries of partitions that are left without members go.
 

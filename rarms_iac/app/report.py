@@ -4,7 +4,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.data_logs import compare_log, measured_reservations, measurements_of, observed_platform, subject_of
+from rarms_iac.app.data_logs import (
+    compare_log,
+    measured_reservations,
+    measurements_of,
+    observed_platform,
+    subject_of,
+    used_processors,
+)
 from rarms_iac.app.decision_logs import tunings_of
 from rarms_iac.app.drift import drift_of_hosts
 from rarms_iac.app.errors import Outcome, UseCaseError
@@ -19,6 +26,7 @@ from rarms_iac.app.report_model import ComponentProof, HostDifference, HostStatu
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.totals import totals_at_hand
 from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
+from rarms_iac.measuring.setup import experiment_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, first_of_each_kind, has_errors, in_order
 from rarms_iac.model.host import ProviderKind
@@ -146,10 +154,13 @@ def _reported_log(system: System, files: Files, path: Path, log: DataLog) -> Rep
     setup = log.header.setup
     host = next(host for host in system.hosts.values() if host.platform == log.header.platform)
     subject = subject_of(system, host, setup.members, setup.interference)
-    comparison = compare_log(log, subject, files, observed_platform(host))
+    platform_facts = observed_platform(host)
+    comparison = compare_log(log, subject, files, platform_facts)
+    used = used_processors(system, host, files, platform_facts)
+    number = experiment_of(system, host, setup.members, setup.interference, used=used).setup.processors
     return ReportedLog(
         path=path.relative_to(files.folder).as_posix(),
-        log=log,
+        log=log.of(number),
         is_expected=setup.interference in system.loads_of(setup.members),
         stale=tuple(map(str, comparison.changed)),
     )

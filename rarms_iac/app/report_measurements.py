@@ -213,6 +213,7 @@ class _ShownReservations:
     """Reservations as the measurements of a report show them."""
 
     amounts: Mapping[tuple[str, Names], Fraction]  # by platform and components: LPs
+    numbers: Mapping[tuple[str, Names], int]  # likewise: virtual processors
 
     def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
         unknown = to_be_measured(members)
@@ -220,6 +221,9 @@ class _ShownReservations:
             return FixedReservations().reservation(members, host)
         amount = self.amounts.get((host.platform, names_of(members)))
         return NotMeasured(components=unknown) if amount is None else ProcessorTime(LogicalProcessors(amount))
+
+    def processors(self, members: tuple[Component, ...], host: Host) -> int | None:
+        return self.numbers.get((host.platform, names_of(members)))
 
     def depends_on(self, host: Host) -> Hashable:
         return host.logical_processors, host.platform
@@ -230,12 +234,14 @@ class _ShownReservations:
 
 
 def _shown(measurements: Sequence[Measurement]) -> ReservationSource:
+    rested = [measurement for measurement in measurements if measurement.decides]
     return _ShownReservations(
+        numbers={(each.platform, each.components): each.processors for each in rested},
         amounts={
             (measurement.platform, measurement.components): measurement.reserved_lp
-            for measurement in measurements
-            if measurement.decides and measurement.reserved_lp is not None
-        }
+            for measurement in rested
+            if measurement.reserved_lp is not None
+        },
     )
 
 

@@ -29,6 +29,7 @@ from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.measurement import P1, P2, Setting, SettingEvidence, join_settings
 from rarms_iac.model.outcomes import Conclusion, ExperimentStep, Measure, SettingFailed, Stopped, TooManyFailures
+from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.run import Run, SampleCount
 from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
@@ -127,13 +128,15 @@ class SettingsLog:
         """Read all that count, each run by itself, in the order in which they were recorded.
 
         Returns:
-            None where there is no log yet, or it is stale.
+            Those with as many processors as the header has; none where there is no log yet, or it is stale.
 
         Raises:
             LogUnreadable: the file is no whole data log.
         """
         log = None if self.replaces_stale else read_log(self.path)
-        return () if log is None else tuple(record.setting for record in log.counting)
+        if log is None:
+            return ()
+        return tuple(record.setting for record in log.of(self.header.setup.processors).counting)
 
     def settings(self) -> tuple[Setting, ...]:
         """Join what counts to one setting a reservation (`join_settings`).
@@ -176,10 +179,17 @@ class MeasuringContext:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class OtherProcessors:
+    """P1 was seen to use another number of processors than it has: what was measured so far is no curve of it."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LoopResult:
     """How an experiment ended, and what that rests on."""
 
-    conclusion: Conclusion
+    conclusion: Conclusion | OtherProcessors
     settings: tuple[Setting, ...]
     new: int  # how many of them were run now
 
@@ -206,6 +216,7 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, contex
         ends.callback(context.reporter.experiment_ended)
         partitions: _TestPartitions | None = None
         anew = log.anew
+        step: ExperimentStep | OtherProcessors
         while True:
             step = strategy.step(known.seen_with(anew))
             if not isinstance(step, Measure):
@@ -225,7 +236,28 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, contex
             log.add(setting)
             known, new = known.with_run(setting), new + 1
             context.reporter.setting_ended(experiment, known.at(setting.reserve))
+            if (number := other_processors(experiment, setting.used_processors)) is not None:
+                step = OtherProcessors(number=number)
+                break
     return LoopResult(conclusion=step, settings=known.settings, new=new)
+
+
+def other_processors(experiment: Experiment, used: int | None) -> int | None:
+    """Say with how many processors the experiment goes on after a setting.
+
+    Args:
+        experiment: what is measured.
+        used: what was used at once there, by `Experiment.used`.
+
+    Returns:
+        Another number than P1 has: what it uses, where the first setting shows that, and later only more; None: it
+        keeps its own, as where the manifest fixes it.
+    """
+    processors = experiment.setup.processors
+    if used is None or experiment.fixes_processors or used == processors:
+        return None
+    is_first = experiment.processors_from is ProcessorSource.HOST
+    return used if is_first or used > processors else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -331,7 +363,14 @@ def _run_setting(
     disturbances: list[str] = []
     spent_ms = 0.0
     while True:
-        empty = Setting(reserve=step.reserve, series=(), beside=load_reserve, seed=context.seed, spent_ms=spent_ms)
+        empty = Setting(
+            reserve=step.reserve,
+            series=(),
+            beside=load_reserve,
+            seed=context.seed,
+            spent_ms=spent_ms,
+            processors=experiment.setup.processors,
+        )
         setting, evidence = _try_setting(experiment, context, partitions, step, empty, known)
         if not isinstance(setting, Setting) or evidence is None:
             return setting
@@ -354,16 +393,24 @@ def _try_setting(
     """A setting from the first sample to the last, and what the host counted meanwhile."""
     goal = replace(goal_of(experiment), ends_at_until=step.within_until)
 
+    def used() -> int | None:
+        """NOTE: the paper's strategy does not look at what is used."""
+        return None if step.within_until else experiment.used(running.used_processors(P1))
+
     def so_far(seen: Mapping[str, Series], elapsed_ms: float) -> Setting:
         """As the log records it, so that a run that goes on from the log decides by the same numbers."""
         series = tuple(seen[name] for name in sorted(seen))
-        return as_recorded(replace(empty, series=series, spent_ms=empty.host_ms + elapsed_ms))
+        spent_ms = empty.host_ms + elapsed_ms
+        return as_recorded(replace(empty, series=series, spent_ms=spent_ms, used_processors=used()))
 
     def is_enough(seen: Mapping[str, Series]) -> bool:
         context.reporter.samples_came(experiment, step.reserve, seen)
         if not step.until_clear or not all(_has_until(seen[name], run) for name, run in goal.runs.items()):
             return False
-        joined = known.joined_with(step.reserve, so_far(seen, running.elapsed_ms()))
+        setting = so_far(seen, running.elapsed_ms())
+        if other_processors(experiment, setting.used_processors) is not None:
+            return True
+        joined = known.joined_with(step.reserve, setting)
         return is_clear(joined, goal, precision=step.precision)
 
     settling = Settling(
@@ -380,6 +427,7 @@ def _try_setting(
             context.should_stop,
             limit_ms=max(0.0, limit_ms) if step.until_clear else inf,
             restarts=step.until_clear and not step.within_until,
+            needs_starts=lambda: other_processors(experiment, used()) is None,
         )
         evidence, elapsed_ms = running.evidence(), running.elapsed_ms()
     if series is None:

@@ -1,7 +1,6 @@
 """The findings of measuring, each with its page in docs/findings, and how the end of an experiment becomes one."""
 
 from collections.abc import Iterable, Iterator
-from fractions import Fraction
 from math import ceil, isfinite
 from typing import assert_never
 
@@ -11,7 +10,7 @@ from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding, Places
 from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value
-from rarms_iac.model.measurement import Setting
+from rarms_iac.model.measurement import Setting, most_used
 from rarms_iac.model.outcomes import (
     Conclusion,
     NotAchievable,
@@ -28,7 +27,6 @@ from rarms_iac.model.system import Measured
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.statistics.error_probability import LOOK_ERROR, describe_extreme
 from rarms_iac.statistics.overload import find_overload, more_processors_help
-from rarms_iac.statistics.samples import usable_processors
 from rarms_iac.statistics.verdicts import LONG
 
 NOT_ACHIEVABLE = Finding.error("RARMS110", "Threshold performance is not achievable on this platform.")
@@ -50,7 +48,8 @@ NO_THRESHOLD = Finding.error("RARMS264", "There is no threshold to search for")
 WEAK_ANSWER = Finding.error("RARMS326", "What was measured beside weak loads is no answer")
 FIXED_ANYWAY = Finding.note("RARMS266", "The manifest fixes a reservation that was measured")
 LESS_UNKNOWN = Finding.warning("RARMS267", "Less may be enough: settings below have no steady state")
-UNUSABLE_PROCESSORS = Finding.note("RARMS268", "Fewer virtual processors may be enough")
+WASTED_PROCESSORS = Finding.note("RARMS380", "Fixed virtual processors are not used")
+MORE_PROCESSORS = Finding.note("RARMS381", "More processors are used at once than was seen before")
 
 
 NO_MORE_CPU = (
@@ -95,7 +94,7 @@ def findings_of(
         case Sufficient(reserve=reserve):
             yield from _less_unknown(experiment, conclusion, settings, places)
             yield from _fixed_anyway(experiment, reserve, places)
-            yield from _unusable_processors(experiment, reserve, settings, places)
+            yield from _wasted_processors(experiment, reserve, settings, places)
         case Swept() | Stopped():
             return
         case _:
@@ -286,30 +285,49 @@ def _fixed_anyway(experiment: Experiment, reserve: int, places: Places) -> Itera
         )
 
 
-def _unusable_processors(
+def _wasted_processors(
     experiment: Experiment, reserve: int, settings: tuple[Setting, ...], places: Places
 ) -> Iterator[Diagnostic]:
-    """Of a component measured alone: a CR is per cent of all its virtual processors, whether it uses them or not."""
+    """Of what the manifest fixes: a CR is per cent of all virtual processors, whether they are used or not."""
+    processors, used = experiment.setup.processors, most_used(settings)
+    if not experiment.fixes_processors or used is None or used >= processors:
+        return
+    names = in_a_row(experiment.setup.members)
+    now, then = (show_processors(guaranteed(reserve, count)) for count in (processors, used))
+    yield WASTED_PROCESSORS.at(
+        places.key("components", experiment.members[0].name),
+        f"{names} used at most {used} of the {processors} virtual processors that the manifest fixes at once. A CR of "
+        f"{reserve} % of its VPs is {now}, and would be {then} with {used}.",
+        prose("Leave `processors` out, and measure again: ", command("measure", *experiment.setup.members), "."),
+        address=f"component/{experiment.members[0].name}",
+        values={
+            "components": tuple(experiment.setup.members),
+            "processors": processors,
+            "used_processors": used,
+            "reserve_percent": reserve,
+        },
+    )
+
+
+def more_processors(experiment: Experiment, used: int, places: Places) -> Diagnostic:
+    """Make the finding that components use more processors at once than was seen before.
+
+    Args:
+        experiment: As it was measured, with the number that was seen before.
+        used: The number from here on.
+        places: Lines of the manifest.
+    """
     processors = experiment.setup.processors
-    for member in experiment.members if len(experiment.members) == 1 else ():
-        usable = usable_processors(settings, member.name, processors)
-        if usable is None:
-            continue
-        now, then = (show_processors(Fraction(reserve * count, 100)) for count in (processors, usable))
-        yield UNUSABLE_PROCESSORS.at(
-            places.key("components", member.name),
-            f"It uses {usable} of its {processors} virtual processors at most: a CR of {reserve} % of its VPs is "
-            f"{now} with "
-            f"{processors}, and about {then} with {usable}.",
-            prose(
-                command("measure", member.name, write_processors=True),
-                f" writes `processors: {usable}` and measures again.",
-            ),
-            address=f"component/{member.name}",
-            values={
-                "component": member.name,
-                "processors": processors,
-                "usable_processors": usable,
-                "reserve_percent": reserve,
-            },
-        )
+    return MORE_PROCESSORS.at(
+        places.key("components", experiment.members[0].name),
+        f"{in_a_row(experiment.setup.members)} used {used} processors at once, and at most {processors} when its "
+        f"number of virtual processors was chosen. It is measured with {used} from here on; settings with {processors} "
+        "stay in the log and no longer count.",
+        "Nothing. To keep a number, write it: `processors`.",
+        address=f"component/{experiment.members[0].name}",
+        values={
+            "components": tuple(experiment.setup.members),
+            "processors": processors,
+            "used_processors": used,
+        },
+    )

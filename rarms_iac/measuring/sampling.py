@@ -33,6 +33,7 @@ def watch(
     *,
     limit_ms: float = inf,
     restarts: bool = False,
+    needs_starts: Callable[[], bool] = lambda: True,
 ) -> Mapping[str, Series] | TooManyFailures | None:
     """Read the samples of these components, from when their host has settled until there are enough, or no more.
 
@@ -45,6 +46,7 @@ def watch(
         should_stop: Asked after every sample.
         limit_ms: Of the host's time since the work began: from then on `is_enough` is asked at any count.
         restarts: Whether loads that never pause begin anew again and again, `STARTS` times before `is_enough` is asked.
+        needs_starts: Asked at each look: whether all of these are needed. False: it is no point of a curve.
 
     Returns:
         The series by component; `TooManyFailures`: a component's jobs failed more often than its manifest allows; None:
@@ -69,7 +71,7 @@ def watch(
         if not seen.take(name, sample):
             continue
         is_late = running.elapsed_ms() >= limit_ms
-        if (least := seen.least) >= (1 if is_late else looks_at) and (seen.has_begun or is_late):
+        if (least := seen.least) >= (1 if is_late else looks_at) and (seen.has_begun or is_late or not needs_starts()):
             looks_at, limit_ms = next_look(least), _LATER * limit_ms if is_late else limit_ms
             if seen.counted_ms >= settling.least_ms and is_enough(found := seen.series()):
                 return found

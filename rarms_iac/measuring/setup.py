@@ -4,10 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
+from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.host import Host
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.measurement import EnvironmentSetup
 from rarms_iac.model.output import OutputText
+from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource, Used, never_seen, processor_number
 from rarms_iac.model.quantities import LogicalProcessors, Milliseconds, in_processors, per_virtual_processor
 from rarms_iac.model.run import Run, SampleCount
 from rarms_iac.model.system import (
@@ -32,6 +34,7 @@ class Experiment(OutputText):
     setup: EnvironmentSetup
     tasks: Mapping[str, TaskRequest]  # what the manifest fixes of task classes
     limits: MeasuringLimits = MeasuringLimits()
+    processors_from: ProcessorSource = ProcessorSource.MANIFEST  # those of the setup
 
     def __str__(self) -> str:
         return self.name
@@ -46,6 +49,37 @@ class Experiment(OutputText):
         """How each member runs."""
         return {member.name: run_of(member) for member in self.members}
 
+    @property
+    def fixes_processors(self) -> bool:
+        """Whether the manifest says how many virtual processors P1 has; otherwise what it uses does."""
+        return self.processors_from is ProcessorSource.MANIFEST
+
+    def used(self, seen: int | None) -> int | None:
+        """Return the number of processors by which P1 is measured on.
+
+        Args:
+            seen: the most that its components were seen to use at once; None: that cannot be seen.
+
+        Returns:
+            At most the host's, and of a compound never fewer than its members have; None: it was not seen.
+        """
+        if seen is None:
+            return None
+        least = self.setup.processors if self.processors_from is ProcessorSource.MEMBERS else 1
+        return max(least, min(seen, self.host.logical_processors))
+
+    def with_processors(self, found: ProcessorNumber) -> "Experiment":
+        """Return the experiment with another number of virtual processors.
+
+        Args:
+            found: the number, with its source.
+        """
+        setup, limit = self.setup, self.setup.limit
+        if limit < WHOLE:
+            limit = min(WHOLE, -(-limit * setup.processors // found.number))
+        setup = replace(setup, processors=found.number, limit=limit)
+        return replace(self, setup=setup, processors_from=found.source)
+
     def sharing_budget(self, loads: int) -> "Experiment":
         """Return the experiment with an equal part of what a setting may take beside several loads together.
 
@@ -57,7 +91,12 @@ class Experiment(OutputText):
 
 
 def experiment_of(
-    system: System, host: Host, members: tuple[str, ...], interference: str, samples: int | None = None
+    system: System,
+    host: Host,
+    members: tuple[str, ...],
+    interference: str,
+    samples: int | None = None,
+    used: Used = never_seen,
 ) -> Experiment:
     """The experiment with these components together in P1; what a partition of just these asks for stands.
 
@@ -67,6 +106,7 @@ def experiment_of(
         members: in any order.
         interference: a name of `interference`.
         samples: how many of each component; None: as its `run.until` says.
+        used: how many processors components were seen to use at once.
 
     Returns:
         What is run; nothing is looked at on the host.
@@ -74,7 +114,8 @@ def experiment_of(
     names = tuple(sorted(members))
     components = tuple(system.components[name] for name in names)
     request = _requested_partition(system, names)
-    processors = request.processors or max(component.processors or host.logical_processors for component in components)
+    found = processor_number(components, request.processors, host.logical_processors, used)
+    processors = found.number
     setup = EnvironmentSetup(
         members=names,
         interference=interference,
@@ -94,6 +135,7 @@ def experiment_of(
         setup=setup,
         tasks=system.tasks,
         limits=system.policy.measuring,
+        processors_from=found.source,
     )
 
 

@@ -69,6 +69,8 @@ class Setting:
     seed: int = 0  # that chance was drawn from, where the host draws it
     evidence: SettingEvidence | None = None  # None: the host counts nothing
     spent_ms: float | None = None  # of the host's time, with what was no sample; None: not recorded
+    processors: int = 0  # virtual ones of P1 meanwhile; 0: not recorded, so those of the log's `EnvironmentSetup`
+    used_processors: int | None = None  # the most that P1 was seen to use at once; None: that was not seen
 
     @property
     def host_ms(self) -> float:
@@ -122,7 +124,20 @@ def _join(settings: Sequence[Setting]) -> Setting:
         valid[-1],
         series=tuple(map(join_series, parts.values())),
         spent_ms=sum(setting.host_ms for setting in settings),
+        used_processors=most_used(settings),
     )
+
+
+def most_used(settings: Iterable[Setting]) -> int | None:
+    """Find the most processors that P1 was seen to use at once.
+
+    Args:
+        settings: in any order, of one log or several.
+
+    Returns:
+        None where no setting says it.
+    """
+    return max((setting.used_processors for setting in settings if setting.used_processors is not None), default=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,7 +159,7 @@ class EnvironmentSetup:
 
     members: tuple[str, ...]  # the components in P1, by name
     interference: str  # the load in P2, by its name in the manifest
-    processors: int  # virtual ones, of P1; P2 has as many as the host has logical ones
+    processors: int  # virtual ones, of P1; each setting has its own. P2 has as many as the host has logical ones
     memory: int  # bytes, of P1
     limit: int  # of P1: per cent of each of its processors
     weight: int  # of P1

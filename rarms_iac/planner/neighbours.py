@@ -150,4 +150,4 @@ def _work_ms(member: Component, group: Group, partition: PlacedPartition, around
     cpu_ms = log.cpu_ms(member.name) if isinstance(log, MeasuredTogether) else None
     if cpu_ms is None or not isinstance(log, MeasuredTogether):
         return None
-    return cpu_ms / (log.usable(member.name) or log.processors) / (partition.settings.reserve / 100)
+    return cpu_ms / (min(log.used or log.processors, log.processors)) / (partition.settings.reserve / 100)

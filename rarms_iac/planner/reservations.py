@@ -10,8 +10,10 @@ from rarms_iac.model.commands import MEASURE, RecommendedCommand, Wording, comma
 from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Cause
+from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, ProcessorTime, guaranteed, in_processors
 from rarms_iac.model.system import Component, Measured, Threshold
+from rarms_iac.model.wording import counted
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.statistics.curves import Curve, holds, least_reserve
@@ -43,6 +45,18 @@ class ReservationSource(Protocol):
 
         Returns:
             The reservation, or why there is none. Quick; the same question has the same answer.
+        """
+        ...
+
+    def processors(self, members: tuple[Component, ...], host: Host) -> int | None:
+        """Return the virtual processors with which these were measured together.
+
+        Args:
+            members: as of `reservation`.
+            host: as of `reservation`.
+
+        Returns:
+            Their number; None: nothing was measured, or needs to be. The same question has the same answer.
         """
         ...
 
@@ -89,6 +103,10 @@ class FixedReservations:
         """
         unknown = to_be_measured(members)
         return NotMeasured(components=unknown) if unknown else ProcessorTime(fixed(members, host))
+
+    def processors(self, members: tuple[Component, ...], host: Host) -> None:  # noqa: ARG002 - the protocol's
+        """None: nothing was measured."""
+        return
 
     def depends_on(self, host: Host) -> Hashable:
         """Logical processors: a share is of these, and nothing else matters."""
@@ -161,7 +179,8 @@ class MeasuredTogether:
     again: RecommendedCommand = MEASURE  # what measures it
     weak: bool = False  # its load cannot take all that P2 reserves, or left some of it idle
     cpu_ms: Callable[[str], float | None] = _no_cpu_ms  # processor time of a component's job, on average
-    usable: Callable[[str], int | None] = _no_cpu_ms  # fewer processors than these that a component can use at most
+    processors_from: ProcessorSource = ProcessorSource.HOST
+    used: int | None = None  # the most processors that they were seen to use at once; None: that was not seen
 
 
 Logs = Mapping[tuple[Hashable, Names], tuple[MeasuredTogether, ...] | NotMeasured]
@@ -201,6 +220,11 @@ class MeasuredReservations:
             return not_met(members, log)
         looked_up = guaranteed(least, log.processors)
         return ProcessorTime(max(looked_up, fixed(members, host)))
+
+    def processors(self, members: tuple[Component, ...], host: Host) -> int | None:
+        """Those of the logs, which all have the same number."""
+        log = self.log(members, host) if to_be_measured(members) else None
+        return log.processors if isinstance(log, MeasuredTogether) else None
 
     def depends_on(self, host: Host) -> Hashable:
         """Processors, for what is fixed, and what data logs are compared with."""
@@ -330,7 +354,8 @@ def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasure
     component = missing[0][1] if missing else names[0]
     relax = prose("Relax the APT (", command("select", component, at="LEVEL"), " says which level holds), ")
     if not log.measured:
-        message, advice = f"{log.path} holds no setting yet.", prose("Measure it: ", log.again, ".")
+        with_these = f" with {counted(log.processors, 'virtual processor')}"
+        message, advice = f"{log.path} holds no setting{with_these} yet.", prose("Measure it: ", log.again, ".")
     elif highest < 100:
         message = f"No setting of {log.path} meets {indexes}: the highest is {highest} % of its VPs."
         advice = prose(relax, "or measure higher settings, as far as the host can give them: ", log.again, ".")

@@ -3,6 +3,7 @@
 from rarms_iac.model.changes import SLASH
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.layout import Cause, Making, PlacedPartition
+from rarms_iac.model.processor_number import ProcessorSource, processor_number
 from rarms_iac.model.quantities import (
     CpuAmount,
     LogicalProcessors,
@@ -37,7 +38,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
     wanted = _reserve(group, host, reservations)
     if isinstance(wanted, NotMeasured):
         return unmeasured(wanted, host)
-    processors = _processors(group, host)
+    processors = _processors(group, host, reservations)
     reserve = per_virtual_processor(wanted, processors)
     if cause := _cannot_be_alone(group, host, wanted, processors):
         return cause
@@ -133,10 +134,12 @@ def _reserve(group: Group, host: Host, reservations: ReservationSource) -> Logic
     return answer if isinstance(answer, NotMeasured) else in_processors(answer, host.logical_processors)
 
 
-def _processors(group: Group, host: Host) -> int:
-    """VPs of the partition, or the most that a member wants; a member that says nothing wants all of the host's."""
-    own = group.request.processors
-    return own if own is not None else max(member.processors or host.logical_processors for member in group.members)
+def _processors(group: Group, host: Host, reservations: ReservationSource) -> int:
+    """What the manifest fixes, else what was measured, else the host's."""
+    found = processor_number(group.members, group.request.processors, host.logical_processors)
+    if found.source is ProcessorSource.MANIFEST:
+        return found.number
+    return reservations.processors(group.members, host) or found.number
 
 
 def _quota_period(group: Group, host: Host, limit: int, processors: int) -> int | None:

@@ -97,6 +97,20 @@ class RunningWork(Protocol):
         """
         ...
 
+    def used_processors(self, partition: str) -> int | None:
+        """Return the most processors that the components of a partition of the work were seen to use at once.
+
+        These are threads that ran, or waited for a processor, at once; what made up at most 1 % of the time with a job
+        under way does not count. Cheap: asked at every look.
+
+        Args:
+            partition: As the work names it; one that runs components.
+
+        Returns:
+            At least 1, also above what the partition has; None where it cannot be seen.
+        """
+        ...
+
     def evidence(self) -> SettingEvidence | None:
         """Return what the host counted since `count_from_now`.
 

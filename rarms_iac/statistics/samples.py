@@ -1,12 +1,11 @@
 """The numbers in the samples of a series, and how many independent ones they are worth."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
-from math import ceil, inf, isnan, sqrt
+from math import inf, isnan, sqrt
 from operator import mul
 from statistics import NormalDist
 
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.run import Run
 from rarms_iac.model.series import Sample, Series, columns_of
 from rarms_iac.statistics.distributions import student_quantile
@@ -186,40 +185,3 @@ def _first_order(first: float, count: int) -> float:
     """
     corrected = min(0.98, first + (1.0 + 3.0 * first) / count)
     return (1.0 + corrected) / (1.0 - corrected)
-
-
-_MORE = 0.1  # processors by which consumed CPU time may exceed a whole number, and still count as that
-_BUSY = 0.9  # a part of these processors: so much is consumed where nothing but their number holds the component back
-
-
-def usable_processors(settings: Iterable[Setting], component: str, processors: int) -> int | None:
-    """Say on how few processors a component would do as well, since it never uses more of them.
-
-    A CR of 40 % is 40 % of each virtual processor. While it had a job, the component consumed at no setting more than
-    so many processors' shares, and at one nearly all of these: neither the rest of its reserve nor what it waits for
-    held it back, but its threads. A component that is busy on more of them for a short while only may still be slower:
-    measure it again.
-
-    Args:
-        settings: the component's, measured alone, in any order.
-        component: its name.
-        processors: of its partition; a CR is per cent of these.
-
-    Returns:
-        Fewer than `processors`; None: nothing shows that fewer are enough.
-    """
-    used = [
-        share * 100 / setting.reserve
-        for setting in settings
-        for series in setting.series
-        if series.component == component and (share := _consumed(series)) is not None
-    ]
-    most = max(used, default=float(processors))
-    usable = max(1, ceil(most - _MORE))
-    return usable if usable < processors and most >= _BUSY * usable else None
-
-
-def _consumed(series: Series) -> float | None:
-    """Logical processors in use on average while there was a job."""
-    busy_ms = sum(response_times(series.samples))
-    return series.cpu_ms / busy_ms if series.cpu_ms and busy_ms else None

@@ -42,6 +42,7 @@ RANGES: Mapping[str, Range] = {
     "times": AT_LEAST_ONE,
     "upper": ANY,
     "used": (1, 2048),
+    "used_processors": PROCESSORS,
     "value": ANY,
     "weight": (0, 10_000),
 }

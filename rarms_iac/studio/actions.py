@@ -25,7 +25,6 @@ from rarms_iac.app.control import Control, StopSignal, always_consents, never_co
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.experiments.measure import measure_components
 from rarms_iac.app.experiments.measure_request import MeasureRequest, reserves_between
-from rarms_iac.app.experiments.narrowing import narrow
 from rarms_iac.app.experiments.prove import ProveRequest, prove_layout
 from rarms_iac.app.experiments.tune import TuneRequest, UnattendedTuning, tune_components
 from rarms_iac.app.hosts import Hosts, last_runs, select_hosts
@@ -109,7 +108,6 @@ class MeasureAction(Action):
     stop_partitions: bool = False
     on_busy_host: bool = False
     weak_load: bool = False
-    write_processors: bool = False
 
     def command(self) -> RecommendedCommand:
         """`rarms measure`."""
@@ -124,7 +122,6 @@ class MeasureAction(Action):
             stop_partitions=self.stop_partitions,
             on_busy_host=self.on_busy_host,
             weak_load=self.weak_load,
-            write_processors=self.write_processors,
         )
 
     def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:
@@ -140,8 +137,6 @@ class MeasureAction(Action):
         control = _measuring(transcript, stop, stops=self.stop_partitions, on_busy_host=self.on_busy_host)
         hosts = workspace.hosts()
         outcome = measure_components(hosts, request, control)
-        if self.write_processors:
-            outcome = narrow(hosts, request, outcome, control=control)
         transcript.findings(outcome.findings, hosts.manifest.sources)
         transcript.say(summary_text(outcome))
         return _ending(outcome.findings, stopped=outcome.stopped)

@@ -10,6 +10,7 @@ from rarms_iac.model.commands import Prose, Wording, prose
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.indexes import index_named, show_threshold, show_value
 from rarms_iac.model.layout import PlacedPartition, describe_placement
+from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import (
     guaranteed,
     in_processors,
@@ -293,7 +294,16 @@ def _partition(explanation: Explanation) -> Iterator[str]:
         yield f"{place.partition.name}: {explanation.component} is combined with {names}"
         yield from _why_together(explanation)
     processors = counted(place.partition.settings.processors, place.host.processor_word)
-    yield f"memory {show_bytes(place.partition.settings.memory)}, {processors}"
+    why = _WHY_PROCESSORS[explanation.measured.processors_from] if explanation.measured else ""
+    yield f"memory {show_bytes(place.partition.settings.memory)}, {processors}{why}"
+
+
+_WHY_PROCESSORS = {
+    ProcessorSource.MANIFEST: ", as the manifest says",
+    ProcessorSource.USED: ": the most that was seen to be used at once",
+    ProcessorSource.MEMBERS: ": those of its components together, at most the host's",
+    ProcessorSource.HOST: ": as many as the host has, since it was not seen how many are used at once",
+}
 
 
 def _host(explanation: Explanation) -> Iterator[str]:

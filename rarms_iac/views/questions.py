@@ -2,15 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.experiments.combining import CombiningOffer
 from rarms_iac.app.experiments.measure_request import ExperimentResult
-from rarms_iac.app.experiments.narrowing import Narrowing
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.select import BeyondMeasured, Selection
-from rarms_iac.model.quantities import show_lp_percent, show_processors
+from rarms_iac.model.quantities import show_lp_percent
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.combining.oracle import Members
 
@@ -72,19 +70,6 @@ def stop_question(host: str, partitions: Sequence[str]) -> Question:
     return Question(
         text=f"On {host} {running}. Stop while it is measured, and start again afterwards?",
         help_text="y stops them as `rarms stop` does, and starts them when all is done; n measures nothing; q ends.",
-    )
-
-
-def narrow_question(narrowing: Narrowing) -> Question:
-    """Whether fewer processors of a component are written."""
-    now, then = (
-        show_processors(Fraction(narrowing.reserve * count, 100)) for count in (narrowing.before, narrowing.after)
-    )
-    return Question(
-        text=f"{narrowing.component} uses no more than {narrowing.after} of its {narrowing.before} virtual processors: "
-        f"{narrowing.reserve} % of these is {now}, and would be {then}. Write `processors: {narrowing.after}` into the "
-        "manifest, and measure it again?",
-        help_text="y writes it, comments kept, and measures how much it needs then; n leaves all as it is; q ends.",
     )
 
 

@@ -111,7 +111,7 @@ def _header(session: MeasuringSession, experiment: Experiment) -> Header:
     subject = subject_of(system, experiment.host, setup.members, setup.interference)
     files = Files(Path(session.hosts.folder), most_bytes=None)
     interpreters = files.interpreters(subject) if _runs_here(experiment.host) else {}
-    identity = identity_of(subject, files.of(subject), interpreters)
+    identity, subject = identity_of(subject, files.of(subject), interpreters), replace(subject, setup=setup)
     if files.cut:
         names = " and ".join(setup.members)
         session.control.reporter.message(f"{names}: {files.cut}. A change of the others makes no log stale.")

@@ -29,6 +29,7 @@ from rarms_iac.model.outcomes import (
     Swept,
 )
 from rarms_iac.model.output import Internal, output
+from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.wording import in_a_row, quoted, suggestion
@@ -124,6 +125,12 @@ class ExperimentResult:
     def processors(self) -> int:
         """VPs of P1, whose per cent each reserve is."""
         return self.experiment.setup.processors
+
+    @property
+    @output
+    def processors_from(self) -> ProcessorSource:
+        """Where that number comes from."""
+        return self.experiment.processors_from
 
     @property
     @output

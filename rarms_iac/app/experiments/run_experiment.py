@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from rarms_iac.app.data_logs import used_processors
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments.experiment_log import ExperimentLog, data_log_path, read_experiment_log, settings_log_of
 from rarms_iac.app.experiments.measure_request import USUAL_SEED, ExperimentResult
@@ -16,7 +17,7 @@ from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.duration import expected_duration, least_samples, settings_to_run
-from rarms_iac.measuring.loop import MeasuringContext, SettingsLog, measure
+from rarms_iac.measuring.loop import LoopResult, MeasuringContext, OtherProcessors, SettingsLog, measure
 from rarms_iac.measuring.methods import Method, Search, is_of_paper, strategy_of
 from rarms_iac.measuring.partitions import (
     MeasuringBudget,
@@ -31,6 +32,8 @@ from rarms_iac.measuring.strategies import Sweep, ThresholdCheck, apts_of, goal_
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.measurement import most_used
+from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource, processor_number
 from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.state import Partition
 from rarms_iac.model.wording import counted
@@ -38,6 +41,8 @@ from rarms_iac.planner.groups import groups_of
 from rarms_iac.providers.measuring import PartitionWork
 from rarms_iac.statistics.curves import curves_of, least_reserve
 from rarms_iac.statistics.error_probability import FIRST_LOOK
+from rarms_iac.storage.datalog.named_files import Files
+from rarms_iac.storage.datalog.staleness import known
 
 
 def run_experiment(session: MeasuringSession, experiment: Experiment, method: Method) -> ExperimentResult:
@@ -58,7 +63,55 @@ def run_experiment(session: MeasuringSession, experiment: Experiment, method: Me
     """
     path = data_log_path(session.hosts, experiment)
     with session.control.stop.gently(), hold_data_log(Path(session.hosts.folder), path, session.lock_timeout_ms):
-        return _run_held(session, experiment, method)
+        experiment = as_used(session, experiment)
+        tells_duration = not isinstance(method, ThresholdCheck)  # tuning reports its own questions
+        while True:
+            settings_log, measurement = _run_held(session, experiment, method, tells_duration=tells_duration)
+            tells_duration = False
+            if not isinstance(measurement.conclusion, OtherProcessors):
+                break
+            used = measurement.conclusion.number
+            if experiment.processors_from is ProcessorSource.HOST:
+                session.control.reporter.message(_describe_number(experiment, used))
+            else:
+                finding = measuring_findings.more_processors(experiment, used, session.hosts.manifest.places)
+                session.control.reporter.findings([finding], session.hosts.manifest.sources)
+            number = ProcessorNumber(number=used, source=ProcessorSource.USED)
+            experiment = experiment.with_processors(number)
+        if experiment.processors_from is ProcessorSource.HOST and most_used(measurement.settings) is not None:
+            experiment = replace(experiment, processors_from=ProcessorSource.USED)  # all of the host's are
+        return ExperimentResult(
+            experiment=experiment,
+            conclusion=measurement.conclusion,
+            settings=measurement.settings,
+            new=measurement.new,
+            planned=least_reserve(curves_of(measurement.settings, experiment.runs, apts_of(experiment))),
+            log=settings_log.path.as_posix(),
+        )
+
+
+def as_used(session: MeasuringSession, experiment: Experiment) -> Experiment:
+    """Return the experiment with the number of processors that its components were seen to use, if that is known.
+
+    Args:
+        session: It holds the experiment's host.
+        experiment: One for which the manifest fixes the number, or tuning its members', stays as it is.
+    """
+    if experiment.processors_from in {ProcessorSource.MANIFEST, ProcessorSource.MEMBERS}:
+        return experiment
+    facts = known(session.host_of(experiment).platform_facts())
+    used = used_processors(session.hosts.system, experiment.host, Files(Path(session.hosts.folder)), facts)
+    return experiment.with_processors(
+        processor_number(experiment.members, None, experiment.host.logical_processors, used)
+    )
+
+
+def _describe_number(experiment: Experiment, number: int) -> str:
+    before = experiment.setup.processors
+    return (
+        f"{experiment.name} was seen to use at most {counted(number, 'processor')} at once, and had "
+        f"{counted(before, 'virtual processor')}: it is measured with {number} from here on."
+    )
 
 
 def stop_what_is_in_the_way(session: MeasuringSession, experiment: Experiment, method: Method) -> None:
@@ -70,7 +123,10 @@ def stop_what_is_in_the_way(session: MeasuringSession, experiment: Experiment, m
     _stop_what_is_in_the_way(session, experiment, method, _availability(session, experiment))
 
 
-def _run_held(session: MeasuringSession, experiment: Experiment, method: Method) -> ExperimentResult:
+def _run_held(
+    session: MeasuringSession, experiment: Experiment, method: Method, *, tells_duration: bool
+) -> tuple[SettingsLog, LoopResult]:
+    """Measure with as many processors as the experiment has."""
     available = _availability(session, experiment)
     log = read_experiment_log(session, experiment)
     settings_log = settings_log_of(log, experiment, session.seed if session.anew else None, available.running)
@@ -79,7 +135,7 @@ def _run_held(session: MeasuringSession, experiment: Experiment, method: Method)
 
     def prepare_host() -> MeasuringBudget:
         _stop_what_is_in_the_way(session, experiment, method, available)
-        if not isinstance(method, ThresholdCheck):  # tuning reports its own questions
+        if tells_duration:
             session.control.reporter.message(_describe_duration(experiment, method, available, settings_log))
         return available.budget
 
@@ -98,14 +154,7 @@ def _run_held(session: MeasuringSession, experiment: Experiment, method: Method)
     measurement = measure(experiment, strategy_of(method, goal_of(experiment), most), settings_log, context)
     if measurement.new and available.running:
         session.control.reporter.findings([_busy_warning(experiment, available.running)])
-    return ExperimentResult(
-        experiment=experiment,
-        conclusion=measurement.conclusion,
-        settings=measurement.settings,
-        new=measurement.new,
-        planned=least_reserve(curves_of(measurement.settings, experiment.runs, apts_of(experiment))),
-        log=settings_log.path.as_posix(),
-    )
+    return settings_log, measurement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -44,9 +44,13 @@ def measure_with_each_load(experiments: Sequence[Experiment], method: Method, ru
         A result for each load that was measured.
     """
     results: list[ExperimentResult] = []
-    for experiment in experiments:
+    while len(results) < len(experiments):
         so_far = results[-1].reserve if results else None
+        experiment = experiments[len(results)]
         result = run(experiment, replace(method, floor=so_far or 0) if isinstance(method, Search) else method)
+        if results and result.processors != results[-1].processors:
+            results = []  # beside this load more processors were used at once: all loads are measured with so many
+            continue
         results.append(replace(result, so_far=so_far, of_loads=len(experiments)))
         if isinstance(result.conclusion, NotAchievable | NotResolved | SettingFailed | Stopped):
             break

@@ -17,11 +17,12 @@ from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import SettingFailed, Stopped, TooManyFailures
+from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.combining.layouts import Objective
-from rarms_iac.planner.combining.oracle import Coi, Members, Unanswered, coi_as_measured
+from rarms_iac.planner.combining.oracle import Coi, Members, Unanswered, coi_as_measured, processors_of
 from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.packing.pack import pack
@@ -98,7 +99,10 @@ class TuningSubject:
             Experiments that differ in nothing but the load; nothing is run.
         """
         loads = loads_for(self.system, members, strategy)
-        return tuple(experiment_of(self.system, self.host, members, load, samples) for load in loads)
+        parts = [coi for coi in self.cois if set(coi.members) <= set(members)]
+        number = ProcessorNumber(number=processors_of(parts), source=ProcessorSource.MEMBERS)
+        found = (experiment_of(self.system, self.host, members, load, samples) for load in loads)
+        return tuple(each if each.fixes_processors else each.with_processors(number) for each in found)
 
     def objective(self, layout_fit: "LayoutFit") -> Objective:
         """Return what makes a layout the better one here; `layout_fit` says which ones the hosts can keep.

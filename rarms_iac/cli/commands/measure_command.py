@@ -7,7 +7,6 @@ from rarms_iac.app.errors import RequestError
 from rarms_iac.app.experiments.combining import combine_if_wanted
 from rarms_iac.app.experiments.measure import MeasureOutcome, measure_components, measuring_scripts
 from rarms_iac.app.experiments.measure_request import MeasureRequest, reserves_between
-from rarms_iac.app.experiments.narrowing import NarrowingConsent, always_narrows, narrow
 from rarms_iac.app.experiments.tune import TuneRequest
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
@@ -21,18 +20,14 @@ from rarms_iac.cli.options import StopOptions
 from rarms_iac.cli.prompts import (
     TerminalCombiningPrompt,
     TerminalLevelPrompt,
-    ask_yes_or_no,
     measuring_control,
-    refuse_standard_input,
     refuse_without_terminal,
 )
 from rarms_iac.cli.session import Session
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import has_errors
-from rarms_iac.storage.reading import STANDARD_INPUT
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.measure import summary_text
-from rarms_iac.views.questions import narrow_question
 from rarms_iac.views.scripts import script_text
 from rarms_iac.views.tune import manifest_changes, tuned_text
 
@@ -53,11 +48,6 @@ class MeasureOptions(StopOptions):
     interactive: bool = flag("--interactive", help="Measure a coarse curve, and ask for the level that is good enough.")
     script: bool = flag("--script", help="Show the PowerShell that would run on Hyper-V hosts; nothing is run.")
     out: str | None = option("--out", metavar="FOLDER", help="With --script: write the exact bytes there.")
-    write_processors: bool = flag(
-        "--write-processors",
-        help="Write fewer `processors` for components that cannot use theirs, and measure these again. "
-        "[default: ask at a terminal]",
-    )
 
 
 @rarms_command("measure")
@@ -87,18 +77,10 @@ def measure_command(
     if options.interactive:
         refuse_without_terminal(session, source)
         request = replace(request, coarse=not (request.reserves or request.strategy != "default"))
-    if options.write_processors:
-        refuse_standard_input(source)
     control = measuring_control(session, stop_partitions=stops)
     prompt = TerminalLevelPrompt(session) if options.interactive else None
     hosts = select_hosts(load_manifest(source), host_selection)
     outcome = measure_components(hosts, request, control, prompt)
-    if options.write_processors or (
-        session.terminal.answers and not session.as_json and source.manifest != STANDARD_INPUT
-    ):
-        outcome = narrow(
-            hosts, request, outcome, always_narrows if options.write_processors else _asking(session), control
-        )
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
     session.answer(
         lambda: json_of(outcome),
@@ -131,10 +113,6 @@ def _show_scripts(session: Session, hosts: Hosts, request: MeasureRequest, out: 
         coloured = session.terminal.colour
         session.terminal.data(script_text(script.text, colour=coloured), is_coloured=coloured)
     return ExitCode.DONE
-
-
-def _asking(session: Session) -> NarrowingConsent:
-    return lambda narrowing: ask_yes_or_no(session, narrow_question(narrowing))
 
 
 def _combine(session: Session, hosts: Hosts, request: TuneRequest, control: Control) -> ExitCode:

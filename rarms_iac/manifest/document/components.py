@@ -179,7 +179,7 @@ class ComponentBlock(Block):
     )
     memory: PositiveMemory = optional("The memory it needs: `512 MiB`.", "512 MiB")
     processors: Maybe[Annotated[int, Field(ge=1, le=2048)]] = optional(
-        "Virtual processors of its partition; absent: as many as the host has logical ones."
+        "Virtual processors of its partition; absent: as many as it was seen to use at once, else the host's."
     )
     task: Maybe[TaskName] = optional("Its robotic task class (RC SS): what kind of work it does, never a priority.")
     cpu: Maybe[CpuBlock] = optional("What is fixed of its CPU: reserve, limit, weight.")

@@ -171,7 +171,7 @@ class PartitionBlock(Block):
         "The components in it; absent: the component of its name."
     )
     processors: Maybe[Annotated[int, Field(ge=1, le=2048)]] = optional(
-        "Its virtual processors; absent: the most that one of its components asks for."
+        "Its virtual processors; absent: those of its components together, at most the host's."
     )
     memory: Maybe[PositiveMemory] = optional("Its memory; absent: the sum of its components'.")
     cpu: Maybe[CpuBlock] = optional("What is fixed of its CPU; absent: as its components say.")

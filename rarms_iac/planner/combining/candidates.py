@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from rarms_iac.planner.combining.oracle import WHOLE, Answer, Coi, Members, leader, total
+from rarms_iac.planner.combining.oracle import WHOLE, Answer, Coi, Members, leader, processors_of, total
 from rarms_iac.planner.combining.paper import Sharing
 
 if TYPE_CHECKING:
@@ -144,10 +144,10 @@ def compound_of(members: Sequence[Coi]) -> Coi:
         members: its parts, at least one.
 
     Returns:
-        A CoI with the name of its most critical part, the processors of its widest part, and as reserve the lower bound
-            that `at_least` gives for its neediest part.
+        A CoI with the name of its most critical part, the processors of its parts together, and as reserve the lower
+            bound that `at_least` gives for its neediest part.
     """
-    processors = max(member.processors for member in members)
+    processors = processors_of(members)
     names = tuple(sorted(name for member in members for name in member.members))
     least = at_least(max(member.at_least for member in members), processors)
     return replace(leader(members), members=names, processors=processors, reserve=least, missed=None)

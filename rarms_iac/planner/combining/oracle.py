@@ -1,11 +1,12 @@
 """Who answers what a compound does at a reservation, who is told, and who may say no to a combination."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.host import Host
+from rarms_iac.model.processor_number import together
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, ReservationSource, names_of
 from rarms_iac.statistics.curves import highest_missed
@@ -24,6 +25,7 @@ class Coi:
     members: Members
     criticality: int  # the highest of its members'
     processors: int  # VPs of its partition
+    host_lp: int = 0  # LPs of the host that it is measured on: a compound has its parts' VPs together, at most so many
     reserve: int  # whole per cent of each of them
     missed: int | None = None  # the highest CR at which it was shown to miss an APT; None: right below its reserve
 
@@ -39,6 +41,15 @@ class Coi:
     def cost(self) -> int:
         """The reservation in per cent of one logical processor."""
         return self.processors * self.reserve
+
+
+def processors_of(parts: Sequence[Coi]) -> int:
+    """Return the virtual processors of the compound of these CoIs: those of its parts together, at most the host's.
+
+    Args:
+        parts: at least one.
+    """
+    return together([part.processors for part in parts], parts[0].host_lp)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -223,6 +234,7 @@ def coi_as_measured(group: Group, claim: Claim, reservations: ReservationSource,
         criticality=group.criticality,
         processors=claim.processors,
         reserve=claim.reserve,
+        host_lp=host.logical_processors,
     )
     if not isinstance(reservations, MeasuredReservations):
         return coi

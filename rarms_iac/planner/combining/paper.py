@@ -14,6 +14,7 @@ from rarms_iac.planner.combining.oracle import (
     PlannerReporter,
     SilentReporter,
     leader,
+    processors_of,
     total,
     union,
 )
@@ -167,7 +168,7 @@ def combine_components(cois: Sequence[Coi], inquiry: Inquiry, trail: list[Answer
 def _tried(least: Coi, next_to_last: Coi, inquiry: Inquiry, trail: list[Answer]) -> Coi | None:
     """One pair: first with the sum of both, then by CMCPUR; None is TryAgain."""
     pair = (next_to_last, least)
-    members, processors = union(*pair), max(coi.processors for coi in pair)
+    members, processors = union(*pair), processors_of(pair)
     together = min(WHOLE, -(-total(pair) // processors))  # no partition can reserve more than all of it
     gain = total(pair) - max(coi.cost for coi in pair)
     allowed = inquiry.may_share(members) and inquiry.consent.allows(members, settings=1 + WHOLE // STEP, gain=gain)

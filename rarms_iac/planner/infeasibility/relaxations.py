@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index, show_threshold, show_value
 from rarms_iac.model.layout import RelaxedLevel
+from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import (
     CpuAmount,
     LogicalProcessors,
@@ -149,8 +150,8 @@ def narrowing_relaxations(group: Group, problem: Problem) -> Iterator[Relaxation
     if measured is None or len(group.members) > 1 or group.request.processors is not None:
         return
     (log, least), (member,) = measured, group.members
-    usable = log.usable(member.name)
-    if usable is None:
+    usable = log.used
+    if usable is None or usable >= log.processors or log.processors_from is not ProcessorSource.MANIFEST:
         return
     amount = ProcessorTime(guaranteed(least, usable))
     after = replace(member, processors=usable, cpu=replace(member.cpu, reserve=amount))
@@ -198,14 +199,20 @@ def processor_relaxations(problem: Problem) -> Iterator[RelaxationRange]:
     for hosts in platforms.values():
         names = [host.name for host in hosts]
         there = [group for group in problem.groups if problem.claims[group.name].keys() & set(names)]
-        measured = [group for group in there if depends_on_a_log(group)]
-        members = [member for group in measured if group.request.processors is None for member in group.members]
-        wide = sorted(member.name for member in members if member.processors is None)
+        measured = any(map(depends_on_a_log, there))
+        wide = sorted(member.name for group in there for member in _as_wide_as_its_host(group, problem))
         yield RelaxationRange(
             amounts=range(MORE_PROCESSORS, 0, -1),
             edits_at=partial(_more_processors, names, wide, hosts[0].logical_processors),
-            to_be_measured=bool(measured),
+            to_be_measured=measured,
         )
+
+
+def _as_wide_as_its_host(group: Group, problem: Problem) -> Iterator[Component]:
+    """Yield the members that have as many processors as their host, since it was not seen how many they use."""
+    measured = _measured(group, problem)
+    if measured is not None and measured[0].processors_from is ProcessorSource.HOST:
+        yield from (member for member in group.members if member.processors is None)
 
 
 def _more_processors(hosts: Sequence[str], wide: Sequence[str], width: int, more: int) -> Edits:
@@ -217,8 +224,8 @@ def _more_processors(hosts: Sequence[str], wide: Sequence[str], width: int, more
         return _grown(hosts, variant.with_entries("components", narrowed), logical_processors=more)
 
     place = hosts[0] if len(hosts) == 1 else f"each of {in_a_row(hosts)}"
-    fixed = f", with `processors: {width}` for {in_a_row(wide)} as now" if wide else ""
     added = "one more logical processor" if more == 1 else f"{more} more logical processors"
+    fixed = f", with `processors: {width}` for {in_a_row(wide)} as now" if wide else ""
     return (Edit(f"{added} on {place}{fixed}", apply),)
 
 

@@ -26,6 +26,7 @@ from rarms_iac.planner.task_classes import ClassValues
 from rarms_iac.providers.cgroups.effects import kernel_text
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.processes import consumed_ms, in_ms
+from rarms_iac.providers.cgroups.processor_use import ThreadLooks, looking_at
 from rarms_iac.providers.cgroups.run import STATE_FOLDER, LinuxHostProvider
 from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.measuring import NO_RUN, Obstacle, PartitionWork, Work
@@ -122,7 +123,14 @@ class LinuxMeasuringHost(LinuxHostProvider):
                 runs = [run for part in work.partitions for run in self._component_runs(part, groups)]
             started = time.perf_counter()
             read = ends.enter_context(run_in_parallel(runs))
-            yield RealWork(host=self, work=work, groups=groups, runs=runs, loads=loads, read=read, started=started)
+            looks = {
+                part.partition: ends.enter_context(looking_at(self.tree, groups[part.partition]))
+                for part in work.partitions
+                if part.partition and part.components
+            }
+            yield RealWork(
+                host=self, work=work, groups=groups, runs=runs, loads=loads, read=read, started=started, looks=looks
+            )
 
     def _interfering_load(self, load: Interference, part: PartitionWork, groups: Mapping[str, str]) -> InterferingLoad:
         group = groups.get(part.partition)
@@ -275,6 +283,8 @@ class RealWork:
     loads: Sequence[InterferingLoad]
     read: Iterator[tuple[str, Sample]]
     started: float
+    looks: Mapping[str, ThreadLooks] = field(default_factory=dict)  # by partition that runs components
+    _under_way_ms: dict[str, float] = field(default_factory=dict)  # by component, how long a job was
     _counts_from: float = 0.0
     _missing: dict[str, int] = field(default_factory=dict)
     _before: SettingEvidence = field(default_factory=SettingEvidence)  # the host's counters when samples began to count
@@ -297,6 +307,8 @@ class RealWork:
                     load.check()
                 if name in self._missing:
                     self._missing[name] -= 1
+                took_ms = sample.response_ms or 0.0
+                self._under_way_ms[name] = min(self.elapsed_ms(), self._under_way_ms.get(name, 0.0) + took_ms)
                 yield name, replace(sample, began_ms=sample.began_ms + 1000 * (runs[name].began - self.started))
                 enough = all(missing <= 0 for missing in self._missing.values())
                 if enough and self.elapsed_ms() >= self._counts_from + least:
@@ -323,6 +335,14 @@ class RealWork:
             return self.host.tree.cpu_ms(group) - before
         process = next((run.process for run in self.runs if run.component == component), None)
         return None if process is None else consumed_ms(process)
+
+    def used_processors(self, partition: str) -> int | None:
+        """By looks at the group's threads."""
+        members = [
+            member.name for part in self.work.partitions if part.partition == partition for member in part.components
+        ]
+        under_way_ms = max((self._under_way_ms.get(name, 0.0) for name in members), default=0.0)
+        return self.looks[partition].most(under_way_ms) if partition in self.looks and under_way_ms else None
 
     def evidence(self) -> SettingEvidence:
         return self._counters().since(self._before)

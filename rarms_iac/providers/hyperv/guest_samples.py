@@ -107,6 +107,10 @@ class GuestRun:
         rate = (last[1] - before[1]) / max(1.0, last[0] - before[0])
         return last[1] - first[1] + rate * (self._now - last[0])
 
+    def used_processors(self, partition: str) -> None:  # noqa: ARG002 - the protocol's
+        """None: threads are not counted here yet."""
+        return
+
     def evidence(self) -> SettingEvidence | None:
         """What the hypervisor counted of each machine (FACTS 8)."""
         if len(self._counters) < 2:

@@ -112,11 +112,15 @@ Simulate = Callable[[ModelMachine, int], Iterator[JobDone]]
 
 
 @runtime_checkable
-class RestartableLoads(Protocol):
-    """Jobs of a machine whose loads can begin anew while it runs."""
+class ObservableJobs(Protocol):
+    """Jobs of a machine that can be looked into, and whose loads can begin anew, while it runs."""
 
     def restart_loads(self) -> bool:
         """Let every load that never pauses begin anew; False: there is none."""
+        ...
+
+    def used_processors(self, machine: str) -> int:
+        """Return the most threads of the machine's components that ran, or waited for a processor, at once."""
         ...
 
 
@@ -250,7 +254,7 @@ class Simulated:
         }
 
     def restart_load(self) -> bool:
-        return isinstance(self.jobs, RestartableLoads) and self.jobs.restart_loads()
+        return isinstance(self.jobs, ObservableJobs) and self.jobs.restart_loads()
 
     def elapsed_ms(self) -> float:
         return self._now
@@ -258,6 +262,10 @@ class Simulated:
     def cpu_ms(self, component: str) -> float | None:
         """Up to the component's last job that ended."""
         return self._consumed.get(component, 0.0)
+
+    def used_processors(self, partition: str) -> int | None:
+        """Exact: the model counts at each moment."""
+        return self.jobs.used_processors(partition) if isinstance(self.jobs, ObservableJobs) else None
 
     def evidence(self) -> None:
         """Nothing disturbs a model."""

@@ -24,7 +24,10 @@ _SETTING = frozenset({"reserve", "beside", "seed", "series", "provenance"})
 _EVIDENCE = "evidence"
 """Only what was measured on a host that counts has it."""
 _SPENT = "spent_ms"
-"""What was measured before it was recorded lacks it."""
+_PROCESSORS = "processors"
+"""What was measured before these were recorded lacks them."""
+_USED = "used_processors"
+"""Only what was measured where that can be seen has it."""
 
 _OPTIONAL = frozenset({"unsuccessful", "count", "failures", "unsettled", "starts"})
 _SERIES = _OPTIONAL | {"component", "elapsed_ms", "cpu_ms", "began_ms", "response_ms"}
@@ -66,6 +69,10 @@ def line_of(recorded: Recorded) -> dict[str, Json]:
     evidence: dict[str, Json] = {} if setting.evidence is None else {_EVIDENCE: encode(setting.evidence)}
     if setting.spent_ms is not None:
         evidence[_SPENT] = setting.spent_ms
+    if setting.processors:
+        evidence[_PROCESSORS] = setting.processors
+    if setting.used_processors is not None:
+        evidence[_USED] = setting.used_processors
     return {
         "reserve": setting.reserve,
         "beside": setting.beside,
@@ -88,7 +95,7 @@ def setting_in(line: Mapping[str, Json]) -> Recorded:
     Raises:
         NotDecodable: it is none.
     """
-    _fields(line, _SETTING, _SETTING | {_EVIDENCE, _SPENT}, "")
+    _fields(line, _SETTING, _SETTING | {_EVIDENCE, _SPENT, _PROCESSORS, _USED}, "")
     series = line["series"]
     if not isinstance(series, list):
         raise NotDecodable("series", "it is no array")
@@ -104,6 +111,8 @@ def setting_in(line: Mapping[str, Json]) -> Recorded:
         series=tuple(replace(each, wanders=evidence is not None) for each in columns),
         evidence=evidence,
         spent_ms=cast("float | None", spent),
+        processors=_whole(line, _PROCESSORS) if _PROCESSORS in line else 0,
+        used_processors=_whole(line, _USED) if _USED in line else None,
     )
     return Recorded(setting=setting, provenance=decode(Provenance, line["provenance"]))
 

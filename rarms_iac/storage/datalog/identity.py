@@ -1,8 +1,8 @@
 """The identity of a data log: what can change the PI, in named parts, so that a stale log can say what changed.
 
-In it: `run`, `memory`, `processors`, limit and weight, how P1 was held to CR, `task`, `simulation`, the interference,
-and the files that belong to them. Not in it: `apt`, `criticality`, the reserve, placement. What has its default is left
-out, so that a field that a later rarms adds makes no log stale.
+In it: `run`, `memory`, `processors` where the manifest fixes them, limit and weight, how P1 was held to CR, `task`,
+`simulation`, the interference, and the files that belong to them. Not in it: `apt`, `criticality`, the reserve,
+placement. What has its default is left out, so that a field that a later rarms adds makes no log stale.
 """
 
 from collections.abc import Iterator, Mapping
@@ -22,6 +22,9 @@ from rarms_iac.storage.json_text import canonical
 
 FILE = "file "
 """What the part of a file begins with; its path follows, below the manifest's folder."""
+
+PROCESSORS = "processors"
+"""The part that only a manifest has which fixes them."""
 
 _CHANGES_NOTHING = ("run.files", "run.until")
 """Which pattern named files is said by the files themselves; how many samples are taken changes none of them."""
@@ -49,6 +52,7 @@ class LogSubject:
     load: Interference
     tasks: Mapping[str, TaskRequest]  # what the manifest fixes of task classes
     confinement: str = CONFINEMENT  # how P1 is held to CR there
+    fixes_processors: bool = True  # whether the manifest does: otherwise each setting says its own number
 
 
 def identity_of(subject: LogSubject, files: Mapping[str, str], interpreters: Mapping[str, str]) -> Identity:
@@ -103,7 +107,8 @@ def identity_digest(identity: Identity) -> str:
 
 def _setup_parts(subject: LogSubject) -> Iterator[tuple[str, str]]:
     setup = subject.setup
-    yield "processors", str(setup.processors)
+    if subject.fixes_processors:
+        yield PROCESSORS, str(setup.processors)
     yield "memory", show_bytes(setup.memory)
     yield "limit", f"{setup.limit} %"
     yield "weight", str(setup.weight)

@@ -1,7 +1,7 @@
 """A data log: its header, and a setting a line with where it comes from."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.measurement import EnvironmentSetup, PlatformFacts, Setting, join_settings
@@ -78,6 +78,25 @@ class DataLog:
     def __post_init__(self) -> None:
         joined = join_settings((record.setting for record in self.counting), simulated=self.is_simulated)
         object.__setattr__(self, "settings", joined)
+
+    def of(self, processors: int) -> "DataLog":
+        """Return the log with only what was measured with so many processors.
+
+        Args:
+            processors: virtual ones of P1.
+
+        Returns:
+            The same log where all of it was; its `EnvironmentSetup` has that number.
+        """
+        own = tuple(record for record in self.recorded if self.processors_of(record.setting) == processors)
+        if processors == self.header.setup.processors and len(own) == len(self.recorded):
+            return self
+        header = replace(self.header, setup=replace(self.header.setup, processors=processors))
+        return DataLog(header=header, recorded=own, remeasurements=self.remeasurements)
+
+    def processors_of(self, setting: Setting) -> int:
+        """Return the virtual processors that P1 had at a setting of this log."""
+        return setting.processors or self.header.setup.processors
 
     @property
     def is_simulated(self) -> bool:

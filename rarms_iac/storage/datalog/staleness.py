@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.measurement import PlatformFacts
-from rarms_iac.storage.datalog.identity import FILE, can_change_indexes
+from rarms_iac.storage.datalog.identity import FILE, PROCESSORS, can_change_indexes
 from rarms_iac.storage.datalog.log import Header, Identity
 
 ABSENT = "nothing"
@@ -106,7 +106,8 @@ def _parts(header: Header, now: Identity) -> Iterator[Changed]:
     for part in filter(can_change_indexes, sorted({*was, *now.parts})):
         before, after = was.get(part, ABSENT), now.parts.get(part, ABSENT)
         is_missing_here = part.startswith(FILE) and after == ABSENT
-        if before != after and not is_missing_here:
+        is_open = part == PROCESSORS and ABSENT in {before, after}  # each setting says its own number
+        if before != after and not is_missing_here and not is_open:
             yield Changed(part=part, before=before, after=after)
 
 

@@ -43,6 +43,7 @@ components:
   speech: { criticality: 5, memory: 512 MiB, cpu: { reserve: 20 % }, simulation: { work: 1 ms } }
 """
 MEASURED = MANIFEST.replace("45 %", "measured")
+WIDE = MEASURED.replace("    cpu: { reserve: measured", "    processors: 2\n    cpu: { reserve: measured")
 ALONE = MANIFEST[: MANIFEST.index("  speech")]
 PROTECTED = MANIFEST + "partitions:\n  speech: { protect: true }\n"
 
@@ -262,11 +263,11 @@ SITUATIONS = {
         (write(MEASURED.replace("20 %", "30 %")), logs(vision=85)), "plan", ("RARMS014",), ("rarms measure",)
     ),
     "a pair would fit": Situation((write(PAIR), logs(vision=60, speech=60)), "plan", ("RARMS014",), ("rarms tune",)),
-    "a component cannot use its processors": Situation(
-        (write(MEASURED.replace("samples: 60", "samples: 40").replace("varies: 2 %", "varies: 0 %")),),
+    "a component does not use its processors": Situation(
+        (write(WIDE.replace("samples: 60", "samples: 40").replace("varies: 2 %", "varies: 0 %")),),
         "measure vision",
-        ("and measures again",),
-        ("rarms measure vision --write-processors",),
+        ("Leave `processors` out",),
+        ("rarms measure vision",),
     ),
     "there is no manifest": Situation((), "plan", ("with `-f PATH`",), ("rarms init",)),
     "the manifest is empty": Situation(
@@ -625,13 +626,13 @@ SITUATIONS = {
     ),
     "fewer virtual processors may be enough": Situation(
         (
-            write(MEASURED.replace("50 ms", "26 ms").replace("20 %", "30 %").replace("varies: 2 %", "varies: 0 %")),
+            write(WIDE.replace("50 ms", "26 ms").replace("20 %", "30 %").replace("varies: 2 %", "varies: 0 %")),
             do("measure", "vision"),
         ),
         "plan",
         (", and `rarms measure` tells: ",),
         ("rarms measure",),
-        first=(edit("rarms.yaml", "    cpu: { reserve: measured", "    processors: 1\n    cpu: { reserve: measured"),),
+        first=(edit("rarms.yaml", "    processors: 2", "    processors: 1"),),
     ),
     "more logical processors may be enough": Situation(
         (write(PAIR), logs(vision=60, speech=60)),

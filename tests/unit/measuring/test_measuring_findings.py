@@ -10,6 +10,7 @@ from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import NotAchievable, NotResolved, Sufficient
+from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Periodic
 from rarms_iac.model.series import Sample, Series
@@ -157,16 +158,14 @@ def test_a_reservation_that_is_fixed_and_measured_is_told_of(reserve: str | None
     assert all("21 %" in diagnostic.detail and "reserves 30 %" in diagnostic.detail for diagnostic in found)
 
 
-def test_a_component_of_one_thread_is_told_what_fewer_processors_would_save() -> None:
-    """At 54 % of each virtual processor it consumes 54 % of one logical processor, with any reserves of the others."""
-    experiment = an_experiment(None)
-    processors = experiment.setup.processors
-    series = replace(a_series("vision", [40.0] * 60), cpu_ms=60 * 40.0 * 0.54)
-    end = Sufficient(reserve=54, failed=53)
+@pytest.mark.parametrize(("source", "codes"), [(ProcessorSource.MANIFEST, ["RARMS380"]), (ProcessorSource.HOST, [])])
+def test_fixed_processors_that_are_not_used_are_noted_with_what_fewer_would_save(
+    source: ProcessorSource, codes: list[str]
+) -> None:
+    experiment = an_experiment(None).with_processors(ProcessorNumber(number=2, source=source))
+    setting = replace(a_setting(54, a_series("vision", [40.0] * 60)), used_processors=1)
 
-    found = list(findings_of(experiment, end, (a_setting(54, series),), FirstLine("")))
+    found = list(findings_of(experiment, Sufficient(reserve=54, failed=53), (setting,), FirstLine("")))
 
-    assert [diagnostic.code for diagnostic in found] == ["RARMS268"]
-    assert f"It uses 1 of its {processors} virtual processors at most" in found[0].detail
-    assert "0.54 LP with 1" in found[0].detail
-    assert "processors: 1" in str(found[0].advice)
+    assert [diagnostic.code for diagnostic in found] == codes
+    assert all("1.08 LP, and would be 0.54 LP with 1" in diagnostic.detail for diagnostic in found)

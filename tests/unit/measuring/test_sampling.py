@@ -20,6 +20,7 @@ def an_experiment(load: str) -> Experiment:
         run=a_run(every="50 ms"),
         simulation=a_simulation(work="10 ms", varies="5 %"),
         reserve=None,
+        processors=2,
     )
     system = a_system(components=[component])
     return experiment_of(system, system.hosts["onboard"], ("coi",), load)

@@ -20,6 +20,9 @@ class Running:
     now: float = 0.0
     consumed: dict[str, float] = field(default_factory=dict)
 
+    def used_processors(self, partition: str) -> None:
+        """Not seen."""
+
     def restart_load(self) -> bool:
         return False
 

@@ -36,6 +36,7 @@ def an_experiment(work: str, varies: str, limit: int) -> Experiment:
         run=a_run(),
         simulation=a_simulation(work=work, varies=varies),
         reserve=None,
+        processors=2,
     )
     system = a_system(components=[component])
     return experiment_of(system, system.hosts["onboard"], ("coi",), "busy-loop")

@@ -104,7 +104,7 @@ def test_a_cr_is_of_the_partitions_own_processors() -> None:
     [
         ({50: 300, 100: 150}, "not even with all of its VPs", False),
         ({50: 300, 80: 150}, "the highest is 80 %", True),
-        ({}, "holds no setting yet", True),
+        ({}, "holds no setting with 2 virtual processors yet", True),
     ],
 )
 def test_where_no_setting_meets_the_apt_the_answer_is_no(

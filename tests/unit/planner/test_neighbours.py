@@ -27,7 +27,7 @@ def measured(*, work_ms: float = 4.0, load: str = "busy-loop") -> MeasuredTogeth
         measured=(40,),
         curves=lambda component, index: curve_of([a_setting(40, series)], component, index, a_run()),
         cpu_ms=lambda _component: work_ms,
-        usable=lambda _component: 1,
+        used=1,
     )
 
 

@@ -6,6 +6,7 @@ from math import ceil, inf, log, sqrt
 from random import Random
 
 from rarms_iac.model.loads import LONGEST_GAP, SHORTEST_GAP
+from rarms_iac.model.processor_number import most_at_once
 from rarms_iac.providers.simulated.scheduling.guest import OperatingSystem
 from rarms_iac.providers.simulated.scheduling.hypervisor import HypervisorScheduler
 from rarms_iac.providers.simulated.scheduling.machine import (
@@ -89,6 +90,32 @@ class Variation:
         return mean * self._random.lognormvariate(self._shift, self._sigma)
 
 
+class ProcessorUse:
+    """How long how many threads of a partition's components ran, or waited for a processor, at once."""
+
+    __slots__ = ("_jobs", "_now", "_threads", "_under_way_ms", "at_once_ms")
+
+    def __init__(self) -> None:
+        self.at_once_ms: dict[int, float] = {}  # by number of threads
+        self._under_way_ms = 0.0  # with a job of any component
+        self._now = 0.0
+        self._jobs = 0
+        self._threads = 0
+
+    def change(self, now: float, *, jobs: int = 0, threads: int = 0) -> None:
+        """So many more jobs are under way from now on, and so many more threads want a processor."""
+        elapsed, self._now = now - self._now, now
+        self.at_once_ms[self._threads] = self.at_once_ms.get(self._threads, 0.0) + elapsed
+        if self._jobs:
+            self._under_way_ms += elapsed
+        self._jobs += jobs
+        self._threads += threads
+
+    def most(self) -> int:
+        """Return the most threads at once, at least 1, that was no rare moment."""
+        return most_at_once(self.at_once_ms, self._under_way_ms)
+
+
 class ComponentProgram(Owner):
     """Runs the jobs of one component."""
 
@@ -99,9 +126,11 @@ class ComponentProgram(Owner):
         agenda: Agenda,
         random: Random,
         tell: Callable[[JobDone], None],
+        use: ProcessorUse,
     ) -> None:
         super().__init__()
         self.account = Account()
+        self._use = use
         self._demand = demand
         self._system = system
         self._agenda = agenda
@@ -124,6 +153,7 @@ class ComponentProgram(Owner):
     def begin(self) -> None:
         """Begins the job that is due: it first waits, then works."""
         self._ends = self._agenda.now + self._demand.timeout_ms
+        self._use.change(self._agenda.now, jobs=1)
         self._watch()
         blocked = self._variation.of(self._demand.blocked_ms)
         if blocked > 0.0:
@@ -134,6 +164,7 @@ class ComponentProgram(Owner):
     def _work(self) -> None:
         work = max(LEAST_WORK_MS, self._variation.of(self._demand.work_ms)) / len(self._threads)
         self._busy = len(self._threads)
+        self._use.change(self._agenda.now, threads=self._busy)
         for thread in self._threads:
             thread.remaining = work
         for thread in self._threads:
@@ -141,6 +172,7 @@ class ComponentProgram(Owner):
 
     def _thread_done(self) -> None:
         self._busy -= 1
+        self._use.change(self._agenda.now, threads=-1)
         if not self._busy:
             self._answer()
 
@@ -164,6 +196,7 @@ class ComponentProgram(Owner):
             if thread.remaining > 0.0 and self._busy:
                 self._system.drop(thread)
                 thread.remaining = 0.0
+        self._use.change(self._agenda.now, threads=-self._busy)
         self._busy = 0
         self._over(successful=False, answered=False)
 
@@ -176,6 +209,7 @@ class ComponentProgram(Owner):
         demand, now = self._demand, self._agenda.now
         response = now - self._due
         self._ends = inf
+        self._use.change(now, jobs=-1)
         self._tell(JobDone(demand.component, self._due, response, successful, self.account.consumed, answered))
         self._due = self._due + demand.arrival.period_ms if isinstance(demand.arrival, Every) else now
         if self._due <= now:

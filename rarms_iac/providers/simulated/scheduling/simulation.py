@@ -28,6 +28,7 @@ from rarms_iac.providers.simulated.scheduling.programs import (
     Devices,
     GuestScreen,
     InterruptSource,
+    ProcessorUse,
     absent_share,
 )
 
@@ -55,6 +56,7 @@ class SchedulerSimulation:
         self._done: deque[JobDone] = deque()
         self._components: dict[str, ComponentProgram] = {}
         self._busy_loops: list[BusyLoopProgram] = []
+        self._use: dict[str, ProcessorUse] = {}  # by machine
         self._window_ms = machine.window_ms
         self._starts = self._random("starts")
         for system in sorted(machine.machines, key=lambda system: system.name):
@@ -69,6 +71,10 @@ class SchedulerSimulation:
         """The processor time that the component has consumed until now, unfinished jobs included."""
         self._hypervisor.settle_all()
         return self._components[component].account.consumed
+
+    def used_processors(self, machine: str) -> int:
+        """The most threads of the machine's components that ran, or waited for a processor, at once until now."""
+        return self._use[machine].most()
 
     def restart_loads(self) -> bool:
         """Let every load that never pauses begin anew, after a random part of the window; components run on.
@@ -100,9 +106,10 @@ class SchedulerSimulation:
 
     def _start(self, machine: VirtualMachine) -> None:
         system = OperatingSystem(machine, self._hypervisor)
+        use = self._use[machine.name] = ProcessorUse()
         for demand in machine.components:
             random = self._random(f"component/{demand.component}")
-            component = ComponentProgram(demand, system, self._agenda, random, self._done.append)
+            component = ComponentProgram(demand, system, self._agenda, random, self._done.append, use)
             self._components[demand.component] = component
             component.start()
         playing = sum(load.instances for load in machine.loads if isinstance(load, Browsers))

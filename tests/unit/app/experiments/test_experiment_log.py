@@ -31,6 +31,7 @@ components:
     run: { command: [vision], until: { samples: 5 }, samples: { from: per_run } }
     cpu: { reserve: measured }
     memory: 512 MiB
+    processors: 2
     simulation: { work: 20 ms, varies: 2 % }
   speech:
     criticality: 20
@@ -38,6 +39,7 @@ components:
     run: { command: [speech], until: { samples: 5 }, samples: { from: per_run } }
     cpu: { reserve: measured }
     memory: 512 MiB
+    processors: 2
     simulation: { work: 20 ms, varies: 2 % }
 """
 SWEPT = ("measure", "--from", "60%", "--to", "70%", "--host", "left")

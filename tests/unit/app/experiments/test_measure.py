@@ -30,6 +30,7 @@ components:
     run: { command: [vision], until: { samples: 60 }, samples: { from: per_run } }
     cpu: { reserve: measured }
     memory: 512 MiB
+    processors: 2
     simulation: { work: 20 ms, varies: 2 % }
 
 interference:

@@ -25,6 +25,7 @@ components:
     run: { command: [vision], until: { samples: 20 }, timeout: 2 s, samples: { from: per_run } }
     cpu: { reserve: 45 % }
     memory: 512 MiB
+    processors: 2
     simulation: { work: 20 ms, varies: 2 % }
   speech: { criticality: 5, memory: 512 MiB, cpu: { reserve: 20 % } }
 """

@@ -34,6 +34,7 @@ components:
     apt:
       mean_response_time: { at_most: 41 ms }
     memory: 512 MiB
+    processors: 2
     cpu: { reserve: measured }
     simulation: { work: 20 ms, varies: 2 % }
 
@@ -42,6 +43,7 @@ components:
     apt:
       mean_response_time: { at_most: 65 ms }
     memory: 512 MiB
+    processors: 2
     cpu: { reserve: measured }
     simulation: { work: 20 ms, varies: 2 % }
 
@@ -50,6 +52,7 @@ components:
     apt:
       mean_response_time: { at_most: 75 ms }
     memory: 512 MiB
+    processors: 2
     cpu: { reserve: measured }
     simulation: { work: 20 ms, varies: 2 % }
 """

@@ -1,0 +1,96 @@
+"""How many virtual processors a component gets that does not say: as many as it was seen to use at once."""
+
+import json
+from contextlib import chdir
+from pathlib import Path
+
+import pytest
+
+from tests.unit.cli.running import rarms
+
+MANIFEST = """\
+schema: rarms/v1
+application: { name: robot }
+hosts:
+  onboard: { logical_processors: 4, memory: 4 GiB }
+components:
+  eyes:
+    criticality: 3
+    apt: { mean_response_time: { at_most: 30 ms } }
+    interference: busy-loop
+    run: { command: [eyes], until: { samples: 40 } }
+    memory: 256 MiB
+    simulation: { work: 20 ms, threads: THREADS }
+"""
+LOG = Path("measurements/onboard/eyes/busy-loop.jsonl")
+
+
+@pytest.fixture
+def manifest(tmp_path: Path) -> Path:
+    path = tmp_path / "rarms.yaml"
+    path.write_text(MANIFEST.replace("THREADS", "1"), encoding="utf-8", newline="\n")
+    return path
+
+
+def recorded() -> list[tuple[int, int | None]]:
+    """Of each setting of the log its virtual processors, and how many were used at once."""
+    lines = [json.loads(line) for line in LOG.read_text(encoding="utf-8").splitlines()]
+    return [(line["processors"], line.get("used_processors")) for line in lines if "series" in line]
+
+
+@pytest.mark.parametrize(("threads", "used"), [(1, 1), (2, 2), (6, 4)])
+def test_the_first_setting_shows_how_many_are_used_and_all_others_and_the_plan_have_so_many(
+    threads: int, used: int, manifest: Path
+) -> None:
+    manifest.write_text(MANIFEST.replace("THREADS", str(threads)), encoding="utf-8", newline="\n")
+    with chdir(manifest.parent):
+        measured = json.loads(rarms("measure", "--json").out)["experiments"][0]
+        settings = recorded()
+        again = json.loads(rarms("measure", "--json").out)["experiments"][0]
+        planned = json.loads(rarms("plan", "--json").out)
+
+    assert settings[0] == (4, used)
+    assert {processors for processors, _ in settings[1:]} == {used}
+    assert (measured["processors"], measured["processors_from"]) == (used, "used")
+    assert (again["processors"], again["reserve"], again["new"]) == (used, measured["reserve"], 0)
+    assert f'"processors": {used}' in json.dumps(planned)
+
+
+def test_what_the_manifest_fixes_stays_and_is_noted_where_it_is_not_used(manifest: Path) -> None:
+    fixed = manifest.read_text(encoding="utf-8").replace("    memory", "    processors: 2\n    memory")
+    with chdir(manifest.parent):
+        manifest.write_text(fixed, encoding="utf-8", newline="\n")
+        ran = rarms("measure")
+        settings = recorded()
+        manifest.write_text(MANIFEST.replace("THREADS", "1"), encoding="utf-8", newline="\n")
+        left_open = json.loads(rarms("measure", "--json").out)["experiments"][0]
+
+    assert "RARMS380" in ran.err
+    assert set(settings) == {(2, 1)}
+    assert left_open["processors"] == 1
+
+
+def test_the_papers_strategy_keeps_the_hosts_number_and_says_nothing_of_what_is_used(manifest: Path) -> None:
+    with chdir(manifest.parent):
+        measured = json.loads(rarms("measure", "--strategy", "paper", "--json").out)["experiments"][0]
+        settings = recorded()
+        planned = rarms("explain", "eyes").out
+
+    assert (measured["processors"], measured["processors_from"]) == (4, "host")
+    assert set(settings) == {(4, None)}
+    assert "4 virtual processors: as many as the host has" in " ".join(planned.split())
+
+
+def test_who_uses_more_later_is_measured_with_so_many_and_the_old_settings_stay(manifest: Path) -> None:
+    """The program is the same for rarms: a log that holds says 1, and now 2 threads run at once."""
+    with chdir(manifest.parent):
+        rarms("measure")
+        before = recorded()
+        manifest.write_text(MANIFEST.replace("THREADS", "2"), encoding="utf-8", newline="\n")
+        lines = LOG.read_text(encoding="utf-8")
+        rarms("measure")  # stale: begun anew, of two threads
+        after = recorded()
+
+    assert before[0] == (4, 1)
+    assert '"threads"' not in lines.splitlines()[0]
+    assert after[0] == (4, 2)
