@@ -317,6 +317,9 @@ class RealWork:
     def count_from_now(self) -> None:
         self._counts_from = self.elapsed_ms()
         self._before = self._counters()
+        self._under_way_ms = {}
+        for looks in self.looks.values():
+            looks.forget()
         self._missing = {
             name: until.samples if isinstance(until, SampleCount) else 1 for name, until in self.work.until.items()
         }

@@ -38,6 +38,10 @@ class ThreadLooks:
         seconds = dict(self._seconds)
         return most_at_once(seconds, under_way_ms / 1000) if seconds else None
 
+    def forget(self) -> None:
+        """What was seen while processes started is no use of processors by jobs."""
+        self._seconds = {}
+
     def look_until_ended(self) -> None:
         """Look again and again; each look stands for the time since the one before."""
         pauses, before = Random(), time.perf_counter()  # noqa: S311 - no secret

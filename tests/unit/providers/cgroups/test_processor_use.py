@@ -1,0 +1,64 @@
+"""How many threads of a group run, or wait for a processor, at once: on real processes."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import cast
+
+import pytest
+
+from rarms_iac.providers.cgroups.groups import GroupTree
+from rarms_iac.providers.cgroups.processor_use import ThreadLooks, looking_at
+
+pytestmark = pytest.mark.needs("linux")
+
+BUSY, IDLE = "while True: pass", "import time; time.sleep(60)"
+
+
+class Group:
+    """A control group that has these processes, as far as it is asked here."""
+
+    def __init__(self, processes: list[int]) -> None:
+        self._processes = tuple(processes)
+
+    def processes(self, _name: str) -> tuple[int, ...]:
+        return self._processes
+
+
+@contextmanager
+def running(*programs: str) -> Iterator[Group]:
+    started = [subprocess.Popen([sys.executable, "-c", program]) for program in programs]
+    try:
+        yield Group([process.pid for process in started])
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+
+
+def looked_at(group: Group) -> ThreadLooks:
+    with looking_at(cast("GroupTree", group), "rarms-p1") as looks:
+        time.sleep(0.3)  # until they have started
+        looks.forget()
+        time.sleep(0.5)
+    return looks
+
+
+@pytest.mark.parametrize(("programs", "most"), [((BUSY, IDLE), 1), ((BUSY, BUSY, IDLE), 2)])
+def test_threads_that_run_or_wait_for_a_processor_count_and_those_that_sleep_do_not(
+    programs: tuple[str, ...], most: int
+) -> None:
+    with running(*programs) as group:
+        looks = looked_at(group)
+
+    assert looks.most(500.0) == most
+
+
+def test_what_was_not_looked_at_says_nothing_and_what_is_rare_does_not_count() -> None:
+    with running(BUSY) as group:
+        looks = looked_at(group)
+
+    assert ThreadLooks(cast("GroupTree", group), "rarms-p1").most(1.0) is None
+    assert looks.most(1_000_000.0) == 1
