@@ -8,7 +8,7 @@ from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.files import folder_of
 from rarms_iac.app.hosts import NO_CHANNELS, Hosts, hold_hosts, host_errors, run_origin, select_hosts
-from rarms_iac.app.manifests import declared_application, load_manifest
+from rarms_iac.app.manifests import declared_application, demands_signed_plans, load_manifest
 from rarms_iac.app.plan_key import plan_key
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.wiring import open_host, unfinished_simulated_hosts
@@ -24,10 +24,12 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.wording import quoted
+from rarms_iac.powershell.templates import without_signature
 from rarms_iac.providers.channel import CommandChannel
 from rarms_iac.providers.interface import NO_WAITING, LiveHost, WaitLimits
 from rarms_iac.storage.plan_file import is_signed
 from rarms_iac.storage.reading import STANDARD_INPUT
+from rarms_iac.storage.script_signature import is_signed_script
 
 RENAMED = Finding.error("RARMS331", "The plan is of another application than the manifest")
 ELSEWHERE = Finding.error("RARMS213", "The plan's simulated host is not in this folder")
@@ -87,13 +89,15 @@ def _refuse_unsigned(plan: Plan) -> None:
         raise UseCaseError(Outcome.REFUSED, findings)
 
 
-def _refuse_unsigned_runs(hosts: Sequence[LiveHost]) -> None:
+def _refuse_unsigned_runs(hosts: Sequence[LiveHost], *, needs_key: bool) -> None:
     """Where a key is set, an unfinished run is finished only if its journal holds a plan that was signed with it."""
     key = plan_key()
     with host_errors():
         runs = [(host.name, run) for host in hosts if (run := host.unfinished()) is not None]
     if key is None:
-        demanding = {run.started.plan for _, run in runs if isinstance(run, Journal) and run.started.needs_key}
+        demanding = {
+            run.started.plan for _, run in runs if needs_key or (isinstance(run, Journal) and run.started.needs_key)
+        }
         if demanding:
             raise UseCaseError(Outcome.REFUSED, [refusals.without_key(plan) for plan in sorted(demanding)])
         return
@@ -105,9 +109,9 @@ def _refuse_unsigned_runs(hosts: Sequence[LiveHost]) -> None:
 
 
 def _is_signed_run(run: Journal | ScriptRun, key: bytes) -> bool:
-    """Whether a journal's steps are those of a signed plan, or take such steps back; a script's run is not signed."""
+    """Whether a journal's steps or its script are those of a signed plan, or take such steps back."""
     if isinstance(run, ScriptRun):
-        return False
+        return is_signed_script(without_signature(run.started.script), key)
     started = run.started
     if not is_signed(started.plan, started.application, started.host_plan, key):
         return False
@@ -145,6 +149,7 @@ def finish_runs(
     waits: WaitLimits = NO_WAITING,
     reporter: Reporter = SILENT,
     stop: StopSignal = NEVER_STOP,
+    needs_key: bool = False,
 ) -> FinishedRuns | None:
     """Finish what an earlier run left on these hosts, each from its own journal.
 
@@ -153,6 +158,7 @@ def finish_runs(
         waits: how long to wait for a held host, and for the next word of a host's script.
         reporter: hears of each step.
         stop: asked after each step; the run can be finished later.
+        needs_key: the policy demands signed plans, so nothing is finished where no key is set.
 
     Returns:
         How that ended, and whose runs they were; None where no host has an unfinished run.
@@ -162,7 +168,7 @@ def finish_runs(
         RequestError: the key is not as it must be.
     """
     with hold_hosts(tuple(hosts), waits.lock_ms), stop.gently():
-        _refuse_unsigned_runs(hosts)
+        _refuse_unsigned_runs(hosts, needs_key=needs_key)
         return finish_unfinished(hosts, reporter.steps, stop.should_stop, waits)
 
 
@@ -221,17 +227,24 @@ def manifest_of(plan: Plan, source: ManifestSource) -> ManifestSource:
     return source if plan.manifest == STANDARD_INPUT else replace(source, manifest=plan.manifest)
 
 
-def refuse_renamed(plan: Plan, source: ManifestSource) -> None:
-    """Refuse a plan where the manifest is another application's by now: it would make what no manifest names.
+def refuse_contradiction(plan: Plan, source: ManifestSource) -> None:
+    """Refuse a plan where the manifest is another application's by now, or demands a key that is not set.
+
+    The plan of another application would make what no manifest names, and a plan's own word on the key can be forged.
 
     Args:
         plan: the plan, with the name of its application.
         source: as `manifest_of` returns it.
 
     Raises:
-        UseCaseError: the manifest names another application (refused).
+        UseCaseError: the manifest names another application, or wants signed plans where no key is set (refused).
+        RequestError: the key is not as it must be.
     """
-    name = None if source.manifest == STANDARD_INPUT else declared_application(source)
+    if source.manifest == STANDARD_INPUT:
+        return
+    if plan_key() is None and demands_signed_plans(source):
+        raise UseCaseError(Outcome.REFUSED, [refusals.without_key(plan.id)])
+    name = declared_application(source)
     if name is None or name == plan.application:
         return
     message = (

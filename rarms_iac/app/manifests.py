@@ -1,6 +1,6 @@
 """Reading a manifest with every check, for use cases that need to know what it says."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from rarms_iac.app.errors import Outcome, UseCaseError
@@ -67,13 +67,30 @@ def declared_application(source: ManifestSource) -> str | None:
     Args:
         source: the files; they may have errors elsewhere.
     """
-    name = None
+    name: str | None = None
+    for block in _declared(source, "application"):
+        declared = block.get("name")
+        name = declared if isinstance(declared, str) else name
+    return name
+
+
+def demands_signed_plans(source: ManifestSource) -> bool:
+    """Tell whether a manifest's policy, or that of its last overlay that says so, wants plans that are signed.
+
+    Args:
+        source: the files; they may have errors elsewhere.
+    """
+    demands = [block["signed_plans"] for block in _declared(source, "policy") if "signed_plans" in block]
+    return bool(demands) and demands[-1] is True
+
+
+def _declared(source: ManifestSource, section: str) -> Iterator[Mapping[str, object]]:
+    """A section of the manifest and of each overlay, as far as they have it."""
     for path in (manifest_path(source.manifest), *source.overlays):
         document = read(path).value
-        block = document.get("application") if isinstance(document, dict) else None
-        if isinstance(block, dict) and isinstance(block.get("name"), str):
-            name = block["name"]
-    return name
+        block = document.get(section) if isinstance(document, dict) else None
+        if isinstance(block, dict):
+            yield block
 
 
 def declared_names(manifest: str, section: str) -> tuple[str, ...]:

@@ -9,8 +9,10 @@ from collections.abc import Iterator
 from rarms_iac.applying.scripts import edited_script
 from rarms_iac.applying.state_after import partitions_after, promised
 from rarms_iac.diff.disruption import disruption_of_task, disruption_of_update
+from rarms_iac.diff.hold_back import hold_back
 from rarms_iac.diff.order import Deadlock, order
 from rarms_iac.diff.steps import plan_changes
+from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.changes import Change, Create, Delete, Update
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.plan_basis import PlanBasis
@@ -52,6 +54,15 @@ def _forgeries(plan: Plan, part: HostPlan) -> Iterator[str]:
         yield f"the facts of {part.host.name} are not those that its steps are made for"
     if basis.budget.max_disruption is not plan.max_disruption:
         yield "its limit of disruption is not that of its steps"
+    if basis.budget.capacity != capacity_of(part.host, part.facts):
+        yield f"the capacity of {part.host.name} is not that of its facts and settings"
+    shared = (basis.context.criticality, basis.context.graces, basis.context.forces)
+    if shared != (basis.budget.criticality, basis.budget.graces, basis.budget.forces):
+        yield f"the order of steps on {part.host.name} is made for other partitions than its steps"
+    every = sorted((*part.changes, *(held.change for held in part.held_back)), key=lambda change: change.address)
+    held_back = hold_back(every, basis.budget)
+    if (held_back.allowed, held_back.held) != (part.changes, part.held_back):
+        yield f"what is held back on {part.host.name} does not follow from its changes and its limit of disruption"
     ordered = order(plan_changes(part.changes, basis.context), basis.budget)
     made = () if isinstance(ordered, Deadlock) else ordered.steps
     for number, (own, derived) in enumerate(zip(part.steps, made, strict=False), start=1):

@@ -14,6 +14,7 @@ from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.literals import NoLiteral
 from rarms_iac.powershell.render import insides, render_guest, render_scripts, script_name
 from rarms_iac.powershell.templates import ScriptForm
+from rarms_iac.storage.script_signature import unsigned_scripts
 
 BY_HAND = Finding.note("RARMS160", "A guest's script is run by hand")
 NO_LITERAL = Finding.error("RARMS162", "A value cannot be written into a script")
@@ -121,8 +122,9 @@ def edited_script(plan: Plan) -> str | None:
             # NOTE: the plan's own steps were rendered when it was made; what cannot be was put there since.
             return script_name(part)
         rendered = {name: text.decode("ascii") for name, text in made.items()}
-        for name in sorted(rendered.keys() | part.scripts.keys()):
-            if rendered.get(name) != part.scripts.get(name):
+        own = unsigned_scripts(part.scripts)
+        for name in sorted(rendered.keys() | own.keys()):
+            if rendered.get(name) != own.get(name):
                 return name
     return None
 

@@ -27,9 +27,9 @@ from rarms_iac.views.plan import plan_text
 from rarms_iac.views.run import run_text
 
 
-def show_plan(session: Session, plan: Plan, sources: Sources | None = None, *, verbose: bool = False) -> None:
-    """Show a plan as text, or as JSON for a program."""
-    session.answer(lambda: json_of(plan), lambda: plan_text(plan, sources=sources, verbose=verbose))
+def show_plan(session: Session, plan: Plan, sources: Sources | None = None) -> None:
+    """Show a plan that was made now, as text, or as JSON for a program."""
+    session.answer(lambda: json_of(plan), lambda: plan_text(plan, sources=sources))
 
 
 def write_and_advise(session: Session, path: str, plan: Plan) -> None:
@@ -40,7 +40,12 @@ def write_and_advise(session: Session, path: str, plan: Plan) -> None:
 
 
 def finish_first(
-    session: Session, live: tuple[LiveHost, ...], how: RunOptions, is_asked: Callable[[frozenset[str]], bool]
+    session: Session,
+    live: tuple[LiveHost, ...],
+    how: RunOptions,
+    is_asked: Callable[[frozenset[str]], bool],
+    *,
+    needs_key: bool = False,
 ) -> ExitCode | None:
     """Finish what an earlier run left on these hosts, asking nothing; None where nothing was left.
 
@@ -49,12 +54,13 @@ def finish_first(
         live: hosts, in any order.
         how: how long to wait.
         is_asked: whether finishing runs of these applications, and nothing else, is what the command was asked for.
+        needs_key: as of `finish_runs`.
 
     Returns:
         How the command ends: done where only what was asked was finished, refused where another run was.
     """
     with TerminalReporter(session, steps_as_json=session.as_json) as reporter:
-        finished = finish_runs(live, waits=how.waits, reporter=reporter, stop=session.interrupts)
+        finished = finish_runs(live, waits=how.waits, reporter=reporter, stop=session.interrupts, needs_key=needs_key)
     if finished is None:
         return None
     code = report_end(session, finished.report)
@@ -71,7 +77,8 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
     if how.out is not None:
         return _write_only(session, make_plan(hosts, request), how.out, hosts.manifest.sources)
     own = {hosts.system.application.name} if request.purpose is Purpose.APPLY else set()
-    finished = finish_first(session, tuple(hosts.open(name) for name in hosts.chosen), how, lambda whose: whose == own)
+    live, needs_key = tuple(hosts.open(name) for name in hosts.chosen), hosts.system.policy.signed_plans
+    finished = finish_first(session, live, how, lambda whose: whose == own, needs_key=needs_key)
     if finished is not None:
         return finished
     plan = make_plan(hosts, request)

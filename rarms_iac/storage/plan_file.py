@@ -20,6 +20,7 @@ from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.digest import digest, short
 from rarms_iac.storage.json_text import canonical, parse_json, readable_json
+from rarms_iac.storage.script_signature import signed_scripts
 
 FORMAT = "rarms-plan/2"
 MAX_BYTES = 64 * 2**20
@@ -97,7 +98,7 @@ def _bare(host: HostPlan) -> HostPlan:
 
 
 def signed(plan: Plan, key: bytes) -> Plan:
-    """Sign each host's part of a plan; the signature is over what the plan does, as its id.
+    """Sign each host's part of a plan, over what the plan does, as its id, and each of its scripts, over its text.
 
     Args:
         plan: with its id.
@@ -108,7 +109,14 @@ def signed(plan: Plan, key: bytes) -> Plan:
     """
     return replace(
         plan,
-        hosts=tuple(replace(host, signature=signature_of(plan.id, plan.application, host, key)) for host in plan.hosts),
+        hosts=tuple(
+            replace(
+                host,
+                signature=signature_of(plan.id, plan.application, host, key),
+                scripts=signed_scripts(host.scripts, key),
+            )
+            for host in plan.hosts
+        ),
     )
 
 

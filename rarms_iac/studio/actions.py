@@ -18,7 +18,7 @@ from rarms_iac.app.applying import (
     finish_runs,
     last_applies,
     preview,
-    refuse_renamed,
+    refuse_contradiction,
     undo_applies,
 )
 from rarms_iac.app.control import Control, StopSignal, always_consents, never_consents
@@ -244,7 +244,7 @@ class ApplyAction(Action):
             raise RequestError(f"Plan {self.plan} is not the last one of this page: plan again.")
         _refuse_other_name(self.application, plan.application)
         source = workspace.source
-        refuse_renamed(plan, source)
+        refuse_contradiction(plan, source)
         transcript.findings(changed_manifest(plan, source))
         workspace.plan = None  # a plan is used once
         return _report_end(
@@ -266,7 +266,13 @@ class FinishAction(Action):
         hosts = workspace.hosts()
         _refuse_other_name(self.application, hosts.system.application.name)
         live = tuple(hosts.open(name) for name in hosts.chosen)
-        finished = finish_runs(live, waits=WAITS, reporter=transcript, stop=stop)
+        finished = finish_runs(
+            live,
+            waits=WAITS,
+            reporter=transcript,
+            stop=stop,
+            needs_key=hosts.system.policy.signed_plans,
+        )
         return _report_end(RunReport(ending=RunEnding.NOTHING) if finished is None else finished.report, transcript)
 
 

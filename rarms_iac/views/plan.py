@@ -4,13 +4,15 @@
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, assert_never
 
 from rarms_iac.applying.undo import is_removal
-from rarms_iac.model.changes import Change, Create, Delete, Update, count
+from rarms_iac.model.changes import Change, Create, Delete, Reason, Update, count
 from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Place, Sources
+from rarms_iac.model.host import Connect, LinuxHost, WinRmConnect
 from rarms_iac.model.layout import describe_placement
 from rarms_iac.model.operations import RemoveDisk, RemovePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, UndoLevel, UnusedPartition
@@ -38,13 +40,19 @@ TITLES = {
 }
 
 
-def plan_text(plan: Plan, *, sources: Sources | None = None, verbose: bool = False) -> "RenderableType":
+FILE_WORDS = "The rest are the words of the plan file; they cannot be made again of its changes:"
+
+
+def plan_text(
+    plan: Plan, *, sources: Sources | None = None, verbose: bool = False, is_read: bool = False
+) -> "RenderableType":
     """Show the plan, a line a partition.
 
     Args:
         plan: what is shown.
         sources: texts of the files that findings point into.
         verbose: show every attribute, reason and manifest line, the thread priorities and the order of the steps, too.
+        is_read: it comes from a file: what was not made again of its changes stands below a line that says so.
     """
     changed = [
         part for part in plan.hosts if part.changes or part.steps or part.held_back or part.unused or part.stopped
@@ -54,21 +62,55 @@ def plan_text(plan: Plan, *, sources: Sources | None = None, verbose: bool = Fal
         manifest = visible(plan.manifest, keep="")
         robot = f" on {plan.robot}" if plan.robot else ""
         title = f"{TITLES[plan.purpose]}: {plan.application}{robot} (plan {plan.id}, from {manifest})"
-        parts += [
-            paragraph(title),
-            *(piece for part in changed for piece in _planned_host(part, plan, verbose=verbose)),
-        ]
+        planned = _read_host if is_read else _planned_host
+        parts += [paragraph(title), *(piece for part in changed for piece in planned(part, plan, verbose=verbose))]
         quiet = [part.host.name for part in plan.hosts if part not in changed]
         if quiet:
             parts.append(paragraph(f"No changes on {counted(len(quiet), 'more host')}: {', '.join(quiet)}."))
-        if verbose and plan.placement is not None:
+        if not is_read and verbose and plan.placement is not None:
             parts.append(paragraph(describe_placement(plan.placement)))
         parts.append("")
+    if is_read:
+        parts += [paragraph(styled((_counts(plan), STRONG))), *_words_of_file(plan, sources or {}, verbose=verbose)]
+        return stack(*parts)
+    return stack(*parts, *_findings(plan, sources or {}, verbose=verbose), paragraph(styled((summary(plan), STRONG))))
+
+
+def _findings(plan: Plan, sources: Sources, *, verbose: bool) -> "Iterator[RenderableType]":
     if plan.findings:
-        parts += [findings_text(plan.findings, sources or {}, brief=not verbose), ""]
+        yield findings_text(plan.findings, sources, brief=not verbose)
+        yield ""
     if plan.accepted:
-        parts += [f"{counted(len(plan.accepted), 'finding')} accepted by the policy.", ""]
-    return stack(*parts, paragraph(styled((summary(plan), STRONG))))
+        yield f"{counted(len(plan.accepted), 'finding')} accepted by the policy."
+        yield ""
+
+
+def _words_of_file(plan: Plan, sources: Sources, *, verbose: bool) -> "Iterator[RenderableType]":
+    """What a plan file says beside its changes, below the line that says so."""
+    words: list[RenderableType] = []
+    for part in plan.hosts:
+        own = [*_members(part), *_stated(part, plan, verbose=verbose)]
+        own += _reasons(part) if verbose else []
+        own += _details(part) if verbose else []
+        words += [f"Host {part.host.name}:", *own] if own else []
+    if verbose and plan.placement is not None:
+        words.append(paragraph(describe_placement(plan.placement)))
+    words += _findings(plan, sources, verbose=verbose)
+    if words:
+        yield from ("", paragraph(styled((FILE_WORDS, STRONG))), *words)
+
+
+def _members(part: HostPlan) -> "Iterator[RenderableType]":
+    for name in sorted(part.components, key=natural_order):
+        if members := members_of(name, part.components):
+            yield paragraph(f"{name}{members}", indent=2)
+
+
+def _reasons(part: HostPlan) -> "Iterator[RenderableType]":
+    for change in part.changes:
+        yield paragraph(
+            styled(f"{change.address}: {visible(change.reason.message, keep='')}", _at(change.reason.place)), indent=2
+        )
 
 
 def summary(plan: Plan) -> str:
@@ -77,10 +119,14 @@ def summary(plan: Plan) -> str:
     held = f"{number} held back." if number else ""
     if not any(part.changes or part.steps for part in plan.hosts):
         return f"No changes to make now; {held}" if held else _nothing(plan)
+    return f"{_counts(plan)}{' ' + held if held else ''}"
+
+
+def _counts(plan: Plan) -> str:
     counts = count(change for part in plan.hosts for change in part.changes)
     parts = [f"{counts['add']} to add", f"{counts['change']} to change", f"{counts['remove']} to remove"]
     parts += [f"{counts[name]} to {name}" for name in ("adopt", "release") if counts[name]]
-    return f"Plan: {', '.join(parts)}.{' ' + held if held else ''}"
+    return f"Plan: {', '.join(parts)}."
 
 
 def _nothing(plan: Plan) -> str:
@@ -101,6 +147,61 @@ def _nothing(plan: Plan) -> str:
 
 
 def _planned_host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[RenderableType]":
+    yield from _changed_host(part, verbose=verbose)
+    yield from _stated(part, plan, verbose=verbose)
+    yield from _not_undone(part)
+    if verbose:
+        yield from _details(part)
+        yield from _steps(part)
+    if part.host_totals is not None:
+        yield paragraph(_totals(part.host_totals, part.name), indent=2)
+
+
+def _read_host(part: HostPlan, _: Plan, *, verbose: bool) -> "Iterator[RenderableType]":
+    """As `_planned_host`, without what only the file says."""
+    changes = tuple(replace(change, reason=Reason(message="")) for change in part.changes)
+    steps = tuple(replace(step, place=None) for step in part.steps)
+    part = replace(part, changes=changes, steps=steps, components={})
+    yield from _changed_host(part, verbose=verbose)
+    yield from (paragraph(visible(text, keep=""), indent=2) for text in _whereabouts(part))
+    yield from _not_undone(part)
+    if verbose:
+        yield from _steps(part)
+    if part.host_totals is not None:
+        yield paragraph(_totals(part.host_totals, part.name), indent=2)
+
+
+def _whereabouts(part: HostPlan) -> Iterator[str]:
+    """Where `rarms apply` does what the plan says."""
+    connect, settings = part.host.connect, part.host.settings
+    match connect:
+        case Connect():
+            options = {
+                "port": connect.port,
+                "key": connect.key,
+                "jump": connect.jump,
+                "control path": connect.control_path,
+            }
+            yield f"It is reached over ssh: {connect.ssh}, shell {connect.shell}{_options(options)}."
+        case WinRmConnect(password=password):
+            name = None if password is None else password.name
+            account = {"port": connect.port, "user": connect.user, "password from": name}
+            yield f"It is reached over WinRM: {connect.winrm}, shell {connect.shell}{_options(account)}."
+        case None:
+            pass
+        case _:
+            assert_never(connect)
+    if isinstance(settings, LinuxHost):
+        yield f"Its control groups lie below {settings.slice} (version: {settings.control_groups})."
+    if part.state_path:
+        yield f"Its state lies in {part.state_path}, seen from the manifest."
+
+
+def _options(given: Mapping[str, str | int | None]) -> str:
+    return "".join(f", {name} {value}" for name, value in given.items() if value is not None)
+
+
+def _changed_host(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]":
     facts = part.facts
     yield ""
     head = f"Host {part.host.name} ({facts.provider.value}, {show_processors(facts.logical_processors)}, "
@@ -110,6 +211,10 @@ def _planned_host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[Ren
             yield from _full_change(change, part)
     else:
         yield from _short_changes(part)
+
+
+def _stated(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[RenderableType]":
+    """What is not changed, and why not."""
     if verbose and part.unchanged:
         yield paragraph(f"{counted(part.unchanged, 'unchanged resource')} hidden.", indent=2)
     yield from _held_back(part, plan)
@@ -128,14 +233,12 @@ def _planned_host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[Ren
             prose(f"partition/{name} stays stopped, as asked for. ", part.commands[name], " starts it."),
             indent=2,
         )
-    yield from _not_undone(part)
-    if verbose:
-        for name, mechanism in (part.mechanisms or {}).items():
-            yield paragraph(f"partition/{name} is {mechanism}.", indent=2)
-        yield from _threads(part)
-        yield from _steps(part)
-    if part.host_totals is not None:
-        yield paragraph(_totals(part.host_totals, part.name), indent=2)
+
+
+def _details(part: HostPlan) -> "Iterator[RenderableType]":
+    for name, mechanism in (part.mechanisms or {}).items():
+        yield paragraph(f"partition/{name} is {mechanism}.", indent=2)
+    yield from _threads(part)
 
 
 def _short_changes(part: HostPlan) -> "Iterator[RenderableType]":
@@ -249,7 +352,8 @@ def _full_change(change: Change, part: HostPlan) -> "Iterator[RenderableType]":
     yield paragraph(
         styled(_name(change, part), f", {note}" if note else "", _at(change.reason.place)), indent=2, more=4
     )
-    yield paragraph(change.reason.message, indent=6)
+    if change.reason.message:
+        yield paragraph(change.reason.message, indent=6)
     yield table([_attribute(attribute) for attribute in attributes_of(change, part.facts)], wrap=(1, 2), indent=6)
 
 

@@ -9,16 +9,27 @@ import pytest
 
 from rarms_iac.app.wiring import read_script_output
 from rarms_iac.applying.run_script import apply_job, finish_job, undo_job
+from rarms_iac.applying.scripts import edited_script
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import Rights
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.providers.hyperv.condition import findings_of
 from rarms_iac.providers.hyperv.run import LiveHypervHost
-from rarms_iac.providers.interface import NO_WAITING, ExaminableHost, HostFailed, RecordableHost, RunEvent, ScriptExited
+from rarms_iac.providers.interface import (
+    NO_WAITING,
+    ExaminableHost,
+    HostFailed,
+    RecordableHost,
+    RunEvent,
+    ScriptExited,
+    ScriptLost,
+)
+from rarms_iac.storage.plan_file import signed as sign_plan
+from rarms_iac.storage.script_signature import is_signed_script
 from tests.builders import a_host, codes
 from tests.effort import Attempt, every_few, tried
 from tests.recorded_hosts import read_observation
-from tests.twin.cell import apply, files_of
+from tests.twin.cell import apply, apply_script, files_of
 from tests.twin.cells import everything, fresh
 from tests.twin.host import WindowsHost
 from tests.twin.observing import JOURNAL, PENDING, PROFILE, RECORDS, document_of
@@ -181,6 +192,32 @@ def test_a_signed_file_that_says_anything_else_is_not_what_runs(tmp_path: Path, 
 
     assert live(host, signatures=tmp_path).run_script(script, NO_WAITING, Heard()) == ScriptExited(code=0)
     assert host.file(f"C:\\run\\{script.runs}").data == text  # type: ignore[union-attr]
+
+
+KEY = b"0123456789abcdef"
+
+
+def test_a_run_of_a_plan_that_was_signed_with_a_key_is_known_by_its_journal(tmp_path: Path) -> None:
+    prepared = fresh()
+    plan = sign_plan(prepared.plan, KEY)
+    assert edited_script(plan) is None
+    host = prepared.copy(kill_after=20)
+    assert isinstance(live(host).run_script(apply_job(plan.id, plan.hosts[0]).script, NO_WAITING, Heard()), ScriptLost)
+    host = host.copy()
+
+    run = live(host).journal()
+
+    assert isinstance(run, ScriptRun)
+    assert is_signed_script(run.started.script, KEY)
+    assert not is_signed_script(run.started.script, KEY[::-1])
+    assert not is_signed_script(run.started.script.replace("-Reserve 4", "-Reserve 5"), KEY)
+    assert not is_signed_script(files_of(prepared.plan)[apply_script(plan)].decode(), KEY)
+    assert live(host).run_script(finish_job("onboard", run).script, NO_WAITING, Heard()) == ScriptExited(code=0)
+    run = live(host).journal()
+    assert isinstance(run, ScriptRun)
+    back = undo_job("onboard", run)
+    assert is_signed_script(back.script.files[back.script.runs], KEY)
+    assert live(host).run_script(back.script, NO_WAITING, Heard()) == ScriptExited(code=0)
 
 
 DENIED = ("PermissionDenied", "PermissionDenied", "Requested registry access is not allowed.")

@@ -15,7 +15,7 @@ from rarms_iac.app.applying import (
     last_applies,
     manifest_of,
     preview,
-    refuse_renamed,
+    refuse_contradiction,
     undo_applies,
 )
 from rarms_iac.app.errors import RequestError
@@ -74,7 +74,7 @@ def apply_command(
             )
         plan = read_plan_file(options.plan_file)
         manifest_source = source if _is_named() else manifest_of(plan, source)
-        refuse_renamed(plan, manifest_source)
+        refuse_contradiction(plan, manifest_source)
         notes = changed_manifest(plan, manifest_source)
         tell(session.terminal, notes)
         folder = folder_of(source.manifest) if _is_named() else None

@@ -78,13 +78,10 @@ def show_command(
             raise RequestError("That is asked of scripts: add --script.")
         if options.plan_file is None:
             raise RequestError("Missing argument '[PLAN]'.")
-        from rarms_iac.cli.applying import show_plan
+        from rarms_iac.views.plan import plan_text
 
         plan = read_plan_file(options.plan_file)
-        session.terminal.tell(
-            "Reasons, places and findings are the words of the file. All else follows from its changes."
-        )
-        show_plan(session, plan, verbose=options.verbose)
+        session.answer(lambda: json_of(plan), lambda: plan_text(plan, verbose=options.verbose, is_read=True))
         return ExitCode.DONE
     return _show_scripts(session, _plan(options.plan_file, source, host_selection), host_selection.hosts, options)
 

@@ -10,6 +10,7 @@ from rarms_iac.powershell.inspection.recorded import check_around_plan, check_mo
 from rarms_iac.powershell.inspection.steps import check_recorded_plan, check_steps
 from rarms_iac.powershell.templates import ENTRY
 from rarms_iac.powershell.tree import NotParsed, sound
+from rarms_iac.storage.script_signature import without_key_signature
 
 BYTES = Finding.error("RARMS200", "A script is not pure ASCII with CRLF")
 PARSE = Finding.error("RARMS201", "A script cannot be read as PowerShell")
@@ -32,7 +33,7 @@ def inspect(script: bytes, name: str = "script.ps1", *, entry: str = ENTRY) -> t
     """
     if problems := tuple(_check_bytes(script, name)):
         return problems
-    text = script.decode("ascii")
+    text = without_key_signature(script.decode("ascii"))
     parts = split_script(text)
     if problems := tuple(check_layout(name, parts, entry)):
         return problems
@@ -61,7 +62,7 @@ def inspect_recorded(
     """
     if problems := tuple(_check_bytes(script, name)):
         return problems[:1]
-    text = script.decode("ascii")
+    text = without_key_signature(script.decode("ascii"))
     try:
         root = sound(without_fixed(text))
     except NotParsed as error:

@@ -90,6 +90,21 @@ def test_where_the_policy_demands_signed_plans_nothing_is_applied_without_a_key(
     assert "says `signed_plans: true`, and no key is set" in " ".join(refused.err.split())
 
 
+def test_a_plan_that_was_forged_to_need_no_key_is_refused_where_its_manifest_demands_one(
+    robot: Path, tmp_path: Path
+) -> None:
+    plan = str(tmp_path / "some.plan")
+    assert rarms("plan", "-f", str(robot), "--out", plan).code == 0
+    document = yaml.safe_load(robot.read_text(encoding="utf-8"))
+    document.setdefault("policy", {})["signed_plans"] = True
+    robot.write_text(yaml.safe_dump(document), encoding="utf-8")
+
+    refused = rarms("apply", plan)
+
+    assert refused.code == 3
+    assert "error[RARMS341]" in refused.err
+
+
 def test_an_unfinished_run_that_demands_a_key_is_not_finished_without(
     robot: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

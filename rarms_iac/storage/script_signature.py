@@ -1,0 +1,75 @@
+"""The signature of a script: a remark at its end, over its text, so that a host's journal carries it with the script.
+
+A script holds the digest of the undo script beside it, so that one is signed first.
+"""
+
+import hashlib
+import hmac
+import re
+from collections.abc import Mapping
+
+_REMARK = re.compile(r"# rarms key signature ([0-9a-f]{64})\r\n\Z")
+_UNDO = ".undo.ps1"
+
+
+def signed_scripts(scripts: Mapping[str, str], key: bytes) -> dict[str, str]:
+    """Sign the scripts of a host.
+
+    Args:
+        scripts: by file name, each unsigned ASCII with CRLF.
+        key: of those who may write plans that are applied.
+
+    Returns:
+        The same names; each script names the digest of its signed undo script.
+    """
+    undo = {name: _signed(text, key) for name, text in scripts.items() if name.endswith(_UNDO)}
+    rest = {name: _naming(name, text, scripts, undo) for name, text in scripts.items() if name not in undo}
+    return {name: undo[name] if name in undo else _signed(rest[name], key) for name in scripts}
+
+
+def unsigned_scripts(scripts: Mapping[str, str]) -> dict[str, str]:
+    """Return the scripts of a host as they were before they were signed.
+
+    Args:
+        scripts: by file name; those without a signature are returned as they are.
+    """
+    bare = {name: without_key_signature(text) for name, text in scripts.items()}
+    return {name: _naming(name, text, scripts, bare) for name, text in bare.items()}
+
+
+def without_key_signature(text: str) -> str:
+    """Return a script as it was before it was signed.
+
+    Args:
+        text: of the script; its signature need not fit, and it need not have one.
+    """
+    return _REMARK.sub("", text)
+
+
+def is_signed_script(text: str, key: bytes) -> bool:
+    """Tell whether a script has a signature that fits the key.
+
+    Args:
+        text: of the script, without what Windows adds to sign it.
+        key: as of `signed_scripts`.
+    """
+    found = _REMARK.search(text)
+    return found is not None and hmac.compare_digest(found[1], _signature(text[: found.start()], key))
+
+
+def _naming(name: str, text: str, before: Mapping[str, str], after: Mapping[str, str]) -> str:
+    """The script with the digest of its undo script as that is now."""
+    undo = f"{name.removesuffix('.ps1')}{_UNDO}"
+    return text.replace(_digest(before[undo]), _digest(after[undo])) if undo in before and undo in after else text
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def _signed(text: str, key: bytes) -> str:
+    return f"{text}# rarms key signature {_signature(text, key)}\r\n"
+
+
+def _signature(text: str, key: bytes) -> str:
+    return hmac.new(key, b"script\0" + text.encode("utf-8", "surrogatepass"), hashlib.sha256).hexdigest()
