@@ -150,7 +150,7 @@ def test_twenty_robots_are_planned_and_applied_and_broken_ones_fail_alone(fleet:
     assert checked.with_status("failed") == ["w-damaged", "w-full", "w-key"]
     assert checked.changed == [*whole, "w-fault"]
     assert [entry["before_header"] for entry in checked.results["r-00"]["diff"]] == ["partition/vision"]
-    assert "reserve: 50\n" in checked.results["r-00"]["diff"][0]["after"]
+    assert "reserve: 0.5 LP\n" in checked.results["r-00"]["diff"][0]["after"]
 
     applied = fleet.play(APPLY)
     assert applied.with_status("failed") == ["w-damaged", "w-fault", "w-full", "w-key"]
@@ -166,9 +166,9 @@ def test_twenty_robots_are_planned_and_applied_and_broken_ones_fail_alone(fleet:
 
 def test_a_reviewed_plan_is_applied_once_and_a_plan_that_cannot_be_made_leaves_no_file(fleet: Fleet) -> None:
     fleet.add("r-1")
-    plan: Task = {"rarms.fleet.apply": {"state": "planned", "plan": "{{ inventory_hostname }}.json"}}
-    reviewed: Task = {"rarms.fleet.apply": {"plan": "{{ inventory_hostname }}.json"}}
-    file = fleet.folder / "r-1.json"
+    plan: Task = {"rarms.fleet.apply": {"state": "planned", "plan": "plans/{{ inventory_hostname }}.json"}}
+    reviewed: Task = {"rarms.fleet.apply": {"plan": "plans/{{ inventory_hostname }}.json"}}
+    file = fleet.folder / "plans" / "r-1.json"
 
     assert fleet.play(plan).changed == []
     assert fleet.play(reviewed).changed == ["r-1"]

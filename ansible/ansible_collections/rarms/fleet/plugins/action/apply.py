@@ -20,7 +20,7 @@ from ansible_collections.rarms.fleet.plugins.plugin_utils.robot import (
 if not RARMS_MISSING:
     from rarms_iac.app.applying import abandon_runs, apply, finish_runs, last_applies, undo_applies
     from rarms_iac.app.errors import RequestError
-    from rarms_iac.app.files import read_plan_file, write_plan_file
+    from rarms_iac.app.files import make_folder, read_plan_file, write_plan_file
     from rarms_iac.app.hosts import refuse_unfinished, unfinished_runs
     from rarms_iac.app.options import read_time
     from rarms_iac.app.planning import plan as make_plan
@@ -30,6 +30,7 @@ if not RARMS_MISSING:
     from rarms_iac.model.plan import Plan, Purpose
     from rarms_iac.model.system import Disruption
     from rarms_iac.providers.interface import WaitLimits
+    from rarms_iac.views.changes import attributes_of
 
 
 class ActionModule(RobotAction):
@@ -64,6 +65,7 @@ class ActionModule(RobotAction):
         result = self._planned(plan)
         if is_preview:
             if file and state == "planned" and not self._task.check_mode:
+                make_folder(str(Path(file).parent))
                 write_plan_file(file, plan)
             return {**result, "changed": state != "planned" and plan.has_changes}
         report = apply(plan, folder=robot.hosts.folder, waits=waits, channels=robot.hosts.channels)
@@ -78,7 +80,7 @@ class ActionModule(RobotAction):
     def _planned(self, plan: Plan) -> Result:
         result: Result = {"plan": json_value(plan), "has_changes": plan.has_changes}
         if self._task.diff:
-            result["diff"] = [entry for part in plan.hosts for entry in map(_difference, part.changes)]
+            result["diff"] = [_difference(change, part.facts) for part in plan.hosts for change in part.changes]
         return result
 
     def _ended(self, report: RunReport) -> Result:
@@ -118,15 +120,12 @@ def _reviewed(robot: Robot, file: str) -> Plan:
     return plan
 
 
-def _difference(change: Any) -> Result:
+def _difference(change: Any, facts: Any) -> Result:
+    """A change in the words of `rarms plan`."""
     header = str(change.address)
+    texts = attributes_of(change, facts)
     before, after = (
-        "".join(f"{attribute.name}: {value}\n" for attribute in change.attributes if (value := _side(attribute, side)))
+        "".join(f"{text.name}: {value}\n" for text in texts if (value := getattr(text, side)) is not None)
         for side in ("before", "after")
     )
     return {"before_header": header, "after_header": header, "before": before, "after": after}
-
-
-def _side(attribute: Any, side: str) -> str:
-    value = getattr(attribute, side)
-    return "" if value is None else str(value)
