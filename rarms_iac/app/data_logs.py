@@ -5,7 +5,7 @@ Here and nowhere else files of measurements become values for the planner, which
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 from rarms_iac.app.manifests import Manifest
@@ -306,6 +306,7 @@ def _measured_together(
     path = path_of(folder.files.folder, subject)
     path_shown = path.relative_to(folder.files.folder).as_posix()
     again = command("measure", *members, together=len(members) > 1)
+    not_measured = partial(NotMeasured, components=to_be_measured(group.members))
     log = folder.read(path)
     if log is None:
         message = (
@@ -313,20 +314,12 @@ def _measured_together(
             f"against {subject.setup.interference} ({path_shown})."
         )
         advice = prose("Measure it: ", again, ". Or fix it for now: `cpu: { reserve: 0.4 LP }`.")
-        return NotMeasured(
-            components=to_be_measured(group.members), message=message, advice=advice, values={"log": path_shown}
-        )
+        return not_measured(message=message, advice=advice, values={"log": path_shown})
     if isinstance(log, LogUnreadable):
         advice = prose("Bring it back from git, or remove it and measure again: ", again, ".")
         message = f"{path_shown}, line {log.line}: {log.message}."
         values: Facts = {"log": path_shown, "line": log.line, "reason": log.message}
-        return NotMeasured(
-            components=to_be_measured(group.members),
-            code=planning_findings.UNREADABLE.code,
-            message=message,
-            advice=advice,
-            values=values,
-        )
+        return not_measured(code=planning_findings.UNREADABLE.code, message=message, advice=advice, values=values)
     own = group.request.hyperv.image
     now = replace(platform_facts, guest_image=own) if own is not None else platform_facts
     comparison = compare_log(log, subject, folder.files, now)
@@ -336,13 +329,7 @@ def _measured_together(
         )
         advice = prose("Measure again: ", again, ". Or take the change back.")
         values = {"log": path_shown, "changed": tuple(map(str, comparison.changed))}
-        return NotMeasured(
-            components=to_be_measured(group.members),
-            code=planning_findings.STALE.code,
-            message=message,
-            advice=advice,
-            values=values,
-        )
+        return not_measured(code=planning_findings.STALE.code, message=message, advice=advice, values=values)
     whole, log = log, log.of(number.number)
     return MeasuredTogether(
         path=path_shown,

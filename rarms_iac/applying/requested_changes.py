@@ -143,30 +143,8 @@ def adoption(state: State, request: PlanRequest, locate: Locator) -> Adopt | Dia
         )
     if before.mark is not None and (before.mark.application, before.mark.name) == (application, name):
         return None  # also where a run was killed after its last step, and its user gives the command again
-    if before.mark is not None:
-        mark = before.mark
-        problem = f"Machine {machine} is partition {quoted(mark.name)} of application {quoted(mark.application)}."
-        manifest = "" if mark.application == application else f", with the manifest of {mark.application}"
-        return TAKEN.at(
-            place,
-            problem,
-            prose("Release it first: ", command("release", mark.name), f"{manifest}."),
-            address=address,
-            values={"machine": machine, "partition": mark.name, "application": mark.application},
-        )
-    holder = next(
-        (partition for partition in state.of(application).partitions if partition.mark and partition.mark.name == name),
-        None,
-    )
-    if holder is not None:
-        problem = f"Partition {quoted(name)} is machine {holder.id} already."
-        return TAKEN.at(
-            place,
-            problem,
-            prose("Release that one first: ", command("release", name), "."),
-            address=address,
-            values={"partition": name, "machine": holder.id},
-        )
+    if taken := _taken(state, application, name, before):
+        return replace(taken, place=place, address=address)
     mark = Mark(
         application=application,
         robot=request.system.application.robot,
@@ -180,6 +158,23 @@ def adoption(state: State, request: PlanRequest, locate: Locator) -> Adopt | Dia
         after=replace(before, mark=mark),
         reason=Reason(message="rarms import", place=place),
     )
+
+
+def _taken(state: State, application: str, name: str, machine: Partition) -> Diagnostic | None:
+    """Why the machine cannot be adopted as this partition: it is another's, or the partition has a machine."""
+    if mark := machine.mark:
+        problem = f"Machine {machine.id} is partition {quoted(mark.name)} of application {quoted(mark.application)}."
+        manifest = "" if mark.application == application else f", with the manifest of {mark.application}"
+        advice = prose("Release it first: ", command("release", mark.name), f"{manifest}.")
+        values = {"machine": machine.id, "partition": mark.name, "application": mark.application}
+        return TAKEN.at(None, problem, advice, values=values)
+    managed = (partition for partition in state.of(application).partitions if partition.mark)
+    holder = next((partition for partition in managed if partition.mark and partition.mark.name == name), None)
+    if holder is None:
+        return None
+    problem = f"Partition {quoted(name)} is machine {holder.id} already."
+    advice = prose("Release that one first: ", command("release", name), ".")
+    return TAKEN.at(None, problem, advice, values={"partition": name, "machine": holder.id})
 
 
 def releasing(state: State, request: PlanRequest, locate: Locator) -> Release | Diagnostic | None:

@@ -45,7 +45,7 @@ class ScriptJob:
 def apply_job(plan: str, part: HostPlan) -> ScriptJob:
     """The plan's own bytes: the script that does it, and beside it the one that takes it back."""
     name, undo = script_name(part), script_name(part, undo=True)
-    files = {name: part.scripts[name], undo: part.scripts[undo], **_beside(shipped_module())}
+    files = {name: part.scripts[name], undo: part.scripts[undo], **_module_files(shipped_module())}
     script = ScriptBundle(runs=name, files=files)
     return ScriptJob(run=RunKind.APPLY, plan=plan, script=script, earlier={})
 
@@ -83,10 +83,10 @@ def _recorded_script(host: str, name: str, text: str, module: Mapping[str, str])
         line = f"line {problem.place.line}, " if problem.place else ""
         message = f"{name} in its journal is no script of rarms: {line}{problem.detail}"
         raise HostDamaged(host, message, "look at what the last run did, then remove the journal")
-    return ScriptBundle(runs=name, files={name: text, **_beside(module)})
+    return ScriptBundle(runs=name, files={name: text, **_module_files(module)})
 
 
-def _beside(module: Mapping[str, str]) -> dict[str, str]:
+def _module_files(module: Mapping[str, str]) -> dict[str, str]:
     """The files of a module by their paths from the script that calls it."""
     return {f"{MODULE_FOLDER}/{name}": text for name, text in module.items()}
 

@@ -109,7 +109,7 @@ def _finding_group(diagnostics: Sequence[Diagnostic]) -> "Iterator[RenderableTyp
     advices = {diagnostic.advice for diagnostic in diagnostics}
     for diagnostic in diagnostics:
         parts = [
-            *_location(diagnostic, beside=diagnostic.detail),
+            *_location(diagnostic, on_its_line=diagnostic.detail),
             *(f"{other.place}, {other.message}" for other in diagnostic.related),
         ]
         location = visible(", ".join(parts), keep="")
@@ -119,16 +119,16 @@ def _finding_group(diagnostics: Sequence[Diagnostic]) -> "Iterator[RenderableTyp
         yield from (paragraph(advice, indent=INDENT) for advice in advices if advice)
 
 
-def _location(diagnostic: Diagnostic, beside: str = "") -> Iterator[str]:
+def _location(diagnostic: Diagnostic, on_its_line: str = "") -> Iterator[str]:
     """The place, and for a warning its address, which is what `policy.accept` would name.
 
     Args:
         diagnostic: what stands there.
-        beside: a text on the same line; a path that it names is not repeated.
+        on_its_line: a text; a path that it names is not repeated.
     """
     if diagnostic.place is not None:
         yield visible(str(diagnostic.place), keep="")
-        if diagnostic.place.path and diagnostic.place.path not in beside:
+        if diagnostic.place.path and diagnostic.place.path not in on_its_line:
             yield visible(diagnostic.place.path, keep="")
     if diagnostic.address and (diagnostic.severity is Severity.WARNING or diagnostic.place is None):
         yield f"at {visible(diagnostic.address, keep='')}"

@@ -99,9 +99,9 @@ def _sentences(result: TuningResult) -> Sequence[str]:
 
 def describe_proof(run: TuningRun) -> Sequence[str]:
     """Say whether another layout may be better, and what that rests on."""
-    rests = "on reservations that were shown to be too little, and not on those that were unresolved"
+    basis = "reservations that were shown to be too little, and not on those that were unresolved"
     proved = (
-        [f"No other combination of these components reserves less, assuming that {ASSUMED}. That rests {rests}."]
+        [f"No other combination of these components reserves less, assuming that {ASSUMED}. That rests on {basis}."]
         if run.proved
         else []
     )

@@ -206,6 +206,11 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
             address=f"host/{end.subject.host.name}",
             values={"reserved_lp": end.before / 100, "capacity_lp": end.subject.capacity / 100},
         )
+    yield from _doubtful_compounds(end)
+
+
+def _doubtful_compounds(end: TuningConclusion) -> Iterator[Diagnostic]:
+    """Compounds that contradict their parts, and those that reserve more than these."""
     for contradiction in end.contradictions:
         yield planning_findings.CONTRADICTION.at(
             None,

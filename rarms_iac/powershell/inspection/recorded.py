@@ -125,9 +125,9 @@ def check_around_plan(name: str, script: str, root: "Node") -> Iterator[Diagnost
             values={"script": name, "reason": problem},
         )
     statements = [node for node in top_statements(root) if node.type not in {"comment", "empty_statement"}]
-    beside = parts.fixed if parts.fixed and _IMPORT.fullmatch(parts.fixed.text) else None
-    if beside is not None:
-        statements = [node for node in statements if not beside.first <= line_of(node) <= beside.last]
+    imported = parts.fixed if parts.fixed and _IMPORT.fullmatch(parts.fixed.text) else None
+    if imported is not None:
+        statements = [node for node in statements if not imported.first <= line_of(node) <= imported.last]
     former = any(node.type == "function_statement" for node in statements)
     for at, node in enumerate(statements, start=1):
         if at == len(statements):
@@ -156,8 +156,8 @@ def check_module(name: str, script: str, module: Mapping[str, str]) -> Iterator[
         That a file of it is missing, superfluous or another than the script's digests say.
     """
     fixed = split_script(script).fixed
-    beside = fixed.text if fixed is not None and fixed.form is ScriptForm.MODULE else ""
-    digests = dict(_DIGEST.findall(beside))
+    imported = fixed.text if fixed is not None and fixed.form is ScriptForm.MODULE else ""
+    digests = dict(_DIGEST.findall(imported))
     if {file: module_digest(text) if text.isascii() else "" for file, text in module.items()} != digests:
         detail = "the module that was kept with it is another than it names" if module else "its module was not kept"
         yield RUNTIME.at(Place(file=name, line=1, column=1), detail, "render the script again", values={"script": name})

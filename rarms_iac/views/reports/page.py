@@ -71,7 +71,7 @@ class Card:
     id: str
     measurement: Measurement
     plots: tuple[Plot, ...]
-    is_beside: bool  # the card before it is of the same components, beside the load that decides
+    is_compared: bool  # the card before it is of the same components, beside the load that decides
 
     @property
     def name(self) -> str:
@@ -99,7 +99,7 @@ def cards_of(report: Report) -> tuple[Card, ...]:
         Card(
             id=f"m{number}",
             measurement=measurement,
-            is_beside=_is_beside(measurement, before[number - 1]),
+            is_compared=_is_compared(measurement, before[number - 1]),
             plots=tuple(
                 plot_of(index, measurement, f"m{number}-{place}") for place, index in enumerate(measurement.indexes, 1)
             ),
@@ -108,7 +108,7 @@ def cards_of(report: Report) -> tuple[Card, ...]:
     )
 
 
-def _is_beside(measurement: Measurement, before: Measurement | None) -> bool:
+def _is_compared(measurement: Measurement, before: Measurement | None) -> bool:
     if before is None or measurement.decides or measurement.stale:
         return False
     return (before.platform, before.components) == (measurement.platform, measurement.components)
