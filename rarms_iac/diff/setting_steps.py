@@ -21,7 +21,7 @@ from rarms_iac.model.operations import (
     forced_after_ms,
 )
 from rarms_iac.model.plan import Readings, Step, Undo, UndoLevel
-from rarms_iac.model.quantities import plain, show_bytes, show_period
+from rarms_iac.model.quantities import plain, show_bytes, show_lp_percent, show_period
 from rarms_iac.model.state import NO_GENERATION, SECURE_BOOT_OFF, Facet, Mark, Partition, PartitionSettings, RunState
 from rarms_iac.model.system import GRACE, Disruption
 
@@ -143,7 +143,7 @@ def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: 
         operation,
         (*fields, *(("state",) if needs_state else ())),
         _why_here(facet, old, new, is_new=builder.new),
-        title=str(operation) if builder.new else _title(facet, old, new),
+        title=_new_title(operation, new) if builder.new else _title(facet, old, new),
     )
 
 
@@ -177,18 +177,40 @@ def _operation(facet: Facet, address: Address, to: PartitionSettings, fields: tu
             raise AssertionError("names and generations have steps of their own")
 
 
+def _new_title(operation: MachineOperation, to: PartitionSettings) -> str:
+    """What a new machine gets, its reserve in both units."""
+    if not isinstance(operation, SetCpu):
+        return str(operation)
+    reserve = f"reserve {_lp(to)} ({to.reserve} % of {_each(to)})"
+    period = f", counted every {show_period(to.quota_period_us)}" if to.quota_period_us else ""
+    return f"{reserve}, limit {to.limit} % of {_each(to)}{period}, weight {to.weight}"
+
+
+def _reserve_title(old: PartitionSettings, to: PartitionSettings) -> str:
+    """From what to what in logical processors, and in per cent of the machine's own."""
+    percents = f"{old.reserve} -> {to.reserve} % of {_each(to)}"
+    if old.processors != to.processors:
+        percents = f"{old.reserve} % of {_each(old)} -> {to.reserve} % of {_each(to)}"
+    return f"reserve {_lp(old).removesuffix(' LP')} -> {_lp(to)} ({percents})"
+
+
+def _lp(settings: PartitionSettings) -> str:
+    return show_lp_percent(settings.reserve * settings.processors)
+
+
+def _each(settings: PartitionSettings) -> str:
+    return "its processor" if settings.processors == 1 else f"each of {settings.processors} processors"
+
+
 def _title(facet: Facet, old: PartitionSettings, to: PartitionSettings) -> str:
     """From what to what; empty where the operation says all there is to say."""
     match facet:
         case Facet.PROCESSORS:
             return f"processors {old.processors} -> {to.processors}"
         case Facet.CPU:
-            words = ((word, getattr(old, word), getattr(to, word)) for word in ("reserve", "limit", "weight"))
-            changes = [
-                f"{word} {before} -> {after}{'' if word == 'weight' else ' %'}"
-                for word, before, after in words
-                if before != after
-            ]
+            changes = [_reserve_title(old, to)] if old.reserve != to.reserve else []
+            changes += [f"limit {old.limit} -> {to.limit} % of {_each(to)}"] if old.limit != to.limit else []
+            changes += [f"weight {old.weight} -> {to.weight}"] if old.weight != to.weight else []
             if old.quota_period_us != to.quota_period_us:
                 changes.append(f"period {show_period(old.quota_period_us)} -> {show_period(to.quota_period_us)}")
             return ", ".join(changes)

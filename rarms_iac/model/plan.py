@@ -70,7 +70,7 @@ class Step:
     """One call with its guard: read, compare with `before`, set, read again and compare with `after`."""
 
     address: Address
-    title: str  # for a person: `reserve 70 -> 40 %`
+    title: str  # for a person: `reserve 1.4 -> 0.8 LP (70 -> 40 % of each of 2 processors)`
     operation: Operation
     before: Internal[Readings]
     after: Internal[Readings]

@@ -88,7 +88,9 @@ def render_measuring(
             *(f"Runs {_title(work)} inside {work.partition}." for work in works),
             "However it ends, it removes the test partitions and their disks." if works else removal,
         ),
-        "usage": "Measure: rarms says beside it which setting is next." if works else removal,
+        "usage": "Shows what it would make; without -WhatIf it measures: rarms says which setting is next."
+        if works
+        else removal,
         "notes": (),
         "facts": fact_lines(_run(host, facts, application)),
         "entry": MEASURING_ENTRY,

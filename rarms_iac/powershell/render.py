@@ -38,7 +38,7 @@ from rarms_iac.powershell.pieces import (
     joined,
     pieces_of,
 )
-from rarms_iac.powershell.summary import summary_lines
+from rarms_iac.powershell.summary import machine_table, summary_lines
 from rarms_iac.powershell.templates import (
     ENTRY,
     HOST_FACT_NAMES,
@@ -48,6 +48,7 @@ from rarms_iac.powershell.templates import (
     fact_lines,
     fill,
     impact_of,
+    module_digests,
     module_text,
     read,
     step_lines,
@@ -131,12 +132,7 @@ def render_apply(
     """
     undo = render_undo(host_plan, plan, inside, accept_scheduler=accept_scheduler, form=form)
     steps = _clustered(_forward(host_plan, inside), host_plan)
-    run = {
-        "Undo": literal(script_name(host_plan, inside, undo=True)),
-        "UndoDigest": literal(hashlib.sha256(undo).hexdigest()),
-        "AcceptScheduler": literal(accept_scheduler),
-    }
-    return _fill(RunKind.APPLY, host_plan, plan, inside, steps, run, form)
+    return _fill(host_plan, plan, inside, steps, form, accept_scheduler=accept_scheduler, undo=undo)
 
 
 def render_undo(
@@ -171,8 +167,7 @@ def render_undo(
         gone = lost.get(step.address)
         steps += (_GuardedPiece(piece=piece, steps=(back,), undoes=undoes, lost=gone) for piece in pieces)
     steps = _clustered(_joined(steps), host_plan)
-    run = {"Undo": literal(""), "UndoDigest": literal(""), "AcceptScheduler": literal(accept_scheduler)}
-    return _fill(RunKind.UNDO, host_plan, plan, inside, steps, run, form)
+    return _fill(host_plan, plan, inside, steps, form, accept_scheduler=accept_scheduler)
 
 
 def render_guest(
@@ -190,11 +185,8 @@ def render_guest(
         _GuardedPiece(piece=back(task, plan.application), steps=(step_of(task),), undoes=last - at)
         for at, task in enumerate(reversed(tasks))
     ]
-    never = {"AcceptScheduler": literal(False)}
-    bare = {"Undo": literal(""), "UndoDigest": literal(""), **never}
-    undo = _fill(RunKind.UNDO, host_plan, plan, inside, taken_back, bare, form)
-    run = {"Undo": literal(undo_name), "UndoDigest": literal(hashlib.sha256(undo).hexdigest()), **never}
-    return {name: _fill(RunKind.APPLY, host_plan, plan, inside, pieces, run, form), undo_name: undo}
+    undo = _fill(host_plan, plan, inside, taken_back, form)
+    return {name: _fill(host_plan, plan, inside, pieces, form, undo=undo), undo_name: undo}
 
 
 def render_observe() -> bytes:
@@ -258,22 +250,33 @@ def _can_join(old: _GuardedPiece, new: _GuardedPiece) -> bool:
 
 
 def _fill(
-    kind: RunKind,
     host_plan: HostPlan,
     plan: Plan,
     inside: str,
     steps: Sequence[_GuardedPiece],
-    more: Mapping[str, Literal],
     form: ScriptForm,
+    *,
+    accept_scheduler: bool = False,
+    undo: bytes = b"",
 ) -> bytes:
-    machine = literal(_machine_of_guest(host_plan, inside, steps))
-    run = {"Run": literal(kind.value), "Guest": machine, **_run(host_plan, plan), **more}
+    """The script of these steps; `undo` is the one that takes them back, empty where it is that itself."""
+    kind = RunKind.APPLY if undo else RunKind.UNDO
+    undo_digest = hashlib.sha256(undo).hexdigest() if undo else ""
+    run = {
+        "Run": literal(kind.value),
+        "Guest": literal(_machine_of_guest(host_plan, inside, steps)),
+        "Undo": literal(script_name(host_plan, inside, undo=True) if undo else ""),
+        "UndoDigest": literal(undo_digest),
+        "AcceptScheduler": literal(accept_scheduler),
+        **_run(host_plan, plan),
+    }
     if inside:
         run = {name: value for name, value in run.items() if name not in HOST_FACT_NAMES}
+    digests = f"SHA-256: {f'the undo {undo_digest}, ' if undo else ''}Rarms.psm1 {module_digests()['Rarms.psm1']}."
     values = {
         "requirements": _GUEST_REQUIRES if inside else _HOST_REQUIRES,
         "name": script_name(host_plan, inside, undo=kind is RunKind.UNDO),
-        **_head(kind, host_plan, plan, inside, steps),
+        **_head(kind, host_plan, plan, inside, steps, digests),
         "facts": fact_lines(run),
         "entry": ENTRY,
         "impact": impact_of("\n".join(map(_code, steps))),
@@ -310,27 +313,32 @@ def _run(host_plan: HostPlan, plan: Plan) -> dict[str, str]:
 
 
 def _head(
-    kind: RunKind, host_plan: HostPlan, plan: Plan, inside: str, steps: Sequence[_GuardedPiece]
+    kind: RunKind, host_plan: HostPlan, plan: Plan, inside: str, steps: Sequence[_GuardedPiece], digests: str
 ) -> dict[str, object]:
     """The help that `Get-Help` shows of the script."""
     system = f"the guest of partition {inside}" if inside else "the host itself"
     undo = script_name(host_plan, inside, undo=True)
     planned = [step for guarded in steps for step in guarded.steps]
+    table = machine_table(planned, host_plan.changes, plan.id, host_plan.facts.disk_folder)
+    made = {step.address for step in planned if isinstance(step.operation, CreatePartition)}
     lost = sorted({step.undo.message for step in planned if step.undo.level is not UndoLevel.FULL})
-    summaries = partition_summaries(planned)
+    summaries = partition_summaries(step for step in planned if not table or step.address not in made)
+    risk, calls = summary_lines([guarded.piece for guarded in steps]) if steps else ("", "")
     return {
         "synopsis": _help(f"{_TITLES[kind]}: plan {plan.id} of application {plan.application}, for {system}."),
         "description": [
             _help(f"Host {host_plan.host.name} of {plan.manifest}, computer {host_plan.facts.computer_name}."),
-            *(summary_lines([guarded.piece for guarded in steps]) if steps else ()),
-            *(_help(line) for line in summaries),
+            *filter(None, (risk,)),
+            *(_inside_help(line) for line in table),
+            *map(_help, summaries),
+            *filter(None, (calls,)),
             *(f"{NOT_UNDONE}: {_help(text)}" for text in lost),
         ],
-        "usage": f"Do it. Take it back with .\\{undo}, which must lie beside it."
+        "usage": f"Shows what it would do; without -WhatIf it does it. Take it back with .\\{undo}, beside it."
         if kind is RunKind.APPLY
-        else "Take back what was done, the last step first.",
+        else "Shows what it would do; without -WhatIf it takes back what was done, the last step first.",
         "notes": [
-            _help(f"Manifest {plan.manifest_digest[:12]}, rarms {plan.rarms_version}."),
+            _help(f"Manifest {plan.manifest_digest[:12]}, rarms {plan.rarms_version}. {digests}"),
             *(_help(f"Accepted: {finding.code} {finding.summary}, {finding.detail}") for finding in plan.accepted),
         ],
     }
@@ -338,7 +346,12 @@ def _head(
 
 def _help(text: str) -> str:
     """A line of the help, which nothing in it ends."""
-    return remark(text).replace("#>", "# >")
+    return _inside_help(remark(text))
+
+
+def _inside_help(text: str) -> str:
+    """A line that is a remark already."""
+    return text.replace("#>", "# >")
 
 
 def _plan_lines(kind: RunKind, host_plan: HostPlan, steps: Sequence[_GuardedPiece]) -> Iterable[str]:
@@ -353,7 +366,8 @@ def _plan_lines(kind: RunKind, host_plan: HostPlan, steps: Sequence[_GuardedPiec
             if kind is RunKind.UNDO:
                 reason = "takes back what the apply script did to it, the last step first"
             about = f"{owner_of(step)}: {reason}" + (f" ({step.place})" if step.place else "")
-            yield from ("", "    " + f"# === {remark(about)} ".ljust(96, "=").rstrip())
+            yield from [""] if owners else []
+            yield "    " + f"# === {remark(about)} ".ljust(96, "=").rstrip()
             owners.add(owner_of(step))
         if target != target_line(literal(piece.address), piece.read):
             target = target_line(literal(piece.address), piece.read)

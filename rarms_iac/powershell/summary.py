@@ -1,10 +1,14 @@
-"""What a script does in two lines of its head: what is at stake, and the calls that change something. Pure."""
+"""What a script does, in a few lines of its head: what is at stake, the machines, and the calls. Pure."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from rarms_iac.model.changes import SLASH
-from rarms_iac.model.wording import counted
+from rarms_iac.model.changes import SLASH, Change, Create
+from rarms_iac.model.operations import CreatePartition, disk_file
+from rarms_iac.model.plan import Step
+from rarms_iac.model.quantities import show_bytes, show_lp_percent
+from rarms_iac.model.state import Partition, PartitionSettings
+from rarms_iac.model.wording import counted, remark
 from rarms_iac.powershell.pieces import ScriptPiece
 
 _MADE, _REMOVED, _STOPPED, _DELETED = "New-VM", "Remove-VM", "Stop-Partition", "Remove-DiskFile"
@@ -32,7 +36,57 @@ def summary_lines(pieces: Sequence[ScriptPiece]) -> tuple[str, str]:
     )
     names = Counter(name for _, name in calls)
     call_counts = ", ".join(f"{name} {number}" for name, number in sorted(names.items()))
-    return risk, f"Calls that change something: {call_counts}."
+    return risk, f"Calls that change something, and no other: {call_counts}."
+
+
+_COLUMNS = ("machine", "processors", "reserve", "memory", "disk", "switch", "secure boot", "start")
+
+
+def machine_table(steps: Sequence[Step], changes: Iterable[Change], plan: str, disk_folder: str) -> tuple[str, ...]:
+    """Tell what the machines are that a script makes.
+
+    Args:
+        steps: the plan's, of one script.
+        changes: of the host.
+        plan: its id, which names of new disks hold.
+        disk_folder: where the host puts disks that no folder was named for.
+
+    Returns:
+        A line of titles and one for each machine, in the order in which they are made; nothing where none is.
+    """
+    wanted = {change.address.partition: change.after for change in changes if isinstance(change, Create)}
+    made: dict[str, CreatePartition] = {}
+    for step in steps:
+        if isinstance(step.operation, CreatePartition):
+            made.setdefault(step.operation.partition, step.operation)
+    machines = ((creation, wanted.get(name)) for name, creation in made.items())
+    rows = [
+        tuple(map(remark, _row(creation, machine.settings, plan, disk_folder)))
+        for creation, machine in machines
+        if isinstance(machine, Partition)
+    ]
+    if not rows:
+        return ()
+    widths = [max(map(len, column)) for column in zip(_COLUMNS, *rows, strict=True)]
+    return tuple(
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in (_COLUMNS, *rows)
+    )
+
+
+def _row(creation: CreatePartition, settings: PartitionSettings, plan: str, disk_folder: str) -> tuple[str, ...]:
+    folder = (creation.vm_path or disk_folder).removesuffix("\\")
+    disk = f"{folder}\\{disk_file(creation, plan)} from {creation.image}" if creation.image else "none"
+    return (
+        creation.partition,
+        str(settings.processors),
+        f"{show_lp_percent(settings.reserve * settings.processors)} ({settings.reserve} % of each)",
+        show_bytes(settings.memory),
+        disk,
+        creation.switch or "none",
+        creation.secure_boot or "as made",
+        settings.start_action.value.replace("_", " "),
+    )
 
 
 def _machines(calls: Iterable[tuple[str, str]], name: str) -> set[str]:

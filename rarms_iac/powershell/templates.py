@@ -71,14 +71,12 @@ WIDTH = 140
 
 _FACTS = (
     ("Run", "Plan", "Application", "Robot", "Serial", "Guest"),
-    ("Undo",),
-    ("UndoDigest",),
+    ("Undo", "UndoDigest"),
     ("Computer", "Identity"),
 )
 _HOST_FACTS = (
-    ("LogicalProcessors", "Cores", "ThreadsPerCore", "AcceptScheduler"),
     # What the host has to give: per cent of its processors, bytes of its memory.
-    ("Percent", "Memory"),
+    ("LogicalProcessors", "Cores", "ThreadsPerCore", "Percent", "Memory", "AcceptScheduler"),
 )
 FACT_NAMES = frozenset(name for row in _FACTS for name in row)
 """The facts of a run that every script has."""
@@ -195,6 +193,11 @@ def module_digest(text: str) -> str:
     return hashlib.sha256(without_signature(text).encode("latin-1")).hexdigest().upper()
 
 
+def module_digests() -> dict[str, str]:
+    """The digests of this version's module by file."""
+    return {name: module_digest(text) for name, text in shipped_module().items()}
+
+
 @cache
 def module_text(form: ScriptForm, entry: str = ENTRY) -> str:
     """What gives a script its module, with LF: the digests of its files and their import, or the module itself.
@@ -204,8 +207,7 @@ def module_text(form: ScriptForm, entry: str = ENTRY) -> str:
         entry: what the script's end calls.
     """
     if form is ScriptForm.MODULE:
-        digests = [(name, module_digest(file)) for name, file in shipped_module().items()]
-        text = fill("module.ps1.j2", {"version": __version__, "digests": digests}).decode("ascii")
+        text = fill("module.ps1.j2", {"version": __version__, "digests": module_digests().items()}).decode("ascii")
     else:
         parts = MEASURING_PARTS if entry == MEASURING_ENTRY else ()
         own = "\n".join(map(str.rstrip, [read(f"{MODULE_FOLDER}/{MODULE_FILES[1]}"), *map(part_text, parts)]))

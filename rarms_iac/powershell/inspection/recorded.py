@@ -65,9 +65,8 @@ _SETTINGS = frozenset(
         "$run = @{\r\n"
         "    Caller = $PSCmdlet; ScriptPath = $PSCommandPath; ModulePath = $folder; ExitCode = [ref] $code; "
         "Plan = $plan\r\n"
-        "    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; "
-        "LockTimeout = $LockTimeout\r\n"
-        "    Abandon = $Abandon; Test = $Test\r\n"
+        "    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; Test = $Test\r\n"
+        "    LockTimeout = $LockTimeout; Abandon = $Abandon\r\n"
         "}",
         "$invoke = $rarms.ExportedFunctions['Invoke-RarmsPlan']",
         "& $invoke -Run $run",

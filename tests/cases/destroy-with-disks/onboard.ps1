@@ -4,10 +4,10 @@
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 2 stopped, 2 removed; 1 disk deleted.
-    Calls that change something: Remove-DiskFile 1, Remove-TaskRecord 1, Remove-TaskValue 1, Remove-VM 2, Stop-Partition 2, Write-TaskValue 7.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
     task/Games: changed (set Priority 4 -> 2; forget it: it is no longer ours)
     vision: removed, stopped (delete its disk D:\vms\vision-0123456789ab.vhdx). It is off after 120 s at the latest, and stays off
+    Calls that change something, and no other: Remove-DiskFile 1, Remove-TaskRecord 1, Remove-TaskValue 1, Remove-VM 2, Stop-Partition 2, Write-TaskValue 7.
     Not undone: it starts anew: what its programs had in memory is lost
     Not undone: the machine is not made again
     Not undone: what is on the disk is lost
@@ -23,12 +23,10 @@
     Gives an object for each step, which tells whether it is as wanted, and changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-.EXAMPLE
-    .\onboard.ps1
-    Do it. Take it back with .\onboard.undo.ps1, which must lie beside it.
+    Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a2bf30ff37fc, rarms 0.1.0.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo dbc89e7bd730431fd838d9f8fcce63e3ebf603f7c9a17f12ea80de7c094bb3f8, Rarms.psm1 F7A4910EE2A9528D1EED9CF0E9AECF0938F81112A1A6C3B8D8AF785DEB34C3EE.
 #>
 
 #Requires -Version 5.1
@@ -36,25 +34,19 @@
 #Requires -RunAsAdministrator
 [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'High')]
 param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force, [switch] $Test)
-
 if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') { throw 'App Control: allow this script by its signer' }
 if (-not $PSCommandPath -or $MyInvocation.InvocationName -ceq '.') { throw 'run this script as a file, not dot-sourced' }
-# What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
 $ErrorActionPreference = 'Stop'
 $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
-
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f71f55bdd615'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'
-        UndoDigest = '34a67d646f9122cd677a00f33f4d2321dd42e91cc135a9cda466c6787b433a02'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'dbc89e7bd730431fd838d9f8fcce63e3ebf603f7c9a17f12ea80de7c094bb3f8'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
-        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; AcceptScheduler = $false
-        Percent = 360; Memory = 7516192768
+        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-
     # === speech: it is not wanted on this host (rarms.yaml:14:3) ==================================
     Use-Target -Address 'partition/speech' -Read { Get-DeviceReading -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
@@ -109,7 +101,6 @@ $plan = {
         empty = $false; record = ''; set = ''
     } -Set { Remove-TaskRecord -Task 'Games' -Application 'robot' }
 }
-
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
@@ -118,21 +109,19 @@ $digests = @{
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
-    $path = [System.IO.Path]::Combine($folder, $name)
-    $data = [System.IO.File]::ReadAllBytes($path)
+    $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ($path + ' is not that of rarms 0.1.0') }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion
-
 $code = 1
 if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }
 $run = @{
     Caller = $PSCmdlet; ScriptPath = $PSCommandPath; ModulePath = $folder; ExitCode = [ref] $code; Plan = $plan
-    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; LockTimeout = $LockTimeout
-    Abandon = $Abandon; Test = $Test
+    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; Test = $Test
+    LockTimeout = $LockTimeout; Abandon = $Abandon
 }
 $invoke = $rarms.ExportedFunctions['Invoke-RarmsPlan']
 & $invoke -Run $run

@@ -1,12 +1,13 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 219eb457a207 of application robot, for the host itself.
+    rarms apply script: plan 04aa1558b2c7 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     2 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
-    Calls that change something: New-VM 2, Remove-NetworkAdapter 2, Rename-VM 2, Set-VM 2, Set-VMMemory 2, Set-VMProcessor 2, Start-VM 1, Write-Mark 2.
-    speech: added
-    vision: added, started
+    machine  processors  reserve                memory   disk  switch  secure boot  start
+    speech   1           0.4 LP (40 % of each)  512 MiB  none  none    as made      nothing
+    vision   2           1.6 LP (80 % of each)  1 GiB    none  none    as made      start
+    Calls that change something, and no other: New-VM 2, Remove-NetworkAdapter 2, Rename-VM 2, Set-VM 2, Set-VMMemory 2, Set-VMProcessor 2, Start-VM 1, Write-Mark 2.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
 .PARAMETER LockTimeout
@@ -19,12 +20,10 @@
     Gives an object for each step, which tells whether it is as wanted, and changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-.EXAMPLE
-    .\onboard.ps1
-    Do it. Take it back with .\onboard.undo.ps1, which must lie beside it.
+    Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e325b8ae00e7, rarms 0.1.0.
+    Manifest e325b8ae00e7, rarms 0.1.0. SHA-256: the undo 255bd4ddf47823bbaa23c2dd2adec88f7defd07768c4c161d7c3f8a551368a70, Rarms.psm1 F7A4910EE2A9528D1EED9CF0E9AECF0938F81112A1A6C3B8D8AF785DEB34C3EE.
 #>
 
 #Requires -Version 5.1
@@ -32,25 +31,19 @@
 #Requires -RunAsAdministrator
 [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'Medium')]
 param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force, [switch] $Test)
-
 if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') { throw 'App Control: allow this script by its signer' }
 if (-not $PSCommandPath -or $MyInvocation.InvocationName -ceq '.') { throw 'run this script as a file, not dot-sourced' }
-# What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
 $ErrorActionPreference = 'Stop'
 $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
-
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '219eb457a207'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'
-        UndoDigest = '9356425cf4de9cff6b4af824dca0cd7b4724b902b5b983d9be4eac94e0d3c024'
+        Run = 'apply'; Plan = '04aa1558b2c7'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '255bd4ddf47823bbaa23c2dd2adec88f7defd07768c4c161d7c3f8a551368a70'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
-        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; AcceptScheduler = $false
-        Percent = 360; Memory = 7516192768
+        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-
     # === speech: it is not there (rarms.yaml:16:3) ================================================
     Use-Target -Address 'partition/speech' -Read { Get-NewPartitionReading -Name 'speech' }
     Add-Step -Action 'make a machine of generation 2 with 512 MiB' -Before @{ exists = $false; taken = $false } -After @{
@@ -90,7 +83,6 @@ $plan = {
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
 }
-
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
@@ -99,21 +91,19 @@ $digests = @{
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
-    $path = [System.IO.Path]::Combine($folder, $name)
-    $data = [System.IO.File]::ReadAllBytes($path)
+    $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ($path + ' is not that of rarms 0.1.0') }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion
-
 $code = 1
 if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }
 $run = @{
     Caller = $PSCmdlet; ScriptPath = $PSCommandPath; ModulePath = $folder; ExitCode = [ref] $code; Plan = $plan
-    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; LockTimeout = $LockTimeout
-    Abandon = $Abandon; Test = $Test
+    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; Test = $Test
+    LockTimeout = $LockTimeout; Abandon = $Abandon
 }
 $invoke = $rarms.ExportedFunctions['Invoke-RarmsPlan']
 & $invoke -Run $run

@@ -1,11 +1,11 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan eb2f06d606b8 of application robot, for the host itself.
+    rarms apply script: plan ebb348e56f69 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
-    Calls that change something: Set-VMProcessor 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
-    speech: changed, stopped, started (reserve 40 -> 20 %; processors 1 -> 2). It is down for at least as long as it takes to start, and at most 120 s longer
+    speech: changed, stopped, started (reserve 0.4 -> 0.4 LP (40 % of its processor -> 20 % of each of 2 processors); processors 1 -> 2). It is down for at least as long as it takes to start, and at most 120 s longer
+    Calls that change something, and no other: Set-VMProcessor 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -19,12 +19,10 @@
     Gives an object for each step, which tells whether it is as wanted, and changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-.EXAMPLE
-    .\onboard.ps1
-    Do it. Take it back with .\onboard.undo.ps1, which must lie beside it.
+    Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b1f15d8b63ee, rarms 0.1.0.
+    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 7f3e6cc8d5c1ec4254d55d44c824042a954b60b7d12d7ce8d842b91f2f8feaf1, Rarms.psm1 F7A4910EE2A9528D1EED9CF0E9AECF0938F81112A1A6C3B8D8AF785DEB34C3EE.
 #>
 
 #Requires -Version 5.1
@@ -32,32 +30,26 @@
 #Requires -RunAsAdministrator
 [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'High')]
 param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force, [switch] $Test)
-
 if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') { throw 'App Control: allow this script by its signer' }
 if (-not $PSCommandPath -or $MyInvocation.InvocationName -ceq '.') { throw 'run this script as a file, not dot-sourced' }
-# What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
 $ErrorActionPreference = 'Stop'
 $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
-
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'eb2f06d606b8'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'
-        UndoDigest = '05502fdcf67fff51cc0325d4e140ad6e53b0befc827addd1b6bef38ea0a47ddf'
+        Run = 'apply'; Plan = 'ebb348e56f69'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '7f3e6cc8d5c1ec4254d55d44c824042a954b60b7d12d7ce8d842b91f2f8feaf1'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
-        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; AcceptScheduler = $false
-        Percent = 360; Memory = 7516192768
+        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-
     # === speech: the host differs from the manifest in processors and reserve, limit or weight; it is stopped to change that (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'reserve 40 -> 20 %; processors 1 -> 2; mark it as robot/speech, set 9574858e36ae' -Before @{
+    Add-Step -Action 'reserve 0.4 -> 0.4 LP (40 % of its processor -> 20 % of each of 2 processors); processors 1 -> 2; mark it as robot/speech, set 9574858e36ae' -Before @{
         limit = 100; mark = 'robot/speech'; processors = 1; reserve = 40; set = '9318451c660e'; state = 'off'; weight = 100
     } -After @{
         limit = 100; mark = 'robot/speech'; processors = 2; reserve = 20; set = '9574858e36ae'; state = 'off'; weight = 100
@@ -69,7 +61,6 @@ $plan = {
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
 }
-
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
@@ -78,21 +69,19 @@ $digests = @{
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
-    $path = [System.IO.Path]::Combine($folder, $name)
-    $data = [System.IO.File]::ReadAllBytes($path)
+    $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ($path + ' is not that of rarms 0.1.0') }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion
-
 $code = 1
 if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }
 $run = @{
     Caller = $PSCmdlet; ScriptPath = $PSCommandPath; ModulePath = $folder; ExitCode = [ref] $code; Plan = $plan
-    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; LockTimeout = $LockTimeout
-    Abandon = $Abandon; Test = $Test
+    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; Test = $Test
+    LockTimeout = $LockTimeout; Abandon = $Abandon
 }
 $invoke = $rarms.ExportedFunctions['Invoke-RarmsPlan']
 & $invoke -Run $run

@@ -1,11 +1,11 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 714c040478b8 of application robot, for the host itself.
+    rarms apply script: plan 2a082ebe45ad of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
-    Calls that change something: Set-VMProcessor 1, Write-Mark 1.
-    vision: changed (reserve 80 -> 40 %, weight 100 -> 200)
+    vision: changed (reserve 1.6 -> 0.8 LP (80 -> 40 % of each of 2 processors), weight 100 -> 200)
+    Calls that change something, and no other: Set-VMProcessor 1, Write-Mark 1.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
 .PARAMETER LockTimeout
@@ -18,12 +18,10 @@
     Gives an object for each step, which tells whether it is as wanted, and changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-.EXAMPLE
-    .\onboard.ps1
-    Do it. Take it back with .\onboard.undo.ps1, which must lie beside it.
+    Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo b0c8910928f1ec4220e43cc076d61f6018b670a3f9532ab1fb27b8e16186a3a1, Rarms.psm1 F7A4910EE2A9528D1EED9CF0E9AECF0938F81112A1A6C3B8D8AF785DEB34C3EE.
 #>
 
 #Requires -Version 5.1
@@ -31,28 +29,22 @@
 #Requires -RunAsAdministrator
 [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'Medium')]
 param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force, [switch] $Test)
-
 if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') { throw 'App Control: allow this script by its signer' }
 if (-not $PSCommandPath -or $MyInvocation.InvocationName -ceq '.') { throw 'run this script as a file, not dot-sourced' }
-# What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
 $ErrorActionPreference = 'Stop'
 $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
-
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '714c040478b8'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'
-        UndoDigest = '6c8e655dfdab269d40add21b17bacf8ba05e25f37283e552a5800e0552642f09'
+        Run = 'apply'; Plan = '2a082ebe45ad'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'b0c8910928f1ec4220e43cc076d61f6018b670a3f9532ab1fb27b8e16186a3a1'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
-        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; AcceptScheduler = $false
-        Percent = 360; Memory = 7516192768
+        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-
     # === vision: the host differs from the manifest in reserve, limit or weight (rarms.yaml:12:3) =
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'reserve 80 -> 40 %, weight 100 -> 200; mark it as robot/vision, set d38b532de154' -Before @{
+    Add-Step -Action 'reserve 1.6 -> 0.8 LP (80 -> 40 % of each of 2 processors), weight 100 -> 200; mark it as robot/vision, set d38b532de154' -Before @{
         limit = 100; mark = 'robot/vision'; reserve = 80; set = '28cc232b41a1'; weight = 100
     } -After @{
         limit = 100; mark = 'robot/vision'; reserve = 40; set = 'd38b532de154'; weight = 200
@@ -61,7 +53,6 @@ $plan = {
         Write-Mark
     }
 }
-
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
@@ -70,21 +61,19 @@ $digests = @{
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
-    $path = [System.IO.Path]::Combine($folder, $name)
-    $data = [System.IO.File]::ReadAllBytes($path)
+    $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ($path + ' is not that of rarms 0.1.0') }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion
-
 $code = 1
 if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }
 $run = @{
     Caller = $PSCmdlet; ScriptPath = $PSCommandPath; ModulePath = $folder; ExitCode = [ref] $code; Plan = $plan
-    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; LockTimeout = $LockTimeout
-    Abandon = $Abandon; Test = $Test
+    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; Test = $Test
+    LockTimeout = $LockTimeout; Abandon = $Abandon
 }
 $invoke = $rarms.ExportedFunctions['Invoke-RarmsPlan']
 & $invoke -Run $run

@@ -1,12 +1,12 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan b02b64d5f70b of application robot, for the host itself.
+    rarms apply script: plan d62f3e3f9d37 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
-    Calls that change something: Set-VMProcessor 2, Write-Mark 2.
-    speech: changed (reserve 20 -> 60 %)
-    vision: changed (reserve 60 -> 20 %)
+    speech: changed (reserve 0.8 -> 2.4 LP (20 -> 60 % of each of 4 processors))
+    vision: changed (reserve 2.4 -> 0.8 LP (60 -> 20 % of each of 4 processors))
+    Calls that change something, and no other: Set-VMProcessor 2, Write-Mark 2.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
 .PARAMETER LockTimeout
@@ -19,12 +19,10 @@
     Gives an object for each step, which tells whether it is as wanted, and changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-.EXAMPLE
-    .\onboard.ps1
-    Do it. Take it back with .\onboard.undo.ps1, which must lie beside it.
+    Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 196bb96d8b2f, rarms 0.1.0.
+    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo 749aec8a75c39d56cbe5dd62cb4e60ba429eb679327df022bcc4ba7d11a55370, Rarms.psm1 F7A4910EE2A9528D1EED9CF0E9AECF0938F81112A1A6C3B8D8AF785DEB34C3EE.
 #>
 
 #Requires -Version 5.1
@@ -32,28 +30,22 @@
 #Requires -RunAsAdministrator
 [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'Medium')]
 param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force, [switch] $Test)
-
 if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') { throw 'App Control: allow this script by its signer' }
 if (-not $PSCommandPath -or $MyInvocation.InvocationName -ceq '.') { throw 'run this script as a file, not dot-sourced' }
-# What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
 $ErrorActionPreference = 'Stop'
 $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
-
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'b02b64d5f70b'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'
-        UndoDigest = '9e5485cc94ff5f7a9c67ed4cb1e51b18414ecb76e7ae177b4a296132941049de'
+        Run = 'apply'; Plan = 'd62f3e3f9d37'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '749aec8a75c39d56cbe5dd62cb4e60ba429eb679327df022bcc4ba7d11a55370'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
-        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; AcceptScheduler = $false
-        Percent = 360; Memory = 7516192768
+        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-
     # === vision: the host differs from the manifest in reserve, limit or weight (rarms.yaml:12:3) =
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'reserve 60 -> 20 %; mark it as robot/vision, set 2a25f044217c' -Before @{
+    Add-Step -Action 'reserve 2.4 -> 0.8 LP (60 -> 20 % of each of 4 processors); mark it as robot/vision, set 2a25f044217c' -Before @{
         limit = 100; mark = 'robot/vision'; reserve = 60; set = 'a68c426474c6'; weight = 100
     } -After @{
         limit = 100; mark = 'robot/vision'; reserve = 20; set = '2a25f044217c'; weight = 100
@@ -64,7 +56,7 @@ $plan = {
 
     # === speech: the host differs from the manifest in reserve, limit or weight (rarms.yaml:13:3) =
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'reserve 20 -> 60 %; mark it as robot/speech, set c959e400da4b' -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 536870912 } -Before @{
+    Add-Step -Action 'reserve 0.8 -> 2.4 LP (20 -> 60 % of each of 4 processors); mark it as robot/speech, set c959e400da4b' -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 536870912 } -Before @{
         limit = 100; mark = 'robot/speech'; reserve = 20; set = '9a283df8dc93'; weight = 100
     } -After @{
         limit = 100; mark = 'robot/speech'; reserve = 60; set = 'c959e400da4b'; weight = 100
@@ -73,7 +65,6 @@ $plan = {
         Write-Mark
     }
 }
-
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
@@ -82,21 +73,19 @@ $digests = @{
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
-    $path = [System.IO.Path]::Combine($folder, $name)
-    $data = [System.IO.File]::ReadAllBytes($path)
+    $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ($path + ' is not that of rarms 0.1.0') }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion
-
 $code = 1
 if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }
 $run = @{
     Caller = $PSCmdlet; ScriptPath = $PSCommandPath; ModulePath = $folder; ExitCode = [ref] $code; Plan = $plan
-    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; LockTimeout = $LockTimeout
-    Abandon = $Abandon; Test = $Test
+    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; Test = $Test
+    LockTimeout = $LockTimeout; Abandon = $Abandon
 }
 $invoke = $rarms.ExportedFunctions['Invoke-RarmsPlan']
 & $invoke -Run $run

@@ -1,11 +1,12 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f3d37cd22705 of application robot, for the host itself.
+    rarms apply script: plan 3d90f3cd5e4f of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
-    Calls that change something: New-VM 1, Remove-NetworkAdapter 1, Rename-VM 1, Set-VM 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
-    vision: added, started
+    machine  processors  reserve                memory  disk  switch  secure boot  start
+    vision   2           1.6 LP (80 % of each)  1 GiB   none  none    as made      start
+    Calls that change something, and no other: New-VM 1, Remove-NetworkAdapter 1, Rename-VM 1, Set-VM 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
 .PARAMETER LockTimeout
@@ -18,12 +19,10 @@
     Gives an object for each step, which tells whether it is as wanted, and changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-.EXAMPLE
-    .\onboard.ps1
-    Do it. Take it back with .\onboard.undo.ps1, which must lie beside it.
+    Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 62828619c61e, rarms 0.1.0.
+    Manifest 62828619c61e, rarms 0.1.0. SHA-256: the undo ec229c0a3cad400424998ad4a9a17ee054cfcc1a5e80a5149b22882339003401, Rarms.psm1 F7A4910EE2A9528D1EED9CF0E9AECF0938F81112A1A6C3B8D8AF785DEB34C3EE.
     Accepted: RARMS159 The host's scheduler does not honour reserves, onboard runs the root scheduler: reserve, limit and weight of vision would be stored without effect.
 #>
 
@@ -32,25 +31,19 @@
 #Requires -RunAsAdministrator
 [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'Medium')]
 param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force, [switch] $Test)
-
 if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') { throw 'App Control: allow this script by its signer' }
 if (-not $PSCommandPath -or $MyInvocation.InvocationName -ceq '.') { throw 'run this script as a file, not dot-sourced' }
-# What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
 $ErrorActionPreference = 'Stop'
 $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
-
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f3d37cd22705'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'
-        UndoDigest = 'ef0bc73b53be9b6a38546530ca9bf47a7f2f480fc2a376098059fd2bee12587e'
+        Run = 'apply'; Plan = '3d90f3cd5e4f'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'ec229c0a3cad400424998ad4a9a17ee054cfcc1a5e80a5149b22882339003401'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
-        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; AcceptScheduler = $true
-        Percent = 360; Memory = 7516192768
+        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $true
     }
-
     # === vision: it is not there (rarms.yaml:12:3) ================================================
     Use-Target -Address 'partition/vision' -Read { Get-NewPartitionReading -Name 'vision' }
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
@@ -72,7 +65,6 @@ $plan = {
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
 }
-
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
@@ -81,21 +73,19 @@ $digests = @{
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
-    $path = [System.IO.Path]::Combine($folder, $name)
-    $data = [System.IO.File]::ReadAllBytes($path)
+    $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ($path + ' is not that of rarms 0.1.0') }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion
-
 $code = 1
 if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }
 $run = @{
     Caller = $PSCmdlet; ScriptPath = $PSCommandPath; ModulePath = $folder; ExitCode = [ref] $code; Plan = $plan
-    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; LockTimeout = $LockTimeout
-    Abandon = $Abandon; Test = $Test
+    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; Test = $Test
+    LockTimeout = $LockTimeout; Abandon = $Abandon
 }
 $invoke = $rarms.ExportedFunctions['Invoke-RarmsPlan']
 & $invoke -Run $run

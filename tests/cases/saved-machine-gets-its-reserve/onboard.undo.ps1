@@ -1,11 +1,11 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan fe2fbec67b8f of application robot, for the host itself.
+    rarms undo script: plan 88aac5b735ce of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
-    Calls that change something: Set-VMProcessor 1, Stop-Partition 1, Write-Mark 1.
     vision: changed, stopped (reserve 80 % of each VP, limit 100 % of each VP, weight 100). It is off after 120 s at the latest, and stays off
+    Calls that change something, and no other: Set-VMProcessor 1, Stop-Partition 1, Write-Mark 1.
     Not undone: it is turned off, not saved again
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -19,12 +19,10 @@
     Gives an object for each step, which tells whether it is as wanted, and changes nothing.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
-.EXAMPLE
-    .\onboard.undo.ps1
-    Take back what was done, the last step first.
+    Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: Rarms.psm1 F7A4910EE2A9528D1EED9CF0E9AECF0938F81112A1A6C3B8D8AF785DEB34C3EE.
 #>
 
 #Requires -Version 5.1
@@ -32,25 +30,19 @@
 #Requires -RunAsAdministrator
 [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'High')]
 param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force, [switch] $Test)
-
 if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') { throw 'App Control: allow this script by its signer' }
 if (-not $PSCommandPath -or $MyInvocation.InvocationName -ceq '.') { throw 'run this script as a file, not dot-sourced' }
-# What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
 $ErrorActionPreference = 'Stop'
 $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
-
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'fe2fbec67b8f'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = ''
-        UndoDigest = ''
+        Run = 'undo'; Plan = '88aac5b735ce'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
-        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; AcceptScheduler = $false
-        Percent = 360; Memory = 7516192768
+        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'mark it as robot/vision; reserve 80 % of each VP, limit 100 % of each VP, weight 100' -Undoes 1 -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{
@@ -66,7 +58,6 @@ $plan = {
         Stop-Partition -GraceMs 120000
     }
 }
-
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
@@ -75,21 +66,19 @@ $digests = @{
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
-    $path = [System.IO.Path]::Combine($folder, $name)
-    $data = [System.IO.File]::ReadAllBytes($path)
+    $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ($path + ' is not that of rarms 0.1.0') }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion
-
 $code = 1
 if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }
 $run = @{
     Caller = $PSCmdlet; ScriptPath = $PSCommandPath; ModulePath = $folder; ExitCode = [ref] $code; Plan = $plan
-    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; LockTimeout = $LockTimeout
-    Abandon = $Abandon; Test = $Test
+    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; Test = $Test
+    LockTimeout = $LockTimeout; Abandon = $Abandon
 }
 $invoke = $rarms.ExportedFunctions['Invoke-RarmsPlan']
 & $invoke -Run $run

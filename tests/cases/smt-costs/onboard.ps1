@@ -1,13 +1,14 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan bdc4907f20bd of application robot, for the host itself.
+    rarms apply script: plan 89c34dece38b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     3 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
-    Calls that change something: New-VM 3, Remove-NetworkAdapter 3, Rename-VM 3, Set-VM 3, Set-VMMemory 3, Set-VMProcessor 3, Start-VM 3, Write-Mark 3.
-    mapping: added, started
-    speech: added, started
-    vision: added, started
+    machine  processors  reserve                 memory  disk  switch  secure boot  start
+    mapping  1           0.5 LP (50 % of each)   1 GiB   none  none    as made      start
+    speech   3           2.85 LP (95 % of each)  1 GiB   none  none    as made      start
+    vision   2           1.9 LP (95 % of each)   1 GiB   none  none    as made      start
+    Calls that change something, and no other: New-VM 3, Remove-NetworkAdapter 3, Rename-VM 3, Set-VM 3, Set-VMMemory 3, Set-VMProcessor 3, Start-VM 3, Write-Mark 3.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
 .PARAMETER LockTimeout
@@ -20,12 +21,10 @@
     Gives an object for each step, which tells whether it is as wanted, and changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-.EXAMPLE
-    .\onboard.ps1
-    Do it. Take it back with .\onboard.undo.ps1, which must lie beside it.
+    Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 591d58bc2b56, rarms 0.1.0.
+    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo c88272e5208f58b6a63ab9bf959aa8b68245d2722d5e33fd7697d4aef3db465e, Rarms.psm1 F7A4910EE2A9528D1EED9CF0E9AECF0938F81112A1A6C3B8D8AF785DEB34C3EE.
 #>
 
 #Requires -Version 5.1
@@ -33,25 +32,19 @@
 #Requires -RunAsAdministrator
 [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'Medium')]
 param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force, [switch] $Test)
-
 if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') { throw 'App Control: allow this script by its signer' }
 if (-not $PSCommandPath -or $MyInvocation.InvocationName -ceq '.') { throw 'run this script as a file, not dot-sourced' }
-# What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
 $ErrorActionPreference = 'Stop'
 $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
-
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'bdc4907f20bd'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'
-        UndoDigest = '2e215beec6803727eed96c77a54ab6366f057e6b98de7f7f0b259b4d4f734c9b'
+        Run = 'apply'; Plan = '89c34dece38b'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'c88272e5208f58b6a63ab9bf959aa8b68245d2722d5e33fd7697d4aef3db465e'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
-        LogicalProcessors = 8; Cores = 4; ThreadsPerCore = 2; AcceptScheduler = $false
-        Percent = 800; Memory = 17179869184
+        LogicalProcessors = 8; Cores = 4; ThreadsPerCore = 2; Percent = 800; Memory = 17179869184; AcceptScheduler = $false
     }
-
     # === mapping: it is not there (rarms.yaml:13:3) ===============================================
     Use-Target -Address 'partition/mapping' -Read { Get-NewPartitionReading -Name 'mapping' }
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
@@ -117,7 +110,6 @@ $plan = {
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
 }
-
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
@@ -126,21 +118,19 @@ $digests = @{
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
-    $path = [System.IO.Path]::Combine($folder, $name)
-    $data = [System.IO.File]::ReadAllBytes($path)
+    $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ($path + ' is not that of rarms 0.1.0') }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion
-
 $code = 1
 if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }
 $run = @{
     Caller = $PSCmdlet; ScriptPath = $PSCommandPath; ModulePath = $folder; ExitCode = [ref] $code; Plan = $plan
-    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; LockTimeout = $LockTimeout
-    Abandon = $Abandon; Test = $Test
+    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; Test = $Test
+    LockTimeout = $LockTimeout; Abandon = $Abandon
 }
 $invoke = $rarms.ExportedFunctions['Invoke-RarmsPlan']
 & $invoke -Run $run

@@ -1,13 +1,13 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan fac25d4b328c of application robot, for the host itself.
+    rarms undo script: plan 9a3adce1607d of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 3 stopped, 3 removed; nothing deleted.
-    Calls that change something: Remove-VM 3, Stop-Partition 3.
     door: removed, stopped. It is off after 120 s at the latest, and stays off
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
     vision: removed, stopped. It is off after 120 s at the latest, and stays off
+    Calls that change something, and no other: Remove-VM 3, Stop-Partition 3.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
 .PARAMETER LockTimeout
@@ -20,12 +20,10 @@
     Gives an object for each step, which tells whether it is as wanted, and changes nothing.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
-.EXAMPLE
-    .\onboard.undo.ps1
-    Take back what was done, the last step first.
+    Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 50d1c3071fb5, rarms 0.1.0.
+    Manifest 50d1c3071fb5, rarms 0.1.0. SHA-256: Rarms.psm1 F7A4910EE2A9528D1EED9CF0E9AECF0938F81112A1A6C3B8D8AF785DEB34C3EE.
 #>
 
 #Requires -Version 5.1
@@ -33,25 +31,19 @@
 #Requires -RunAsAdministrator
 [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'High')]
 param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force, [switch] $Test)
-
 if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') { throw 'App Control: allow this script by its signer' }
 if (-not $PSCommandPath -or $MyInvocation.InvocationName -ceq '.') { throw 'run this script as a file, not dot-sourced' }
-# What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
 $ErrorActionPreference = 'Stop'
 $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
-
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'fac25d4b328c'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = ''
-        UndoDigest = ''
+        Run = 'undo'; Plan = '9a3adce1607d'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
-        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; AcceptScheduler = $false
-        Percent = 360; Memory = 7516192768
+        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-
     # === door: takes back what the apply script did to it, the last step first (rarms.yaml:14:3) ==
     Use-Target -Address 'partition/door' -Read { Get-NewPartitionReading -Name 'door' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
@@ -79,7 +71,6 @@ $plan = {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
 }
-
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
@@ -88,21 +79,19 @@ $digests = @{
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
-    $path = [System.IO.Path]::Combine($folder, $name)
-    $data = [System.IO.File]::ReadAllBytes($path)
+    $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ($path + ' is not that of rarms 0.1.0') }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion
-
 $code = 1
 if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }
 $run = @{
     Caller = $PSCmdlet; ScriptPath = $PSCommandPath; ModulePath = $folder; ExitCode = [ref] $code; Plan = $plan
-    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; LockTimeout = $LockTimeout
-    Abandon = $Abandon; Test = $Test
+    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; Test = $Test
+    LockTimeout = $LockTimeout; Abandon = $Abandon
 }
 $invoke = $rarms.ExportedFunctions['Invoke-RarmsPlan']
 & $invoke -Run $run

@@ -1,11 +1,12 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 401e0e53de58 of application robot, for the host itself.
+    rarms apply script: plan 55018f88435b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
-    Calls that change something: New-VM 1, Remove-NetworkAdapter 1, Rename-VM 1, Set-VM 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
-    vision: added, started
+    machine  processors  reserve                memory  disk  switch  secure boot  start
+    vision   2           1.6 LP (80 % of each)  1 GiB   none  none    as made      start
+    Calls that change something, and no other: New-VM 1, Remove-NetworkAdapter 1, Rename-VM 1, Set-VM 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
 .PARAMETER LockTimeout
@@ -18,12 +19,10 @@
     Gives an object for each step, which tells whether it is as wanted, and changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-.EXAMPLE
-    .\onboard.ps1
-    Do it. Take it back with .\onboard.undo.ps1, which must lie beside it.
+    Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo c82a57eb362c5bb9339db536df1be4119c1dc75be77bad6e826c8e9fd03b1c0c, Rarms.psm1 F7A4910EE2A9528D1EED9CF0E9AECF0938F81112A1A6C3B8D8AF785DEB34C3EE.
 #>
 
 #Requires -Version 5.1
@@ -31,25 +30,19 @@
 #Requires -RunAsAdministrator
 [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'Medium')]
 param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force, [switch] $Test)
-
 if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') { throw 'App Control: allow this script by its signer' }
 if (-not $PSCommandPath -or $MyInvocation.InvocationName -ceq '.') { throw 'run this script as a file, not dot-sourced' }
-# What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
 $ErrorActionPreference = 'Stop'
 $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
-
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '401e0e53de58'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'
-        UndoDigest = 'daf6f76d25c2282734afac5ca8cf244cd6d94f2101dd3f3bff03e48ee374f626'
+        Run = 'apply'; Plan = '55018f88435b'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'c82a57eb362c5bb9339db536df1be4119c1dc75be77bad6e826c8e9fd03b1c0c'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
-        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; AcceptScheduler = $false
-        Percent = 360; Memory = 7516192768
+        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-
     # === vision: it is not there (rarms.yaml:12:3) ================================================
     Use-Target -Address 'partition/vision' -Read { Get-NewPartitionReading -Name 'vision' }
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
@@ -71,7 +64,6 @@ $plan = {
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
 }
-
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
@@ -80,21 +72,19 @@ $digests = @{
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
-    $path = [System.IO.Path]::Combine($folder, $name)
-    $data = [System.IO.File]::ReadAllBytes($path)
+    $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ($path + ' is not that of rarms 0.1.0') }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion
-
 $code = 1
 if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }
 $run = @{
     Caller = $PSCmdlet; ScriptPath = $PSCommandPath; ModulePath = $folder; ExitCode = [ref] $code; Plan = $plan
-    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; LockTimeout = $LockTimeout
-    Abandon = $Abandon; Test = $Test
+    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; Test = $Test
+    LockTimeout = $LockTimeout; Abandon = $Abandon
 }
 $invoke = $rarms.ExportedFunctions['Invoke-RarmsPlan']
 & $invoke -Run $run

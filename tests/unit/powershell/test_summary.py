@@ -1,9 +1,13 @@
 """What the head of a script says of it: counted in the very calls of its steps."""
 
+import hashlib
+import re
+
 import pytest
 
 from rarms_iac.powershell.outline import outline
 from rarms_iac.powershell.render import render_scripts
+from rarms_iac.powershell.templates import module_digests
 from tests.unit.powershell.plans import all_changes, rendered_plan
 
 SCRIPTS = {name: text.decode("ascii") for name, text in render_scripts(*rendered_plan()).items()}
@@ -16,12 +20,32 @@ def test_a_changed_reserve_stops_removes_and_deletes_nothing() -> None:
     for script in scripts.values():
         text = script.decode("ascii")
         assert "    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.\r\n" in text
-        assert "    Calls that change something: Set-VMProcessor 1, Write-Mark 1.\r\n" in text
+        assert "    Calls that change something, and no other: Set-VMProcessor 1, Write-Mark 1.\r\n" in text
 
 
 def test_everything_is_counted_and_the_undo_counts_the_other_way() -> None:
     assert "    2 machines added, 3 changed, 2 stopped, 1 removed; nothing deleted.\r\n" in SCRIPTS["onboard.ps1"]
     assert "    0 machines added, 4 changed, 3 stopped, 2 removed; 1 disk deleted.\r\n" in SCRIPTS["onboard.undo.ps1"]
+
+
+def test_a_machine_that_is_made_is_a_line_of_a_table_with_its_literal_paths() -> None:
+    head = SCRIPTS["onboard.ps1"].partition("#>")[0].split("\r\n")
+    titles = next(at for at, line in enumerate(head) if line.startswith("    machine "))
+
+    names = ["machine", "processors", "reserve", "memory", "disk", "switch", "secure boot", "start"]
+    assert re.split("  +", head[titles].strip()) == names
+    rows = [re.split("  +", line.strip()) for line in head[titles + 1 : titles + 3]]
+    assert [len(row) for row in rows] == [len(names)] * 2
+    assert all(re.fullmatch(r"[0-9.]+ LP \([0-9]+ % of each\)", row[2]) for row in rows)
+    assert "    machine " not in SCRIPTS["onboard.undo.ps1"]
+
+
+def test_the_head_says_the_digests_of_undo_and_module() -> None:
+    undo = hashlib.sha256(SCRIPTS["onboard.undo.ps1"].encode("ascii")).hexdigest()
+
+    head = SCRIPTS["onboard.ps1"].partition("#>")[0]
+
+    assert f"SHA-256: the undo {undo}, Rarms.psm1 {module_digests()['Rarms.psm1']}." in head
 
 
 @pytest.mark.parametrize("name", sorted(SCRIPTS))

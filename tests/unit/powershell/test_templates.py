@@ -88,8 +88,8 @@ def test_a_changed_reserve_is_a_short_script() -> None:
 
     script, undo = (text.decode("ascii") for _, text in sorted(render_scripts(*rendered_plan([change])).items()))
 
-    assert script.count("\n") <= 95
-    assert undo.count("\n") <= 95
+    assert script.count("\n") <= 80
+    assert undo.count("\n") <= 80
 
 
 @scripts
