@@ -62,6 +62,7 @@ def run(
     unanswered: bool = False,
     confirm: bool = False,
     force: bool = False,
+    test: bool = False,
     dot_sourced: bool = False,
     lock_timeout: int = 0,
     at_prompt: bool = False,
@@ -80,6 +81,7 @@ def run(
     session.output = [] if output is None else output
     host.clock += BETWEEN_RUNS_MS
     given: dict[str, bool | int] = {"asjson": as_json, "abandon": abandon, "force": force, "locktimeout": lock_timeout}
+    given["test"] = test
     if what_if:
         given["whatif"] = True
     if confirm or declined or answers:
