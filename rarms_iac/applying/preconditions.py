@@ -8,10 +8,11 @@ from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.state import HostFacts, Mark, Rights, State
 from rarms_iac.model.system import Application
 from rarms_iac.model.wording import quoted
+from rarms_iac.planner.refusals import IGNORED_RESERVES, asks_for_processors, ignores_reserves
 
 OTHER_ROBOT = Finding.error("RARMS342", "A partition bears the mark of another robot")
 NO_RIGHTS = Finding.error("RARMS158", "Without rights, nothing seen proves nothing")
-SCHEDULER = Finding.error("RARMS159", "The host's scheduler does not honour reserves")
+SCHEDULER = Finding.error(IGNORED_RESERVES, "The host's scheduler does not honour reserves")
 
 UNKNOWN_SCHEDULER = Finding.warning("RARMS166", "It is not known whether the host's scheduler honours reserves")
 
@@ -67,11 +68,7 @@ def no_rights(facts: HostFacts, place: Place | None = None) -> Diagnostic:
 
 def ignored_reserves(desired: State, places: Places) -> Iterator[Diagnostic]:
     """A host on which the wanted reserves, limits or weights would have no effect, or none that is known."""
-    asked = [
-        partition.settings.name
-        for partition in desired.partitions
-        if partition.settings.reserve or partition.settings.limit < 100
-    ]
+    asked = [partition.settings.name for partition in desired.partitions if asks_for_processors(partition.settings)]
     if asked:
         for finding in scheduler_findings(desired.facts, ", ".join(asked), None):  # places are looked for only then
             yield replace(finding, place=places.key("hosts", desired.facts.name))
@@ -111,10 +108,8 @@ def _scheduler_advice(facts: HostFacts) -> str:
 
 def _why_ignored(facts: HostFacts) -> str:
     """In words; nothing where reserves count. A client Windows whose scheduler is not known has the root scheduler."""
-    match facts.scheduler:
-        case SchedulerType.ROOT:
-            return "runs the root scheduler"
-        case SchedulerType.UNKNOWN if facts.client:
-            return "is a client Windows, and those run the root scheduler"
-        case SchedulerType.UNKNOWN | SchedulerType.CLASSIC | SchedulerType.CORE | SchedulerType.NONE:
-            return ""
+    if not ignores_reserves(facts):
+        return ""
+    if facts.scheduler is SchedulerType.ROOT:
+        return "runs the root scheduler"
+    return "is a client Windows, and those run the root scheduler"

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import accumulate
 
-from rarms_iac.model.claims import ANY_THREAD, WHOLE, Claim, CoreSharing, load_of
+from rarms_iac.model.claims import ANY_THREAD, WHOLE, Claim, CoreSharing, DeadlineClaim, load_of
 from rarms_iac.model.host import SERVER_2019, Host, SchedulerType
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, in_processors
 from rarms_iac.model.state import HostFacts, State
@@ -30,6 +30,26 @@ class Capacity:
     def cores(self) -> int:
         """What virtual processors are laid onto: what two machines never have at once."""
         return self.logical_processors // self.sharing.threads
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckedCapacity(Capacity):
+    """A capacity with what refuses a layout beside it: what a script can place, and the deadlines a kernel admits."""
+
+    by_script: bool = False  # a script gives the promises, which places the largest reserve first
+    deadline: int | None = None  # per cent of one logical processor, in all; None: no deadline counts
+
+    def admits(self, claims: Iterable[Claim]) -> bool:
+        """Whether the kernel admits the deadlines among these claims.
+
+        Args:
+            claims: all promises of the host.
+
+        Returns:
+            True also where no deadline counts.
+        """
+        wanted = sum(claim.deadline for claim in claims if isinstance(claim, DeadlineClaim))
+        return self.deadline is None or wanted <= self.deadline
 
 
 SMT_THREADS = 2
@@ -134,6 +154,8 @@ def holds(capacity: Capacity, claims: Iterable[Claim], effort: Effort | None = N
     load = load_of(together)
     if load.percent > WHOLE * capacity.processors or load.memory > capacity.memory:
         return False
+    if isinstance(capacity, CheckedCapacity) and not capacity.admits(together):
+        return False
     return packed(together, capacity, effort)
 
 
@@ -158,7 +180,7 @@ def packed(claims: Iterable[Claim], capacity: Capacity, effort: Effort | None = 
     It takes `SEARCH_NODES` steps at most, and where an effort is given, no more than that has left.
 
     A reserve is not guaranteed to a partition of more virtual processors than the host has logical ones, so such a
-    one does not pack.
+    one does not pack. Where a script gives the promises, places that only a search finds count as not known.
 
     Args:
         claims: as of `packs`.
@@ -175,7 +197,8 @@ def packed(claims: Iterable[Claim], capacity: Capacity, effort: Effort | None = 
         return False
     if _spread(reserved, bins):
         return True
-    return _search(_sizes(reserved), bins, effort or Effort(SEARCH_NODES))
+    found = _search(_sizes(reserved), bins, effort or Effort(SEARCH_NODES))
+    return None if found and isinstance(capacity, CheckedCapacity) and capacity.by_script else found
 
 
 def packs_by_size(claims: Iterable[Claim], capacity: Capacity) -> bool:

@@ -46,6 +46,13 @@ class Claim:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DeadlineClaim(Claim):
+    """A claim that a Linux kernel is asked to admit as a deadline, as the planner compares it."""
+
+    deadline: int  # per cent of one logical processor, for the first thread
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CoreSharing:
     """How a machine's virtual processors take cores that never run two machines at once (windows.md 2).
 

@@ -75,7 +75,7 @@ def plan_layout(
 
             may_move = limit is Disruption.REMOVAL
             start = Variant(system=system, views=hosts, reservations=reservations, may_move=may_move)
-            answer = explain(answer, problem, start)
+            answer = explain(answer, problem.without_checks(), start)
         notes += causes_as_findings(answer, system, places, where_room_lacks)
     return Planning(answer=answer, findings=tuple(notes))
 

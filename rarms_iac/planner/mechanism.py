@@ -105,6 +105,18 @@ def deadline_percent(reserve: int, processors: int) -> int:
     return min(reserve * processors, USUAL_DEADLINE_PERCENT)
 
 
+def is_no_deadline(group: Group) -> bool:
+    """Whether what a partition consists of cannot have a deadline: several threads, or one with a task class.
+
+    Args:
+        group: the partition's members.
+
+    Returns:
+        True: the kernel would refuse it on each host.
+    """
+    return len(group.members) > 1 or bool(group.members[0].task)
+
+
 def deadline_problems(
     partitions: Sequence[tuple[PlacedPartition, Group]], host: Host, processors: int, admitted: int
 ) -> Iterator[tuple[str, str, str]]:
@@ -120,10 +132,10 @@ def deadline_problems(
         The partition's name, what is wrong, and what to do.
     """
     for partition, group in partitions:
-        if len(group.members) > 1:
+        if is_no_deadline(group) and len(group.members) > 1:
             message = f"{partition.name} has {len(group.members)} components, and a deadline is of one thread."
             yield partition.name, message, "Give each a partition of its own, or use `share` or `quota`."
-        elif group.members[0].task:
+        elif is_no_deadline(group):
             message = f"{group.members[0].name} has a task class, and a thread has either a deadline or a priority."
             yield partition.name, message, "Remove `task`, or use `share` or `quota`: they go with task classes."
     if not partitions:

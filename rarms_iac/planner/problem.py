@@ -3,16 +3,19 @@
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from rarms_iac.model.capacity import capacity_of, core_sharing, foreign_claims
-from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
-from rarms_iac.model.host import Host, SimulatedHost
+from rarms_iac.model.capacity import CheckedCapacity, capacity_of, core_sharing, foreign_claims
+from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing, DeadlineClaim
+from rarms_iac.model.host import Host, Mechanism, ProviderKind, SimulatedHost
 from rarms_iac.model.layout import Cause, Infeasible, Layout, PlacedPartition, Placement
-from rarms_iac.model.state import HostFacts, State
+from rarms_iac.model.names import renaming
+from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts, RunState, State
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group, groups_of, sharing_contradictions
+from rarms_iac.planner.mechanism import deadline_percent, mechanism_of
 from rarms_iac.planner.packing.pack import can_pack, pack
 from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing
+from rarms_iac.planner.refusals import would_be_refused
 from rarms_iac.planner.reservations import ReservationSource, depends_on_a_log, names_of
 from rarms_iac.planner.sizes import size
 
@@ -25,6 +28,9 @@ class HostView:
     claims: tuple[Claim, ...] = ()  # of unmanaged machines
     present: Mapping[str, CoreSharing] = field(default_factory=dict)  # our partitions that are there now
     made: CoreSharing = ANY_THREAD  # how a machine that is made there takes cores
+    taken_names: frozenset[str] = frozenset()  # of unmanaged machines, which none of our partitions has there
+    pinned: frozenset[str] = frozenset()  # our partitions there that may not be removed as they are
+    switches: tuple[str, ...] | None = None  # None: not known
 
     def sharing(self, partition: str) -> CoreSharing:
         """Return how a partition takes cores there: as its machine does, or as one that is made.
@@ -48,13 +54,20 @@ def host_view(state: State, application: str) -> HostView:
     Returns:
         The host's facts, the claims of foreign machines, and the names of our partitions there.
     """
+    own = state.of(application).partitions
+    foreign = {partition.settings.name for partition in state.partitions if partition not in own}
     return HostView(
         facts=state.facts,
         claims=foreign_claims(state, application),
-        present={
-            partition.mark.name: partition.sharing for partition in state.of(application).partitions if partition.mark
-        },
+        present={partition.mark.name: partition.sharing for partition in own if partition.mark},
         made=core_sharing(state.facts),
+        taken_names=frozenset(foreign - {partition.settings.name for partition in own}),
+        pinned=frozenset(
+            partition.mark.name
+            for partition in own
+            if partition.mark and (partition.ties or partition.state in {RunState.BUSY, RunState.CRITICAL})
+        ),
+        switches=state.switches,
     )
 
 
@@ -69,10 +82,21 @@ class Problem:
     claims: Mapping[str, Mapping[str, Claim]]  # likewise
     blocked: Mapping[str, tuple[Cause, ...]]  # by partition: why a host that it may run on cannot take it
     contradictions: tuple[Cause, ...]
-    items: tuple[Item, ...]
+    items: tuple[Item, ...]  # without the hosts that a check would refuse, while a partition has others
     bins: tuple[Bin, ...]
     current_hosts: Mapping[str, str]  # by partition; those that are on none are left out
     views: Mapping[str, HostView]
+    may_move: bool
+
+    def without_checks(self) -> "Problem":
+        """Return the same problem where only room counts: a check may refuse its layout, and then names the reason."""
+        items = (_item(group.name, self.claims[group.name], self) for group in self.groups)
+        bins = (
+            Bin(name=host.name, capacity=capacity_of(host, view.facts), foreign_claims=view.claims)
+            for host in by_name(self.system.hosts)
+            for view in [self.views.get(host.name, HostView())]
+        )
+        return replace(self, items=tuple(items), bins=tuple(bins))
 
     def partition_on(self, partition: str, host: str) -> PlacedPartition:
         """Return the partition on this host, on which it may run.
@@ -104,7 +128,7 @@ def problem_of(
         The problem, with the causes that need no search.
     """
     groups = groups_of(system)
-    current_hosts = {name: host for host in sorted(views, reverse=True) for name in views[host].present}
+    current_hosts = _current_hosts(system, groups, views)
     alike = _kinds(system, _traits)
     alike_in_logs = _kinds(system, lambda host: (_traits(host), reservations.depends_on(host)))
     sizes: dict[str, Mapping[str, PlacedPartition]] = {}
@@ -112,25 +136,90 @@ def problem_of(
     for group in groups:
         kinds = alike_in_logs if depends_on_a_log(group) else alike
         sizes[group.name], blocked[group.name] = _sizes(group, kinds, reservations, views)
-    claims = {name: _claims(of) for name, of in sizes.items()}
-    return Problem(
+    problem = Problem(
         system=system,
         groups=groups,
         reservations=reservations,
         sizes=sizes,
-        claims=claims,
+        claims={name: _claims(of) for name, of in sizes.items()},
         blocked=blocked,
         contradictions=tuple(sharing_contradictions(groups, system)),
-        items=tuple(
-            _item(group, claims[group.name], current_hosts.get(group.name, ""), may_move=may_move) for group in groups
-        ),
-        bins=tuple(
-            Bin(name=host.name, capacity=capacity_of(host, view.facts), foreign_claims=view.claims)
-            for host in by_name(system.hosts)
-            for view in [views.get(host.name, HostView())]
-        ),
+        items=(),
+        bins=(),
         current_hosts=current_hosts,
         views=views,
+        may_move=may_move,
+    )
+    return replace(
+        problem,
+        items=tuple(_item(group.name, _checked_claims(group, problem), problem) for group in groups),
+        bins=tuple(_checked_bin(host, views.get(host.name, HostView())) for host in by_name(system.hosts)),
+    )
+
+
+def _current_hosts(system: System, groups: Sequence[Group], views: Mapping[str, HostView]) -> Mapping[str, str]:
+    """The host of each partition that is on one, by the name that it is to have."""
+    wanted = {group.name for group in groups}
+    return {
+        name: host
+        for host in sorted(views, reverse=True)
+        for name in renaming(views[host].present, wanted, system.moved).new.values()
+    }
+
+
+def _checked_bin(host: Host, view: HostView) -> Bin:
+    """The host with all that its checks bound."""
+    capacity = capacity_of(host, view.facts)
+    admitted = view.facts.deadline_percent if view.facts else None
+    processors = view.facts.logical_processors if view.facts else host.logical_processors
+    percent = USUAL_DEADLINE_PERCENT if admitted is None else admitted
+    is_linux = host.provider is ProviderKind.LINUX
+    return Bin(
+        name=host.name,
+        capacity=CheckedCapacity(
+            logical_processors=capacity.logical_processors,
+            processors=capacity.processors,
+            memory=capacity.memory,
+            sharing=capacity.sharing,
+            by_script=host.provider is ProviderKind.HYPERV,
+            deadline=percent * processors if is_linux else None,
+        ),
+        foreign_claims=view.claims,
+    )
+
+
+def _checked_claims(group: Group, problem: Problem) -> Mapping[str, Claim]:
+    """What a partition claims on the hosts where no check refuses it; on all of them, where it is refused on each."""
+    sizes, hosts = problem.sizes[group.name], problem.system.hosts
+    claims = {
+        name: _with_deadline(claim, sizes[name], group, hosts[name])
+        for name, claim in problem.claims[group.name].items()
+    }
+    current = problem.current_hosts.get(group.name, "")
+    request = problem.system.partitions.get(group.name)
+    view = problem.views.get(current, HostView())
+    is_pinned = group.name in view.pinned or (request is not None and request.protect)
+    if current in claims and is_pinned:
+        return {current: claims[current]}
+    allowed: dict[str, Claim] = {}
+    for name, claim in claims.items():
+        host, view = hosts[name], problem.views.get(name, HostView())
+        is_there = name == current
+        refused = (not is_there and group.name in view.taken_names) or would_be_refused(
+            sizes[name], group, host, view.facts, problem.system.policy, switches=view.switches, is_there=is_there
+        )
+        if not refused:
+            allowed[name] = claim
+    return allowed or claims
+
+
+def _with_deadline(claim: Claim, partition: PlacedPartition, group: Group, host: Host) -> Claim:
+    settings = partition.settings
+    if not settings.reserve or mechanism_of(group, host)[0] is not Mechanism.DEADLINE:
+        return claim
+    percent = deadline_percent(settings.reserve, settings.processors)
+    return DeadlineClaim(
+        processors=claim.processors, reserve=claim.reserve, memory=claim.memory, idle=claim.idle, deadline=percent
     )
 
 
@@ -193,12 +282,15 @@ def _claims(sizes: Mapping[str, PlacedPartition]) -> Mapping[str, Claim]:
     return {host: claims[id(partition)] for host, partition in sizes.items()}
 
 
-def _item(group: Group, claims: Mapping[str, Claim], current_host: str, *, may_move: bool) -> Item:
-    stays = current_host in claims and not may_move
+def _item(name: str, claims: Mapping[str, Claim], problem: Problem) -> Item:
+    """A partition that stays where it is, also where a check refuses it there, unless it may move."""
+    current = problem.current_hosts.get(name, "")
+    everywhere = problem.claims[name]
+    stays = current in everywhere and not problem.may_move
     return Item(
-        name=group.name,
-        claims={current_host: claims[current_host]} if stays else claims,
-        current_host=current_host,
+        name=name,
+        claims={current: claims.get(current, everywhere[current])} if stays else claims,
+        current_host=current,
     )
 
 
@@ -209,13 +301,16 @@ def solve(problem: Problem) -> Layout | Infeasible:
         problem: as `problem_of` makes it.
 
     Returns:
-        The layout; or that there is none, with the causes that need no search, and whether that is proven.
+        The layout, one that no check refuses where there is such a one; or that there is none, with the causes that
+            need no search, and whether that is proven.
     """
     on_hosts, homeless = _on_hosts(problem.system)
     causes = [*_causes(problem), *homeless]
     if causes:
         return Infeasible(proven=True, conflict=(), causes=tuple(causes), relaxations=())
     packing = pack(problem.items, problem.bins)
+    if isinstance(packing, NoPacking):
+        packing = pack((unchecked := problem.without_checks()).items, unchecked.bins)
     if isinstance(packing, NoPacking):
         return Infeasible(proven=packing.proven, conflict=(), causes=(), relaxations=())
     partitions = _partitions_of(problem, packing)

@@ -19,6 +19,7 @@ from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.desired import Desired
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.headroom import limit_in_manifest
+from rarms_iac.planner.refusals import has_switch, takes_image
 
 RESTART = Finding.warning("RARMS041", "A change restarts or stops a partition")
 MEMORY_SHRINKS = Finding.warning("RARMS220", "A change takes memory from a partition")
@@ -62,7 +63,7 @@ def review_images_and_switches(desired: Desired, plan: HostPlan) -> Iterator[Dia
 
 
 def _review_image(step: Step, creation: CreatePartition) -> Iterator[Diagnostic]:
-    if creation.generation == 2 and creation.image.lower().endswith(".vhd"):
+    if not takes_image(creation.generation, creation.image):
         yield VHD.at(
             step.place,
             f'"{creation.partition}" is to be of generation 2, and its disk would grow out of {creation.image}: a '
@@ -75,9 +76,7 @@ def _review_image(step: Step, creation: CreatePartition) -> Iterator[Diagnostic]
 
 def _review_switch(desired: Desired, step: Step, creation: CreatePartition) -> Iterator[Diagnostic]:
     switches = desired.observed.switches
-    if not creation.switch or switches is None:
-        return
-    if creation.switch.lower() in {switch.lower() for switch in switches}:
+    if has_switch(switches, creation.switch) or switches is None:
         return
     known = f"It has {', '.join(sorted(switches))}." if switches else "It has none."
     yield SWITCH.at(

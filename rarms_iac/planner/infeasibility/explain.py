@@ -1,13 +1,15 @@
 """Why there is no layout: who cannot share which hosts, by how much, and what would fit."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from itertools import chain, islice, zip_longest
+from types import MappingProxyType
 
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.diagnostics import Facts
-from rarms_iac.model.layout import Cause, Infeasible, Relaxation, RelaxationKind
+from rarms_iac.model.layout import Cause, Infeasible, Layout, Relaxation, RelaxationKind
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_percent, show_processors
 from rarms_iac.model.wording import in_a_row, list_names, number
 from rarms_iac.planner import planning_findings
@@ -22,8 +24,9 @@ from rarms_iac.planner.infeasibility.relaxations import (
     processor_relaxations,
     reserve_relaxations,
 )
-from rarms_iac.planner.packing.values import Bin, Item, free_in, free_on, least_cost, least_memory
-from rarms_iac.planner.problem import Problem
+from rarms_iac.planner.packing.pack import can_pack
+from rarms_iac.planner.packing.values import Bin, Item, free_in, free_on, is_move, least_cost, least_memory
+from rarms_iac.planner.problem import Problem, problem_of, solve
 
 MOST_NAMES = 12
 """Names in a sentence; more are counted."""
@@ -48,14 +51,58 @@ def explain(answer: Infeasible, problem: Problem, start: Variant) -> Infeasible:
             offered.
     """
     found = conflicts(problem.items, problem.bins, proven=answer.proven)
+    needed = moves_needed(start)
+    causes = [_cause(conflict, problem) for conflict in found]
+    if needed:
+        causes[0] = replace(
+            causes[0],
+            message=f"{causes[0].message} Only where partitions are now forbids a layout: {_describe_moves(needed)}.",
+            values={**causes[0].values, "would_move": tuple(needed)},
+        )
     names = sorted({item.name for conflict in found for item in conflict.items})
     return replace(
         answer,
         proven=answer.proven or all(conflict.proven for conflict in found),
         conflict=tuple(names),
-        causes=tuple(_cause(conflict, problem) for conflict in found),
-        relaxations=ways_out(problem, names, start),
+        causes=tuple(causes),
+        relaxations=ways_out(problem, names, start, needed),
     )
+
+
+def moves_needed(start: Variant) -> Mapping[str, str]:
+    """Find partitions whose present hosts alone leave no layout.
+
+    Args:
+        start: What has no layout.
+
+    Returns:
+        The host that each of them would have to leave, by name; none where moving is allowed already, or does not help.
+    """
+    if start.may_move or not any(view.present for view in start.views.values()):
+        return {}
+    problem = problem_of(start.system, start.reservations, start.views, may_move=True)
+    answer = solve(problem)
+    if not isinstance(answer, Layout):
+        return {}
+    placed = {partition.name: partition.host for partition in answer.partitions}
+    moving = [item.name for item in problem.items if is_move(item, placed[item.name])]
+    for name in tuple(moving):
+        others = [other for other in moving if other != name]
+        items = [item if item.name in others else _staying(item) for item in problem.items]
+        if can_pack(items, problem.bins):
+            moving = others
+    return {item.name: item.current_host for item in problem.items if item.name in moving}
+
+
+def _staying(item: Item) -> Item:
+    """The partition where it is; one that is nowhere, or may not stay, keeps its choice."""
+    current = item.current_host
+    return replace(item, claims={current: item.claims[current]}) if current in item.claims else item
+
+
+def _describe_moves(needed: Mapping[str, str]) -> str:
+    """As in: vision would have to leave onboard."""
+    return in_a_row([f"{name} would have to leave {host}" for name, host in needed.items()])
 
 
 def evident_causes(problem: Problem) -> tuple[Cause, ...]:
@@ -178,13 +225,16 @@ def _places(host: Bin) -> str:
     return _logical_processors(host) if host.capacity.sharing.threads == 1 else f"{number(host.capacity.cores)} cores"
 
 
-def ways_out(problem: Problem, conflict: Sequence[str], start: Variant) -> tuple[Relaxation, ...]:
+def ways_out(
+    problem: Problem, conflict: Sequence[str], start: Variant, moves: Mapping[str, str] = MappingProxyType({})
+) -> tuple[Relaxation, ...]:
     """Find changes with which everything fits.
 
     Args:
         problem: What has no layout.
         conflict: Names of the partitions that cannot share their hosts.
         start: What the problem was made of.
+        moves: As of `moves_needed`.
 
     Returns:
         Up to `MOST_WAYS_OUT` changes that are enough, one of each kind before a second of any: moving, a lower APT,
@@ -196,7 +246,7 @@ def ways_out(problem: Problem, conflict: Sequence[str], start: Variant) -> tuple
     memory = list(islice(memory_relaxations(problem), MOST_WAYS_OUT))
     processors = list(islice(processor_relaxations(problem), MOST_WAYS_OUT))
     kinds = (
-        _moving(problem, trials),
+        _moving(moves),
         _of_kind(chain.from_iterable(apt_relaxations(group, problem) for group in groups), memory, conflict, trials),
         _of_kind(memory, (), conflict, trials),
         _of_kind((relaxation for relaxation in processors if not relaxation.to_be_measured), memory, conflict, trials),
@@ -217,13 +267,10 @@ def _relaxation(edits: Edits, kind: RelaxationKind = RelaxationKind.CERTAIN, hos
     )
 
 
-def _moving(problem: Problem, trials: Trials) -> Iterator[Edits]:
-    edit = Edit(
-        "`--max-disruption removal`, which lets partitions move to another host",
-        lambda variant: replace(variant, may_move=True),
-    )
-    if problem.current_hosts and not trials.start.may_move and trials.fits((edit,), by_first_fit=False):
-        yield (edit,)
+def _moving(moves: Mapping[str, str]) -> Iterator[Edits]:
+    if moves:
+        names = in_a_row([f"{name} move away from {host}" for name, host in moves.items()])
+        yield (Edit(f"`--max-disruption removal`, which lets {names}", partial(replace, may_move=True)),)
 
 
 def _of_kind(

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import gcd, inf
 
 from rarms_iac.model.capacity import holds
-from rarms_iac.model.claims import Claim
+from rarms_iac.model.claims import Claim, DeadlineClaim
 from rarms_iac.planner.packing.highs import Row
 from rarms_iac.planner.packing.values import Bin, Item, free_in, is_move, least_cost
 
@@ -148,6 +148,8 @@ class Assignment:
 
 def _is_larger(claim: Claim, other: Claim) -> bool:
     """Whether all that has no room for the other has none for the claim."""
+    if isinstance(other, DeadlineClaim) and (not isinstance(claim, DeadlineClaim) or claim.deadline < other.deadline):
+        return False
     return claim.processors >= other.processors and claim.reserve >= other.reserve and claim.memory >= other.memory
 
 

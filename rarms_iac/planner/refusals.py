@@ -1,0 +1,102 @@
+"""Which hosts a check of the plan would refuse for a partition: the search leaves them out while it has others.
+
+The checks themselves come after the search and name what is wrong; they ask the same functions.
+"""
+
+from collections.abc import Collection
+
+from rarms_iac.model.host import Host, Mechanism, SchedulerType
+from rarms_iac.model.layout import PlacedPartition
+from rarms_iac.model.state import HostFacts, PartitionSettings
+from rarms_iac.model.system import Policy
+from rarms_iac.planner.groups import Group
+from rarms_iac.planner.mechanism import is_no_deadline, mechanism_of
+
+IGNORED_RESERVES = "RARMS159"
+"""The finding about a host whose scheduler ignores reserves; the policy may accept it there."""
+
+
+def ignores_reserves(facts: HostFacts) -> bool:
+    """Whether the host's scheduler honours no reserve, limit or weight.
+
+    Args:
+        facts: of the host; a client Windows that does not tell its scheduler has the root scheduler.
+
+    Returns:
+        False also where it is not known.
+    """
+    is_unknown_client = facts.scheduler is SchedulerType.UNKNOWN and facts.client
+    return facts.scheduler is SchedulerType.ROOT or is_unknown_client
+
+
+def asks_for_processors(settings: PartitionSettings) -> bool:
+    """Whether a partition has a reserve or a limit that a scheduler has to honour.
+
+    Args:
+        settings: of the partition.
+
+    Returns:
+        False: any scheduler will do.
+    """
+    return bool(settings.reserve) or settings.limit < 100
+
+
+def takes_image(generation: int, image: str) -> bool:
+    """Whether a new machine can have a disk that grows out of this image.
+
+    Args:
+        generation: of the machine; 2 takes no .vhd, and a child has its parent's format.
+        image: its path; empty: none.
+
+    Returns:
+        False: Hyper-V would refuse it.
+    """
+    return generation != 2 or not image.lower().endswith(".vhd")
+
+
+def has_switch(switches: Collection[str] | None, switch: str) -> bool:
+    """Whether the host has the virtual switch that a machine is to be connected to.
+
+    Args:
+        switches: of the host; None: not known.
+        switch: its name, in any case of letters; empty: none is wanted.
+
+    Returns:
+        True also where it is not known.
+    """
+    return not switch or switches is None or switch.lower() in {name.lower() for name in switches}
+
+
+def would_be_refused(
+    partition: PlacedPartition,
+    group: Group,
+    host: Host,
+    facts: HostFacts | None,
+    policy: Policy,
+    *,
+    switches: Collection[str] | None,
+    is_there: bool,
+) -> bool:
+    """Whether a check refuses a partition on a host, with other partitions or without.
+
+    Args:
+        partition: as it would be there.
+        group: its members.
+        host: of the manifest.
+        facts: what was observed of the host; None: not looked at.
+        policy: of the manifest; an acceptance of RARMS159 at the host counts, also one that has expired.
+        switches: names of the host's virtual switches; None: not known.
+        is_there: whether the partition is on the host already, and so not made.
+
+    Returns:
+        True: the plan could not be made.
+    """
+    making, settings = partition.making, partition.settings
+    if not is_there and not (takes_image(settings.generation, making.image) and has_switch(switches, making.switch)):
+        return True
+    is_deadline = bool(settings.reserve) and mechanism_of(group, host)[0] is Mechanism.DEADLINE
+    if is_deadline and (is_no_deadline(group) or (facts is not None and facts.deadline_percent == 0)):
+        return True
+    accepted = policy.accept.get(IGNORED_RESERVES)
+    is_accepted = accepted is not None and f"host/{host.name}" in accepted.at
+    return facts is not None and ignores_reserves(facts) and asks_for_processors(settings) and not is_accepted

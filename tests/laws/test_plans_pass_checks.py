@@ -1,0 +1,170 @@
+"""The planner obeys the checks that come after it: a plan is refused only where every layout would be."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rarms_iac.applying.prepare import PlanningResult, prepare
+from rarms_iac.applying.state_after import partitions_after
+from rarms_iac.model.diagnostics import Severity
+from rarms_iac.model.host import HypervHost, LinuxHost, Mechanism, ProviderKind, SchedulerType
+from rarms_iac.model.plan import Plan
+from rarms_iac.model.state import HostFacts, Partition, State
+from rarms_iac.model.system import Disruption, System
+from tests import builders_plan as build
+from tests.builders import a_component, a_host, a_system
+from tests.planning import a_request
+from tests.strategies import facts_for
+
+NAMES = ("a", "b", "c")
+
+
+@dataclass(frozen=True)
+class Situation:
+    """Two hosts and three components."""
+
+    system: System
+    states: Mapping[str, State]
+
+
+@st.composite
+def situations(draw: st.DrawFn) -> Situation:
+    kind = draw(st.sampled_from((ProviderKind.HYPERV, ProviderKind.LINUX)))
+    hosts, states = [], {}
+    for name in ("left", "right"):
+        if kind is ProviderKind.LINUX:
+            mechanism = draw(st.sampled_from((Mechanism.SHARE, Mechanism.DEADLINE)))
+            host = a_host(name, provider=kind, logical_processors=2, settings=LinuxHost(mechanism=mechanism))
+        else:
+            image = draw(st.sampled_from(("", "base.vhd", "base.vhdx")))
+            switch = draw(st.sampled_from(("", "cell")))
+            windows = HypervHost(image=image, switch=switch)
+            host = a_host(name, provider=kind, logical_processors=2, settings=windows)
+        hosts.append(host)
+        states[name] = State(
+            facts=_facts(draw, facts_for(host, provider=kind)),
+            partitions=tuple(_foreign(number) for number in NAMES if draw(st.integers(0, 5)) == 0),
+            tasks=(),
+            switches=draw(st.sampled_from((("cell",), ()))) if kind is ProviderKind.HYPERV else None,
+        )
+    components = [
+        a_component(
+            name,
+            reserve=f"{draw(st.integers(5, 60))} %",
+            processors=draw(st.integers(1, 2)),
+            memory="64 MiB",
+            hosts=("left", "right"),
+            task="MotionControl" if kind is ProviderKind.LINUX and draw(st.booleans()) else None,
+        )
+        for name in NAMES[: draw(st.integers(1, 3))]
+    ]
+    return Situation(a_system(hosts=hosts, components=components), states)
+
+
+def _facts(draw: st.DrawFn, facts: HostFacts) -> HostFacts:
+    if facts.provider is ProviderKind.LINUX:
+        return replace(facts, deadline_percent=draw(st.sampled_from((None, 0, 50))), scheduler=SchedulerType.NONE)
+    return replace(facts, scheduler=draw(st.sampled_from((SchedulerType.CORE, SchedulerType.ROOT))))
+
+
+def _foreign(name: str) -> Partition:
+    return replace(
+        build.partition(build.settings(name, processors=1, reserve=0, ram="64 MiB"), application=None), id=f"id-{name}"
+    )
+
+
+def planned(
+    system: System, states: Mapping[str, State], limit: Disruption = Disruption.PARTITION_STOP
+) -> PlanningResult:
+    return prepare(a_request(system, limit), states)
+
+
+def is_refused_by_all_layouts(situation: Situation) -> bool:
+    components = situation.system.components
+    return all(
+        planned(
+            replace(
+                situation.system,
+                components={
+                    name: replace(components[name], hosts=(host,)) for name, host in zip(components, hosts, strict=True)
+                },
+            ),
+            situation.states,
+        ).plan
+        is None
+        for hosts in product(("left", "right"), repeat=len(components))
+    )
+
+
+@settings(deadline=None, max_examples=150)
+@given(situations())
+def test_a_plan_is_refused_only_where_each_layout_would_be(situation: Situation) -> None:
+    result = planned(situation.system, situation.states)
+
+    if result.plan is None:
+        assert any(finding.severity is Severity.ERROR for finding in result.findings)
+        assert is_refused_by_all_layouts(situation), [finding.detail for finding in result.findings]
+
+
+@settings(deadline=None, max_examples=80)
+@given(situations())
+def test_what_was_applied_can_be_planned_again_and_so_can_the_emptied_host(situation: Situation) -> None:
+    first = planned(situation.system, situation.states)
+    if first.plan is None:
+        return
+
+    after = applied(situation, first.plan)
+    again = planned(situation.system, after)
+
+    assert again.plan is not None, [finding.detail for finding in again.findings]
+    placed = {host.host.name: {change.address.partition for change in host.changes} for host in first.plan.hosts}
+    for host in again.plan.hosts:
+        assert not {change.address.partition for change in host.changes} & placed[host.host.name]
+    assert planned(situation.system, situation.states).plan == first.plan
+
+
+def applied(situation: Situation, plan: Plan) -> Mapping[str, State]:
+    application = situation.system.application.name
+    states = {}
+    for host in plan.hosts:
+        before = situation.states[host.host.name]
+        foreign = tuple(each for each in before.partitions if each not in before.of(application).partitions)
+        own = tuple(_made(each) for each in partitions_after(before, application, host.changes))
+        states[host.host.name] = replace(before, partitions=(*foreign, *own))
+    return states
+
+
+def _made(partition: Partition) -> Partition:
+    """The partition with the machine that the host made for it."""
+    assert partition.mark is not None
+    machine = f"id-of-{partition.settings.name}"
+    return replace(partition, id=machine, mark=replace(partition.mark, machine=machine[:36]))
+
+
+def test_a_refusal_names_the_partition_that_would_have_to_move() -> None:
+    """Two small partitions stand on both hosts, so that the large one that is new has room on neither."""
+    hosts = [a_host(name) for name in ("left", "right")]
+    small = [a_component(name, reserve="30 %", processors=2, memory="64 MiB") for name in ("a", "b")]
+    large = a_component("c", reserve="80 %", processors=2, memory="64 MiB")
+    states = {host.name: State(facts=facts_for(host), partitions=(), tasks=()) for host in hosts}
+    for name, host in (("a", "left"), ("b", "right")):
+        there = [replace(each, hosts=(host,)) for each in small if each.name == name]
+        only = Situation(a_system(hosts=hosts, components=there), states)
+        plan = planned(only.system, only.states).plan
+        assert plan is not None
+        made = applied(only, plan)[host]
+        states[host] = replace(made, partitions=tuple(replace(each, id=f"id-of-{name}") for each in made.partitions))
+    system = a_system(hosts=hosts, components=[*small, large])
+
+    refused = planned(system, states)
+    moved = prepare(a_request(system, Disruption.REMOVAL), states)
+
+    assert refused.plan is None
+    (finding,) = [finding for finding in refused.findings if finding.severity is Severity.ERROR]
+    assert finding.values["would_move"] in {("a",), ("b",)}
+    assert "Only where partitions are now forbids a layout" in finding.detail
+    assert "--max-disruption removal" in str(finding.advice)
+    assert moved.plan is not None
