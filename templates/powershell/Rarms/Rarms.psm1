@@ -477,8 +477,7 @@ function ConvertTo-AsciiJson {
     [regex]::Replace($text, '[^\x20-\x7e]', { '\u{0:x4}' -f [int] [char] $args[0].Value })
 }
 
-# === preview ======================================================================================
-# What -WhatIf shows.
+# === preview: what -WhatIf shows.
 
 function Show-Run {
     # A preview: first what is stopped, removed and deleted, then every step that is not done, with what it comes after.
@@ -553,8 +552,7 @@ function Get-Loss {
     }
 }
 
-# === lock =========================================================================================
-# One run at a time on this computer, in a folder that only Administrators and SYSTEM may write to.
+# === lock: one run at a time on this computer, in a folder that only Administrators and SYSTEM may write to.
 
 function Lock-Host {
     # A preview holds nothing. The folder comes first: no other account may open, and so hold, what lies in it.
@@ -765,8 +763,7 @@ function Write-FirstRecord {
     else { [System.IO.File]::Move($fresh, $script:Journal) }
 }
 
-# === host =========================================================================================
-# Whether a script runs where it was made for, and whether a reserve has any effect there.
+# === host: whether a script runs where it was made for, and whether a reserve has any effect there.
 
 function Assert-VmHost {
     # Is it this host, may we, and does a reserve have any effect here?
@@ -815,8 +812,7 @@ function Test-RootScheduler {
     [string] $windows.GetValue('InstallationType') -ceq 'Client'
 }
 
-# === guest ========================================================================================
-# Where the script of a guest may run.
+# === guest: where the script of a guest may run.
 
 function Assert-Guest {
     # In the machine that it was made for, as Hyper-V tells its guest: by its id, or by its name where the plan makes it.
@@ -832,8 +828,7 @@ function Assert-Guest {
     Stop-Run -Detail ('this is the guest of {0} ({1}), not of {2}' -f $name, $id, $script:Plan.Guest)
 }
 
-# === machines =====================================================================================
-# How virtual machines are found, read and marked: never by their names.
+# === machines: how virtual machines are found, read and marked: never by their names.
 
 function Get-PartitionReading {
     # What the host shows of the machine with this id.
@@ -1017,8 +1012,7 @@ function Add-DeviceReading {
     $Live
 }
 
-# === making =======================================================================================
-# The machine that this plan makes: it carries our mark, or before that the plan's pending name.
+# === making: the machine that this plan makes: it carries our mark, or before that the plan's pending name.
 
 function Get-NewPartitionReading {
     param([string] $Name)
@@ -1119,8 +1113,7 @@ function Remove-NetworkAdapter {
     if (@(Hyper-V\Get-VMNetworkAdapter -VM $script:Vm).Count) { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
 }
 
-# === capacity =====================================================================================
-# Whether the host can keep what it promises, its unmanaged machines included.
+# === capacity: whether the host can keep what it promises, its unmanaged machines included.
 
 function Test-Capacity {
     # Whether all promises fit with this machine's new one: in sum, in memory, and each processor onto a logical one.
@@ -1195,8 +1188,7 @@ function Get-CoreCount {
     ($Processors + ($Processors -band 1)) / 2
 }
 
-# === stop =========================================================================================
-# How a virtual machine is stopped.
+# === stop: how a virtual machine is stopped.
 
 function Stop-Partition {
     # Asks a guest to shut down as soon as it can be asked, forces it from half of the grace on, and turns the machine off
@@ -1250,8 +1242,7 @@ function Test-ShutdownService {
     $false
 }
 
-# === disks ========================================================================================
-# How virtual disks are read and removed.
+# === disks: how virtual disks are read and removed.
 
 function Get-DiskReading {
     # Whether it is there and grows out of this image; with -Everywhere also whether any machine has it.
@@ -1314,8 +1305,7 @@ function Remove-DiskFile {
     Remove-Item -LiteralPath $Path
 }
 
-# === tasks ========================================================================================
-# How multimedia task classes are read and written, each value with its type, and what rarms keeps of them.
+# === tasks: how multimedia task classes are read and written, each value with its type, and what rarms keeps of them.
 
 function Get-TaskClassReading {
     # Values with their types, and our record: whose it is and what was last written.
@@ -1453,8 +1443,7 @@ function Remove-Key {
     if (Test-Path -LiteralPath $Path) { Remove-Item -LiteralPath $Path }
 }
 
-# === unseen =======================================================================================
-# Task classes of a guest that could not be looked into, so that its own record decides.
+# === unseen: task classes of a guest that could not be looked into, so that its own record decides.
 
 function Get-GuestTaskClassReading {
     # As Get-TaskClassReading, and whether the class is not ours to take: another application's, there before rarms, or with

@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo 42ff4eaa3b0f51da73761a36d3adf41739f881edd0ff12214c03008ece967ddb, Rarms.psm1 F7A4910EE2A9528D1EED9CF0E9AECF0938F81112A1A6C3B8D8AF785DEB34C3EE.
+    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo dcb4318152c62412fadb134f5894ee81a06fccc50a1a97df1398231e42737c46, Rarms.psm1 CC4CC3F7AF7A7B6A42C0CEAE9513860015D93043E44A9327D4862292D5A9F9DD.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ffb5db5fad58'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '42ff4eaa3b0f51da73761a36d3adf41739f881edd0ff12214c03008ece967ddb'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'dcb4318152c62412fadb134f5894ee81a06fccc50a1a97df1398231e42737c46'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -74,7 +74,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'F7A4910EE2A9528D1EED9CF0E9AECF0938F81112A1A6C3B8D8AF785DEB34C3EE'
+    'Rarms.psm1' = 'CC4CC3F7AF7A7B6A42C0CEAE9513860015D93043E44A9327D4862292D5A9F9DD'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
