@@ -24,14 +24,14 @@ FLAGS = (
 
 
 @contextmanager
-def chromium(profile: Path) -> Iterator["WebDriver"]:
-    """The machine's own Chromium with a fresh profile; it is ended after an error, too."""
+def chromium(profile: Path, *flags: str) -> Iterator["WebDriver"]:
+    """The machine's own Chromium with a fresh profile, and these flags; it is ended after an error, too."""
     from selenium.webdriver import Chrome, ChromeOptions
     from selenium.webdriver.chrome.service import Service
 
     options = ChromeOptions()
     options.binary_location = shutil.which("chromium") or ""
-    for flag in (*FLAGS, f"--user-data-dir={profile}"):
+    for flag in (*FLAGS, *flags, f"--user-data-dir={profile}"):
         options.add_argument(flag)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     driver = Chrome(options=options, service=Service(shutil.which("chromedriver") or ""))

@@ -88,6 +88,10 @@ NEEDS: dict[str, Need] = {
         missing=lambda: "" if importlib.util.find_spec("ansible") else "ansible-core is not installed",
         obtainable=_on_posix,
     ),
+    "axe": Need(
+        missing=lambda: "" if importlib.util.find_spec("axe_core_python") else "axe-core-python is not installed",
+        obtainable=_on_linux,
+    ),
     "bash": Need(missing=_program("bash"), obtainable=_on_posix),
     "chromium": Need(missing=lambda: _program("chromium")() or _program("chromedriver")(), obtainable=_on_linux),
     "control-groups": Need(

@@ -68,12 +68,13 @@ class Studio:
     Args:
         settings: what is served.
         stop: says when the server is to end.
+        watch: keeps what is known; None: of the settings' manifest.
     """
 
-    def __init__(self, settings: StudioSettings, stop: StopSignal) -> None:
+    def __init__(self, settings: StudioSettings, stop: StopSignal, watch: Watch | None = None) -> None:
         self._settings = settings
         self._stop = stop
-        self._watch = Watch(settings.source)
+        self._watch = watch or Watch(settings.source)
         self._workspace = Workspace(source=settings.source)
         self.work = TaskRunner(stop, settings.manifest_options, self._watch.forget)
 
@@ -252,20 +253,23 @@ def bind(port: int) -> socket.socket:
     return bound
 
 
-def serve(settings: StudioSettings, stop: StopSignal, announce: Callable[[str], None]) -> None:
+def serve(
+    settings: StudioSettings, stop: StopSignal, announce: Callable[[str], None], watch: Watch | None = None
+) -> None:
     """Serve until the end is asked for; what runs then is stopped as in the terminal, and waited for.
 
     Args:
         settings: what is served.
         stop: asked several times a second.
         announce: called with the first address, with its token, once requests are taken.
+        watch: as of `Studio`.
 
     Raises:
         RequestError: the port is taken.
     """
     bound = bind(settings.port)
     port = int(bound.getsockname()[1])
-    keys, studio = Keys(), Studio(settings, stop)
+    keys, studio = Keys(), Studio(settings, stop, watch)
     config = uvicorn.Config(
         guarded(studio, port, keys), log_config=None, access_log=False, server_header=False, lifespan="off",
         timeout_graceful_shutdown=2,

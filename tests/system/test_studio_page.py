@@ -11,13 +11,17 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from importlib.resources import files
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from tests.browser import chromium, looks, messages, whole_page
-from tests.needs import CHECKOUT
+from tests.needs import CHECKOUT, require
+from tests.system.test_report_page import LEAST_CONTRAST
 
 if TYPE_CHECKING:
     from selenium.webdriver.chrome.webdriver import WebDriver
@@ -29,21 +33,21 @@ LONGEST = 120.0
 """Seconds to wait for words; a machine may be busy."""
 RARMS = (sys.executable, "-m", "rarms_iac.cli.main")
 
-SLOW = """\
-schema: rarms/v1
-application: { name: slow }
-hosts:
-  onboard: { logical_processors: 2, memory: 8 GiB }
-components:
-  vision:
-    criticality: 30
-    apt: { p99_response_time: { at_most: 60 ms } }  # the line is not too late
-    run: { command: [vision], until: { samples: 20000 }, samples: { from: per_run } }
-    cpu: { reserve: measured }
-    memory: 512 MiB
-    simulation: { work: 20 ms, varies: 30 % }
-policy: { interference: [busy-loop] }
+NAMES = ("vision", "speech", "paths", "arm", "wheels", "lidar", "maps", "talk")
+COMPONENT = """\
+  {name}:
+    criticality: 10
+    apt: {{ mean_response_time: {{ at_most: 60 ms }} }}
+    run: {{ command: [{name}], until: {{ samples: 2000 }}, samples: {{ from: per_run }} }}
+    cpu: {{ reserve: measured }}
+    memory: 256 MiB
+    simulation: {{ work: 20 ms, varies: 10 % }}
 """
+SLOW = (
+    "schema: rarms/v1\napplication: { name: slow }\nhosts:\n  onboard: { logical_processors: 2, memory: 8 GiB }\n"
+    "policy: { interference: [busy-loop] }\ncomponents:\n" + "".join(COMPONENT.format(name=name) for name in NAMES)
+)
+"""Settings that take a second each, and many of them."""
 
 
 class Studio:
@@ -196,3 +200,214 @@ def test_a_session_from_an_empty_folder_to_a_proven_plan(browser: "WebDriver", t
 def messages_of_errors(page: "WebDriver") -> list[str]:
     """What the browser complained of, but for the server that was closed, and answers that say no."""
     return [text for text in messages(page, "browser") if not re.search(r"ERR_|status of 409", text)]
+
+
+@pytest.fixture
+def slow(tmp_path: Path) -> Path:
+    """A folder whose component takes long to measure."""
+    folder = tmp_path / "slow"
+    folder.mkdir()
+    (folder / "rarms.yaml").write_text(SLOW, encoding="utf-8", newline="\n")
+    return folder
+
+
+def settings_in(folder: Path) -> int:
+    """How many settings the data logs hold."""
+    logs = (folder / "measurements").glob("*/*/*.jsonl")
+    return sum(path.read_text(encoding="utf-8").count('\n{"reserve"') for path in logs)
+
+
+def opens(page: "WebDriver", served: Studio) -> None:
+    looks(page, width=1200)
+    page.get(served.address)
+    waits_for(page, "return location.pathname.endsWith('/') && document.getElementById('components')")
+
+
+def test_a_measurement_is_stopped_in_the_middle_and_goes_on(browser: "WebDriver", slow: Path) -> None:
+    with studio(slow) as served:
+        opens(browser, served)
+        button(browser, "measure").click()
+        waits_for(browser, "return document.getElementById('work-rows').textContent.includes('samples')")
+        browser.find_element("css selector", "[data-measure=vision]").click()
+        waits_for(browser, "return document.getElementById('work-status').textContent.startsWith('Something runs')")
+        keeps(browser, "measuring")
+        browser.find_element("id", "work-stop").click()
+        assert waits_for_end(browser, "rarms measure") == "was stopped."
+        assert "the same command goes on" in shown(browser, "work-lines")
+        recorded = settings_in(slow)
+
+        button(browser, "measure").click()
+        waits_for(browser, "return document.getElementById('work-status').textContent === 'runs.'")
+        until = time.monotonic() + LONGEST
+        while settings_in(slow) <= recorded:
+            assert time.monotonic() < until
+            time.sleep(0.1)
+        waits_for(browser, "return document.querySelector('#m1 .dot') !== null")
+        assert shown(browser, "work-status") == "runs.", "curves come while it is measured"
+        assert served.closes() == 0, "closed in the middle, it stops as in the terminal"
+    assert "vision" in rarms(slow, "status")
+
+
+def test_a_second_tab_and_a_terminal_beside_it_show_the_same(browser: "WebDriver", tmp_path: Path) -> None:
+    rarms(tmp_path, "init")
+    with studio(tmp_path) as served:
+        opens(browser, served)
+        first = browser.current_window_handle
+        browser.switch_to.new_window("tab")
+        second = browser.current_window_handle
+        browser.get(served.page)
+        waits_for(browser, "return document.getElementById('components') !== null")
+
+        rarms(tmp_path, "measure", "control")
+        for tab in (first, second):
+            browser.switch_to.window(tab)
+            waits_for(browser, "return document.getElementById('m1-1-line') !== null")
+        button(browser, "plan").click()
+        for tab in (second, first):
+            browser.switch_to.window(tab)
+            waits_for(browser, "return document.getElementById('the-plan') !== null")
+        rarms(tmp_path, "apply", "--auto-approve")
+        for tab in (first, second):
+            browser.switch_to.window(tab)
+            waits_for(browser, "return document.getElementById('history')?.textContent.includes('done')")
+        browser.switch_to.window(second)
+        browser.close()
+        browser.switch_to.window(first)
+
+
+def test_an_apply_that_was_killed_is_finished_and_the_page_says_so(browser: "WebDriver", tmp_path: Path) -> None:
+    rarms(tmp_path, "init")
+    name = json.loads(rarms(tmp_path, "status", "--json"))["application"]
+    words = [sys.executable, "-m", "tests.crashing", "70", "before", "apply", "--auto-approve"]
+    words += ["-f", str(tmp_path)]
+    assert subprocess.run(words, cwd=CHECKOUT, capture_output=True).returncode == 137
+    with studio(tmp_path) as served:
+        opens(browser, served)
+        assert "finishes the run" in shown(browser, "next")
+        browser.find_element("id", "finish-application").send_keys(name)
+        button(browser, "finish").click()
+        assert waits_for_end(browser, "rarms apply") == "ended."
+        waits_for(browser, "return !document.getElementById('finish')")
+        assert "running" in shown(browser, "hosts")
+
+        browser.find_element("id", "undo-application").send_keys(name)
+        button(browser, "undo").click()
+        assert waits_for_end(browser, "rarms undo") == "ended."
+        waits_for(browser, "return document.getElementById('history').textContent.includes('undone')")
+
+
+def test_a_killed_server_is_told_and_another_one_goes_on(browser: "WebDriver", slow: Path) -> None:
+    with studio(slow) as served:
+        opens(browser, served)
+        button(browser, "measure").click()
+        waits_for(browser, "return document.getElementById('work-rows').textContent.includes('samples')")
+        served.process.kill()
+        served.process.wait(timeout=LONGEST)
+        waits_for(browser, "return !document.getElementById('connection').hidden")
+        assert "start rarms studio again" in shown(browser, "connection")
+    with studio(slow) as again:
+        opens(browser, again)
+        button(browser, "measure").click()
+        waits_for(browser, "return document.querySelector('#m1 .dot') !== null")
+        assert "removed" in shown(browser, "work-lines"), "what the killed one left on the host"
+
+
+class Foreign(BaseHTTPRequestHandler):
+    """A page of another user of this machine, or of the internet."""
+
+    cookies: list[str]
+
+    def do_GET(self) -> None:
+        self.cookies.append(self.headers.get("Cookie", ""))
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html")
+        self.end_headers()
+        self.wfile.write(b"<!doctype html><title>foreign</title>")
+
+    def log_message(self, *_words: object) -> None:
+        pass
+
+
+ATTEMPTS = """
+    const [page, done] = arguments;
+    const refused = "refused", credentials = "include";
+    const post = (mode, type) =>
+      fetch(`${page}do/measure`, { method: "POST", mode, credentials, headers: { "Content-Type": type }, body: "{}" })
+        .then((answer) => answer.status, () => refused);
+    const loaded = (name, values, found) => new Promise((resolve) => {
+      const element = Object.assign(document.createElement(name), values);
+      element.addEventListener("load", () => resolve(found(element)));
+      element.addEventListener("error", () => resolve(refused));
+      document.body.append(element);
+    });
+    (async () => done({
+      "post": await post("cors", "application/json"),
+      "simple post": await post("no-cors", "text/plain"),
+      "read": await fetch(page, { credentials }).then((answer) => answer.status, () => refused),
+      "frame": await loaded("iframe", { src: page }, (frame) => frame.contentDocument?.title ?? refused),
+      "script": await loaded("script", { type: "module", src: `${page}modules/studio.js` }, () => "ran"),
+    }))();
+"""
+"""What a page of another origin may try; each answer that it could read, or `refused`."""
+
+
+def test_a_foreign_origin_gets_and_changes_nothing(browser: "WebDriver", tmp_path: Path) -> None:
+    rarms(tmp_path, "init")
+    seen: list[str] = []
+    server = HTTPServer(("127.0.0.1", 0), type("Handler", (Foreign,), {"cookies": seen}))
+    Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        with studio(tmp_path) as served:
+            opens(browser, served)
+            before = shown(browser, "hosts")
+            browser.get(f"http://127.0.0.1:{server.server_port}/{served.page.rsplit('/', 2)[1]}x/")
+            tried = browser.execute_async_script(ATTEMPTS, served.page)
+            assert tried == dict.fromkeys(("post", "simple post", "read", "frame", "script"), "refused")
+            assert {"rarms-studio" in cookie for cookie in seen} == {False}, "the cookie is bound to a path"
+            browser.get(served.page)
+            waits_for(browser, "return document.getElementById('hosts') !== null")
+            assert shown(browser, "hosts") == before
+            assert browser.execute_script("return document.getElementById('work').hidden")
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+def test_it_is_for_people(browser: "WebDriver", tmp_path: Path) -> None:
+    require("axe")
+    axe = files("axe_core_python").joinpath("axe.min.js").read_text(encoding="utf-8")
+    rarms(tmp_path, "init")
+    rarms(tmp_path, "measure", "control")
+    with studio(tmp_path) as served:
+        opens(browser, served)
+        button(browser, "plan").click()
+        waits_for(browser, "return document.getElementById('the-plan') !== null")
+        browser.find_element("css selector", "[data-preview=m1]").click()
+        waits_for(browser, "return document.querySelector('#m1 .edit:not([hidden])')")
+        for width, dark in ((1200, False), (1200, True), (600, False), (360, True)):  # 600: a screen of 1200 at 200 %
+            looks(browser, width=width, dark=dark)
+            keeps(browser, f"{width}-{'dark' if dark else 'light'}", width)
+            assert browser.execute_script("return document.documentElement.scrollWidth") <= width
+            assert browser.execute_script(LEAST_CONTRAST) >= 4.5
+            browser.execute_script(f"if (!window.axe) {{ {axe} }}")
+            found = browser.execute_async_script("axe.run().then((results) => arguments[0](results.violations))")
+            serious = [
+                (each["id"], [node["html"][:120] for node in each["nodes"]])
+                for each in found
+                if each["impact"] in {"serious", "critical"}
+            ]
+            assert serious == []
+
+
+def test_read_only_shows_everything_and_changes_nothing(browser: "WebDriver", tmp_path: Path) -> None:
+    rarms(tmp_path, "init")
+    rarms(tmp_path, "measure", "control")
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    with studio(tmp_path, "--read-only") as served:
+        opens(browser, served)
+        disabled = "return [...document.querySelectorAll(arguments[0])].map((each) => each.disabled)"
+        assert set(browser.execute_script(disabled, "#measure button, #prove button, [data-measure], .write")) == {True}
+        button(browser, "plan").click()
+        waits_for(browser, "return document.getElementById('the-plan') !== null")
+        assert browser.execute_script(disabled, "#apply button") == [True]
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
