@@ -80,7 +80,8 @@ def tasks_while_dragging(trace: Path) -> Sequence[float]:
     return [
         event["dur"] / 1000
         for event in events
-        if event["name"] == TASK and "dur" in event
+        if event["name"] == TASK
+        and "dur" in event
         and (event["pid"], event["tid"]) == (begin["pid"], begin["tid"])
         and begin["ts"] <= event["ts"] <= end["ts"]
     ]
