@@ -1,6 +1,6 @@
 """How long measuring will take, at least and at most: from the settings that may be asked for and how each ends.
 
-Begin at `expected_duration`. Times are of the host's own clock; a simulated host runs through them faster.
+Begin at `expected_duration`. Times are of the host's own clock: a simulated host does not make its user wait for them.
 """
 
 from collections.abc import Iterable, Sequence
@@ -35,6 +35,7 @@ class DurationBounds:
     most_settings: int
     least_ms: float
     most_ms: float
+    measured: int = 0  # settings of the data log whose time it rests on; 0: it rests on what the manifest allows
     by_timeout: bool = False  # `most_ms` has only some component's timeout to go by: far beyond what is usual
 
 
@@ -75,9 +76,19 @@ def expected_duration(
         settles_ms: The least time in which the host settles, and that a setting then goes on (`Settling.least_ms`).
 
     Returns:
-        Bounds of what is still to be run. At most, every job takes as long as its thresholds allow; at least, jobs are
-        as fast as the fastest recorded, and without a record take no time unless they have a period.
+        Bounds of what is still to be run: by the quickest and the slowest setting whose time the log has, with all
+        tries of one that was disturbed. Without such a record every job takes at most as long as its thresholds
+        allow; at least, jobs are as fast as the fastest recorded, and without a record take no time unless they
+        have a period.
     """
+    if spent := [_spent_again_ms(experiment, setting, count) for setting in earlier if setting.spent_ms is not None]:
+        return DurationBounds(
+            least_settings=count.least,
+            most_settings=count.most,
+            least_ms=count.least * min(spent),
+            most_ms=count.most * max(spent),
+            measured=len(spent),
+        )
     # Members run together: a setting ends when each has what it needs.
     shortest = max(_least_ms(run_of(member), member, earlier, count) for member in experiment.members)
     shortest = settles_ms + max(shortest, settles_ms)
@@ -98,6 +109,19 @@ def expected_duration(
         by_timeout=not count.goes_on
         and any(_allowed_ms(member) >= run_of(member).timeout for member in experiment.members),
     )
+
+
+def _spent_again_ms(experiment: Experiment, setting: Setting, count: SettingCount) -> float:
+    """What an earlier setting would take now: in proportion to the samples, where it ends after a number of them."""
+    if count.goes_on:
+        return setting.host_ms
+    taken = {series.component: len(series.samples) for series in setting.series}
+    ratios = [
+        ends.samples / taken[member.name]
+        for member in experiment.members
+        if isinstance(ends := run_of(member).ends, SampleCount) and taken.get(member.name)
+    ]
+    return setting.host_ms * max(ratios, default=1.0)
 
 
 def least_samples(member: Component) -> int:

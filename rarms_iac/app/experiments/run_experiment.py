@@ -16,7 +16,7 @@ from rarms_iac.app.experiments.stopping import stopped_to_measure
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.measuring import measuring_findings
-from rarms_iac.measuring.duration import expected_duration, least_samples, settings_to_run
+from rarms_iac.measuring.duration import DurationBounds, expected_duration, least_samples, settings_to_run
 from rarms_iac.measuring.loop import LoopResult, MeasuringContext, OtherProcessors, SettingsLog, measure
 from rarms_iac.measuring.methods import Method, Search, is_of_paper, strategy_of
 from rarms_iac.measuring.partitions import (
@@ -306,17 +306,27 @@ def _describe_duration(
     settings = counted(bounds.most_settings, "setting")
     if bounds.least_settings != bounds.most_settings:
         settings = f"{bounds.least_settings} to {settings}"
-    least = f"{show_duration(bounds.least_ms)} to " if 0 < bounds.least_ms < bounds.most_ms else ""
-    clock = " (simulated)" if experiment.host.provider is ProviderKind.SIMULATED else ""
-    most = show_duration(bounds.most_ms)
-    most = f"{most}, as only `run.timeout` bounds a job" if bounds.by_timeout else f"about {most}"
+    is_simulated = experiment.host.provider is ProviderKind.SIMULATED
+    # A simulated host's clock shows nothing that its user waits for: the settings are counted, and no time is said.
+    takes = [settings] if is_simulated else [settings, _describe_time(bounds)]
     needs = [
         f"{member.name} needs {counted(samples, 'sample')} a setting"
         for member in experiment.members
         if not isinstance(method, Sweep) and (samples := least_samples(member)) > FIRST_LOOK
     ]
     subject = f"{experiment.name} beside {experiment.setup.interference} on {experiment.host.name}"
-    return f"{subject}{clock}: {'; '.join((f'{settings}, {least}{most}', *needs))}."
+    return f"{subject}{' (simulated)' if is_simulated else ''}: {'; '.join((', '.join(takes), *needs))}."
+
+
+def _describe_time(bounds: DurationBounds) -> str:
+    """As in: 20 s to about 2 min, as 3 settings took before."""
+    least = f"{show_duration(bounds.least_ms)} to " if 0 < bounds.least_ms < bounds.most_ms else ""
+    most = show_duration(bounds.most_ms)
+    if bounds.by_timeout:
+        return f"{least}{most}, as only `run.timeout` bounds a job"
+    if bounds.measured:
+        return f"{least}about {most}, as {counted(bounds.measured, 'setting')} took before"
+    return f"{least}about {most}, and more where a setting is disturbed and measured again"
 
 
 def _work_of_others(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:

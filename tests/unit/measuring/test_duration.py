@@ -1,6 +1,7 @@
 """How long measuring will take: bounds from the settings that may be asked for, and from how each setting ends."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import pytest
 
@@ -55,6 +56,16 @@ def test_jobs_one_after_the_other_are_as_fast_as_the_fastest_recorded() -> None:
     assert bounds(an_experiment(run), method=Sweep(reserves=(50,))).least_ms == 0, (
         "nothing is known of how fast they are"
     )
+
+
+@pytest.mark.parametrize("method", [SEARCH, Sweep(reserves=(30,))])
+def test_settings_take_what_earlier_ones_took_with_all_their_tries(method: Method) -> None:
+    earlier = [replace(a_setting(reserve), spent_ms=spent) for reserve, spent in ((10, 90_000.0), (20, 30_000.0))]
+
+    found = bounds(an_experiment(a_run(every="100 ms")), *earlier, method=method)
+
+    assert (found.least_ms, found.most_ms) == (30_000 * found.least_settings, 90_000 * found.most_settings)
+    assert found.measured == 2
 
 
 def test_a_setting_that_lasts_a_time_lasts_that_and_one_job_more() -> None:

@@ -1,7 +1,6 @@
 """Measuring on an applied host: what runs there rests meanwhile, where the user consents, and runs again afterwards."""
 
 import json
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -135,12 +134,10 @@ def test_what_the_user_stopped_stays_stopped() -> None:
     assert machines() == {"speech": (False, StoppedBy.USER), "vision": (True, StoppedBy.NO_USER)}
 
 
-def test_it_says_how_long_it_takes_before_the_first_setting() -> None:
-    first = rarms(*SWEEP, "--stop-partitions", "--samples", "10")
-    second = rarms(*SWEEP, "--stop-partitions", "--again", "--samples", "100")
+def test_it_says_how_many_settings_there_are_and_no_time_of_a_simulated_clock() -> None:
+    said = rarms(*SWEEP, "--stop-partitions", "--samples", "10").err
 
-    assert re.search(r"vision beside busy-loop on onboard \(simulated\): 2 settings, about \d+ s", first.err)
-    assert re.search(r"vision beside busy-loop on onboard \(simulated\): 2 settings, .+ to about \d+ s", second.err)
+    assert "vision beside busy-loop on onboard (simulated): 2 settings.\n" in said
 
 
 def test_stopping_and_measuring_beside_exclude_each_other() -> None:
