@@ -1,7 +1,8 @@
 """Runs all components together in the layout that is applied, and judges every index beside its threshold.
 
 They begin anew at least `STARTS` times, since periodic ones keep the phase in which they began, and go on until every
-threshold was shown to be met or missed, or the budget is spent. What was not shown until then is not met.
+threshold was shown to be met or missed, or the budget is spent. What was not shown until then is not met. A layout in
+which a component was shown to be overloaded ends with that start.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -279,6 +280,8 @@ class _Proof:
 
     @property
     def is_over(self) -> bool:
+        if self.starts and self._is_overloaded:
+            return True  # queues that grow miss their thresholds by arithmetic: more starts tell nothing else
         if self.starts < STARTS:
             return False
         return self.spent_ms >= self.conditions.budget_ms or not any(map(self._undecided, self.layout.judged))
@@ -307,6 +310,12 @@ class _Proof:
         self.series = {name: replace(self._with(name, part), wanders=is_real) for name, part in seen.items()}
         self.starts, self.spent_ms = self.starts + 1, self.spent_ms + elapsed_ms
         return None
+
+    @property
+    def _is_overloaded(self) -> bool:
+        """Whether a component was shown to ask for more than it gets."""
+        verdicts = judge_layout(self.layout.judged, self.series, statements=self.conditions.statements)
+        return any(isinstance(each.verdict, Missed) and each.verdict.overload is not None for each in verdicts)
 
     def _with(self, name: str, part: Series) -> Series:
         return join_series((self.series[name], part)) if name in self.series else part

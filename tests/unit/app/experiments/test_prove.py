@@ -226,6 +226,7 @@ def test_a_component_that_is_overloaded_misses_a_threshold_that_no_job_has_passe
     assert isinstance(entry, Proven)
     assert [(index.met, index.verdict, index.value) for index in entry.indexes] == [(False, "missed", None)]
     text = prove().out
+    assert int(re.search(r"(\d+) times? anew", " ".join(text.split())).group(1)) < STARTS  # type: ignore[union-attr]  # it is told
     assert "missed, overloaded: needs 1.3" in " ".join(text.split())
 
 
