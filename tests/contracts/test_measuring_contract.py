@@ -151,6 +151,22 @@ def test_what_counts_begins_when_it_is_said_and_lasts_as_long_as_it_must(host: M
         assert running.elapsed_ms() >= began + 5 * host.scheduler_memory_ms > began > 0
 
 
+@pytest.mark.parametrize(("load", "begins_anew"), [("busy-loop", True), ("bursts-20", False)])
+def test_a_load_that_never_pauses_begins_anew_while_components_run_on(
+    load: str, begins_anew: bool, host: MeasuringHost
+) -> None:
+    work = some_work(EYES, load=LOADS_WITHOUT_ENTRY[load], eyes=SampleCount(samples=40))
+    with ready(host), host.run(work) as running:
+        samples = running.samples()
+        list(islice(samples, 5))
+        running.count_from_now()  # its start is over
+        answers = [running.restart_load() for _ in islice(samples, 40)]
+        used = running.used_processors(P1)
+
+    assert set(answers) == {begins_anew}
+    assert used == 1
+
+
 def test_a_listener_that_has_seen_enough_stops_asking(host: MeasuringHost) -> None:
     with ready(host):
         with host.run(some_work(EYES, eyes=SampleCount(samples=10_000))) as running:

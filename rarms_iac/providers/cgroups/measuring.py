@@ -3,17 +3,19 @@
 import json
 import os
 import platform
+import signal
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
+from random import Random
 
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.commands import APPLY, PLAN, command, prose
 from rarms_iac.model.host import Host, SchedulerType
-from rarms_iac.model.loads import Interference
+from rarms_iac.model.loads import Interference, is_steady
 from rarms_iac.model.measurement import PlatformFacts, SettingEvidence
 from rarms_iac.model.operations import Operation, WriteTaskClass
 from rarms_iac.model.plan import Scope
@@ -46,6 +48,11 @@ OWN_PRIORITY = 1
 ENDLESS = Elapsed(time=Milliseconds(Fraction(10**12)))
 INTERFERENCE = "interference"
 """What messages call the load."""
+
+PAUSE_S = (0.005, 0.03)
+"""The least and the greatest pause with which a load begins anew: eight of them are no 5 % of a setting, which would
+count as disturbed (`measuring/evidence.py`)."""
+_PAUSES = Random()  # noqa: S311 - no secret
 
 _STAT, _PRESSURE, _PROCESSORS = Path("/proc/stat"), Path("/proc/pressure/cpu"), Path("/proc/cpuinfo")
 _STOLEN = 8
@@ -325,8 +332,18 @@ class RealWork:
         }
 
     def restart_load(self) -> bool:
-        """The load goes on: one that pauses would count as disturbed."""
-        return False
+        """Its processes are stopped for a short random while: the kernel then knows nothing of how they ran before."""
+        parts = [part for part in self.work.partitions if part.load is not None and is_steady(part.load)]
+        groups = [self.groups[part.partition] for part in parts if part.partition]
+        processes = [process for group in groups for process in self.host.tree.processes(group)]
+        if not processes:
+            return False
+        try:
+            _signal(processes, signal.SIGSTOP)
+            time.sleep(_PAUSES.uniform(*PAUSE_S))
+        finally:
+            _signal(processes, signal.SIGCONT)
+        return True
 
     def elapsed_ms(self) -> float:
         return 1000 * (time.perf_counter() - self.started)
@@ -383,6 +400,12 @@ def _real_time_priority(host: str) -> Iterator[None]:
         yield
     finally:
         os.sched_setscheduler(0, *before)
+
+
+def _signal(processes: Iterable[int], number: signal.Signals) -> None:
+    for process in processes:
+        with suppress(ProcessLookupError):
+            os.kill(process, number)
 
 
 def _waiting_ms() -> float | None:
