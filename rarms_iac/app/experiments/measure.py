@@ -3,6 +3,7 @@
 Begin at `measure_components`. A single experiment is `run_experiment`'s.
 """
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -33,13 +34,15 @@ from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.scripts import PlanScript
 from rarms_iac.app.totals import partitions_without_log, totals_at_hand
 from rarms_iac.measuring.loop import shapes_for, work_in_test_partitions
-from rarms_iac.measuring.measuring_findings import findings_of
+from rarms_iac.measuring.measuring_findings import findings_of, short_secrets
 from rarms_iac.measuring.methods import Method
 from rarms_iac.measuring.partitions import host_budget
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.outcomes import SettingFailed, Stopped
 from rarms_iac.model.output import Internal
+from rarms_iac.model.system import Component
 from rarms_iac.model.totals import HostTotals, totals_of
 from rarms_iac.providers.measuring import ScriptedMeasuringHost
 from rarms_iac.storage.datalog.log import Remeasurement
@@ -123,7 +126,7 @@ def _measure_all(
     groups, begun = by_partition(experiments), 0
     method = method_of(request)
     results: list[ExperimentResult] = []
-    findings: list[Diagnostic] = []
+    findings = [*short_secrets(_real_components(hosts, experiments), os.environ, hosts.manifest.places)]
     complete: dict[Path, Remeasurement] = {}
     ended = False
     names = [experiment.host.name for experiment in experiments]
@@ -167,6 +170,17 @@ def _measure_all(
         ended=ended,
     )
     return outcome, complete
+
+
+def _real_components(hosts: Hosts, experiments: Sequence[Experiment]) -> Sequence[Component]:
+    """The components of the experiments that run as processes, each once."""
+    names = dict.fromkeys(
+        name
+        for experiment in experiments
+        if experiment.host.provider is not ProviderKind.SIMULATED
+        for name in experiment.setup.members
+    )
+    return [hosts.system.components[name] for name in names]
 
 
 def _with_levels(

@@ -6,13 +6,13 @@ from fractions import Fraction
 import pytest
 
 from rarms_iac.manifest.text.positions import FirstLine
-from rarms_iac.measuring.measuring_findings import findings_of
+from rarms_iac.measuring.measuring_findings import findings_of, short_secrets
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import NotAchievable, NotResolved, Sufficient
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource
 from rarms_iac.model.quantities import Milliseconds
-from rarms_iac.model.run import Periodic
+from rarms_iac.model.run import FromEnvironment, Periodic
 from rarms_iac.model.series import Sample, Series
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series, a_setting
@@ -169,3 +169,17 @@ def test_fixed_processors_that_are_not_used_are_noted_with_what_fewer_would_save
 
     assert [diagnostic.code for diagnostic in found] == codes
     assert all("1.08 LP, and would be 0.54 LP with 1" in diagnostic.detail for diagnostic in found)
+
+
+@pytest.mark.parametrize(("value", "is_named"), [(None, False), ("", False), ("short", True), ("longer", False)])
+def test_a_value_from_the_environment_that_is_too_short_to_be_hidden_is_named(
+    value: str | None, is_named: bool
+) -> None:
+    run = replace(a_run(), environment={"TOKEN": FromEnvironment(name="VISION_TOKEN"), "MODE": "fast"})
+    component = replace(a_component("vision"), run=run)
+    own = {} if value is None else {"VISION_TOKEN": value}
+
+    found = list(short_secrets([component, a_component("speech")], own, FirstLine("rarms.yaml")))
+
+    assert [finding.values["variable"] for finding in found] == (["VISION_TOKEN"] if is_named else [])
+    assert not any(value and value in finding.detail for finding in found)

@@ -285,7 +285,7 @@ def test_a_plan_is_not_proven_where_the_manifest_asks_for_more_by_now(here: Path
     change(here, "reserve: 45 %", "reserve: 50 %")
     done = rarms("apply", "plan.json", "--prove", "--load-host")
 
-    assert code_of(done) == (3, "RARMS119")
+    assert (done.code, "error[RARMS119]" in done.err) == (3, True)
     assert [machine.settings.reserve for machine in machines(here) if machine.settings.name == "vision"] == [45]
 
 
