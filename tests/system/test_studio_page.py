@@ -399,6 +399,81 @@ def test_it_is_for_people(browser: "WebDriver", tmp_path: Path) -> None:
             assert serious == []
 
 
+TIGHT = """\
+schema: rarms/v1
+application: { name: tight }
+hosts:
+  onboard: { logical_processors: 2, memory: 4 GiB }
+components:
+  vision:
+    criticality: 30
+    run: { command: [vision], until: { samples: 60 }, samples: { from: per_run } }
+    apt: { mean_response_time: { at_most: 24 ms } }
+    cpu: { reserve: measured }
+    memory: 512 MiB
+    processors: 1
+    simulation: { work: 20 ms, varies: 2 % }
+  speech:
+    criticality: 10
+    run: { command: [speech], until: { samples: 60 }, samples: { from: per_run } }
+    apt: { mean_response_time: { at_most: 27 ms } }
+    cpu: { reserve: measured }
+    memory: 512 MiB
+    processors: 1
+    simulation: { work: 20 ms, varies: 2 % }
+  talk:
+    criticality: 5
+    run: { command: [talk], until: { samples: 60 }, samples: { from: per_run } }
+    apt: { mean_response_time: { at_most: 30 ms } }
+    cpu: { reserve: measured }
+    memory: 512 MiB
+    processors: 1
+    simulation: { work: 20 ms, varies: 2 % }
+policy: { interference: [busy-loop] }
+"""
+
+
+def test_where_it_does_not_fit_each_way_out_shows_its_edit(browser: "WebDriver", tmp_path: Path) -> None:
+    (tmp_path / "rarms.yaml").write_text(TIGHT, encoding="utf-8", newline="\n")
+    rarms(tmp_path, "measure")
+    with studio(tmp_path) as served:
+        opens(browser, served)
+        waits_for(browser, "return document.getElementById('findings') !== null")
+        finding = browser.find_element("css selector", "#findings ~ details, section[aria-labelledby=findings] details")
+        finding.find_element("tag name", "summary").click()
+        way = finding.find_element("css selector", "[data-component=talk]")
+        way.click()
+        difference = waits_for(
+            browser, "return document.querySelector('details .edit:not([hidden]) .difference')?.textContent"
+        )
+        assert "-    apt: { mean_response_time: { at_most: 30 ms } }" in difference
+        keeps(browser, "ways-out")
+        finding.find_element("css selector", "[data-way=tune]").click()
+        assert browser.execute_script("return document.activeElement.closest('form')?.id") == "tune"
+
+        button(browser, "tune").click()
+        assert waits_for_end(browser, "rarms tune") == "ended with problems.", "no combination is enough here"
+        assert "% of its VPs" in shown(browser, "work-rows"), "the questions of the search are shown"
+        assert "onboard" in shown(browser, "work-lines")
+
+        for component in ("talk", "speech"):
+            waits_for(browser, "return document.querySelector(`[data-component=${arguments[0]}]`)", component)
+            browser.execute_script("document.querySelectorAll('#main details').forEach((each) => (each.open = true))")
+            browser.find_element("css selector", f"[data-component={component}]").click()
+            waits_for(browser, "return document.querySelector('details .edit:not([hidden]) .write:not([hidden])')")
+            browser.find_element("css selector", "details .edit:not([hidden]) .write").click()
+            waits_for(browser, WRITTEN, component)
+        waits_for(browser, "return !document.querySelector('[data-component]')")
+        keeps(browser, "fits")
+    assert rarms(tmp_path, "plan")
+
+
+WRITTEN = """
+    const rows = [...document.querySelectorAll("#components tbody tr")];
+    return rows.find((row) => row.firstElementChild.textContent === arguments[0]).textContent.includes("45.8 ms");
+"""
+
+
 def test_read_only_shows_everything_and_changes_nothing(browser: "WebDriver", tmp_path: Path) -> None:
     rarms(tmp_path, "init")
     rarms(tmp_path, "measure", "control")

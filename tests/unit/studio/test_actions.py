@@ -1,0 +1,144 @@
+"""What the page sends and is answered: work, its command and its end; levels that are shown and written; refusals."""
+
+from collections.abc import Iterator
+from http.client import HTTPConnection
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.studio.actions import ACTIONS, MeasureAction, ProveAction, TuneAction
+from tests.needs import CHECKOUT
+from tests.unit.studio.studio_client import Client, studio
+
+MANIFEST = (CHECKOUT / "templates/init/rarms.yaml").read_text(encoding="utf-8")
+LEVEL = {"component": "control", "index": "mean_response_time", "level": "45 ms"}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    return tmp_path
+
+
+@pytest.fixture
+def client(folder: Path) -> Iterator[Client]:
+    with studio(folder) as entered:
+        entered.enter()
+        yield entered
+
+
+def text(folder: Path) -> str:
+    return (folder / "rarms.yaml").read_text(encoding="utf-8")
+
+
+def done(client: Client, action: str, **body: object) -> dict[str, object]:
+    answer = client.post(f"do/{action}", body)
+    assert answer.status == 200, answer.text
+    return client.work("*")
+
+
+def test_each_action_shows_the_command_that_does_the_same() -> None:
+    measured = MeasureAction(components=["control"], first=10, last=40, step=10, weak_load=True, stop_partitions=True)
+    words = "rarms measure control --from 10% --to 40% --step 10% --stop-partitions --weak-load"
+
+    assert measured.command().text == words
+    assert TuneAction(dry_run=True, on_busy_host=True).command().text == "rarms tune --dry-run --on-busy-host"
+    assert ProveAction(without_load=True).command().text == "rarms prove --without-load"
+    assert [name for name, kind in ACTIONS.items() if not kind.changes] == ["plan", "undo-preview"]
+
+
+def test_a_plan_is_applied_once_after_the_name_was_typed(client: Client) -> None:
+    name = client.get().text.split("<h1>")[1].split("</h1>")[0]
+    assert done(client, "plan")["ending"] == "done"
+    plan = client.get().text.split('data-body=\'{"plan": "')[1].split('"')[0]
+
+    wrong = done(client, "apply", plan=plan, application="another")
+    other = done(client, "apply", plan="0123456789ab", application=name)
+    applied = done(client, "apply", plan=plan, application=name)
+    again = done(client, "apply", plan=plan, application=name)
+
+    assert [each["ending"] for each in (wrong, other, applied, again)] == ["failed", "failed", "done", "failed"]
+    assert "is not the application" in str(wrong["lines"])
+    rows = applied["rows"]
+    assert isinstance(rows, list)
+    assert [row[1] for row in rows] == [f"{number} of {len(rows)}" for number in range(1, len(rows) + 1)]
+    assert {row[4] for row in rows} <= {"changed", "unchanged"}
+    assert "2 added" in str(applied["lines"])
+    assert done(client, "undo", application=name)["ending"] == "done"
+
+
+def test_a_proof_asks_for_the_idle_time_of_the_hosts(client: Client) -> None:
+    refused = done(client, "prove")
+
+    assert refused["ending"] == "failed"
+    assert "uses all idle time" in str(refused["lines"])
+
+
+def test_a_level_is_shown_as_a_difference_and_written_onto_the_text_that_was_shown(
+    client: Client, folder: Path
+) -> None:
+    shown = client.post("level", LEVEL).data
+    assert "-      mean_response_time: { at_most: 50 ms }" in str(shown["difference"])
+    assert shown["command"] == "rarms select control --at '45 ms' --index mean_response_time --dry-run"
+    assert text(folder) == MANIFEST, "a preview writes nothing"
+
+    (folder / "rarms.yaml").write_text(MANIFEST + "# another hand\n", encoding="utf-8", newline="\n")
+    late = client.post("level", {**LEVEL, "digest": shown["digest"]})
+    assert (late.status, "has changed since" in late.text) == (409, True)
+    again = client.post("level", LEVEL).data
+    written = client.post("level", {**LEVEL, "digest": again["digest"]})
+
+    assert written.status == 200
+    assert text(folder) == MANIFEST.replace("at_most: 50 ms", "at_most: 45 ms") + "# another hand\n"
+    assert client.post("level", LEVEL).data["difference"] == ""
+
+
+def test_a_level_that_cannot_be_meant_is_refused_with_the_reason(client: Client, folder: Path) -> None:
+    refused = client.post("level", {**LEVEL, "level": "45 parsecs"})
+
+    assert refused.status == 409
+    assert "mean_response_time" in str(refused.data["message"])
+    assert client.post("level", {**LEVEL, "component": "nothing"}).status == 409
+    assert text(folder) == MANIFEST
+
+
+def test_read_only_shows_and_plans_and_changes_nothing(folder: Path) -> None:
+    with studio(folder, read_only=True) as client:
+        client.enter()
+        assert done(client, "plan")["ending"] == "done"
+        digest = client.post("level", LEVEL).data["digest"]
+        assert client.post("level", {**LEVEL, "digest": digest}).status == 403
+        for action in [name for name, kind in ACTIONS.items() if kind.changes]:
+            body = {"application": "x"} if action in {"apply", "finish", "undo"} else {}
+            body |= {"plan": "x"} if action == "apply" else {}
+            assert client.post(f"do/{action}", body).status == 403, action
+    assert text(folder) == MANIFEST
+    assert not (folder / "measurements").exists()
+
+
+def test_what_is_wrong_with_the_manifest_is_shown_and_mended_beside_it(client: Client, folder: Path) -> None:
+    nasty = "</script><script>alert(1)</script>"
+    (folder / "rarms.yaml").write_text(MANIFEST + f'\n"{nasty}": 1\n', encoding="utf-8", newline="\n")
+    broken = client.get()
+    assert broken.status == 200
+    assert nasty not in broken.text
+    assert "RARMS" in broken.text
+
+    (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    assert 'data-measure="control"' in client.get().text
+
+
+def test_events_tell_of_files_that_changed(client: Client, folder: Path) -> None:
+    connection = HTTPConnection("127.0.0.1", client.port, timeout=60)
+    connection.request("GET", f"{client.path}events", headers={"Cookie": client.cookie})
+    lines = connection.getresponse()
+    seen: list[str] = []
+    while len(seen) < 2:
+        if lines.readline().decode().strip() == "event: files":
+            seen.append(lines.readline().decode().strip().removeprefix("data: "))
+            if len(seen) == 1:
+                (folder / "rarms.yaml").write_text(MANIFEST + "# later\n", encoding="utf-8", newline="\n")
+    connection.close()
+
+    assert seen[0] != seen[1]
+    assert f'data-version="{seen[1]}"' in client.get().text
