@@ -51,6 +51,7 @@ class HostDrift:
     name: str
     facts: Internal[HostFacts]
     drifted: tuple[ResourceDrift, ...]
+    is_written: Internal[bool] = True  # whether anything there carries the application's mark
 
     @property
     @output
@@ -125,6 +126,7 @@ def look_for_drift(hosts: Hosts) -> DriftReport:
             HostDrift(
                 name=name,
                 facts=states[name].facts,
+                is_written=_is_written(states[name].of(system.application.name)),
                 drifted=tuple(_with_change(resource, parts.get(name)) for resource in drifted),
             )
             for name, drifted in drifts.items()
@@ -133,6 +135,10 @@ def look_for_drift(hosts: Hosts) -> DriftReport:
         problems=problems if has_errors(problems) else (),
         unfinished={name: run.started.plan for name, run in runs.items() if run is not None and run.unfinished},
     )
+
+
+def _is_written(own: State) -> bool:
+    return bool(own.partitions or own.tasks or own.responsiveness)
 
 
 def _with_change(resource: ResourceDrift, part: HostPlan | None) -> ResourceDrift:

@@ -8,7 +8,7 @@ from rarms_iac.diff.drift import DriftKind
 from rarms_iac.model.commands import APPLY, PLAN, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.quantities import show_processors
-from rarms_iac.model.wording import counted
+from rarms_iac.model.wording import counted, in_a_row, natural_order
 from rarms_iac.views.changes import attributes_of, members_of
 from rarms_iac.views.console import STRONG, paragraph, stack, styled
 
@@ -31,7 +31,7 @@ def drift_text(report: DriftReport) -> "RenderableType":
     parts = [part for host in report.hosts if host.drifted for part in _drifted_host(host)]
     problems = report.problems
     if report.unfinished:
-        names = ", ".join(sorted(report.unfinished))
+        names = ", ".join(sorted(report.unfinished, key=natural_order))
         parts.append(paragraph(prose(f"A run is unfinished on {names}: ", APPLY, " finishes it.")))
     elif not problems and PLAN in report.commands:
         parts.append(paragraph(prose(PLAN, " shows what would make it as the manifest wants it.")))
@@ -48,7 +48,7 @@ def name_findings(findings: Sequence[Diagnostic]) -> str:
 
 def _drifted_host(host: HostDrift) -> "Iterator[RenderableType]":
     yield styled((f"Host {host.name} ({show_processors(host.host_lp)})", STRONG))
-    for drifted in host.drifted:
+    for drifted in sorted(host.drifted, key=lambda each: natural_order(str(each.address))):
         address, change = drifted.address, drifted.change
         differing = "; ".join(
             f"{attribute.name} is {attribute.before}, wanted {attribute.after}"
@@ -70,6 +70,8 @@ def _summary(report: DriftReport) -> str:
     unused = sum(host.unused for host in report.hosts)
     if not changed and not waiting:
         extra = f" {counted(unused, 'partition')} unused." if unused else ""
+        if not any(host.is_written for host in report.hosts):
+            return f"No drift. Nothing of {report.application} is on {in_a_row([host.name for host in report.hosts])}."
         wanted = "" if report.problems else ", and as the manifest wants it"
         return f"No drift. What rarms wrote is as it was{wanted}.{extra}"
     return f"Drift: {changed} changed on the host, {waiting} not applied yet."

@@ -73,7 +73,7 @@ NOT_SHOWN: tuple[VerdictWord, ...] = ("within the noise", "too few samples")
 
 def _describe_sharing(proof: LayoutProof) -> Iterator[str]:
     """A sentence a partition of several components."""
-    for name, members in sorted(proof.layout.partitions.items()):
+    for name, members in sorted(proof.layout.partitions.items(), key=lambda entry: natural_order(entry[0])):
         if len(members) > 1:
             yield f"{in_a_row([member.name for member in members])} share partition {name}."
 
@@ -105,9 +105,9 @@ def _sureness(proofs: Sequence[LayoutProof]) -> str:
 
 def sample_counts(host: str, load: str | None, seen: Mapping[str, Series]) -> tuple[str, str]:
     """A row of progress: the host and the load, and how many samples there are of each component."""
-    return f"{host} beside {load or 'no load'}", "samples of " + ", ".join(
-        f"{name} {len(series.samples)}" for name, series in sorted(seen.items())
-    )
+    named = sorted(seen.items(), key=lambda each: natural_order(each[0]))
+    samples = ", ".join(f"{name} {len(series.samples)}" for name, series in named)
+    return f"{host} beside {load or 'no load'}", f"samples of {samples}"
 
 
 class ProofProgress:

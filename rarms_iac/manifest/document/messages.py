@@ -207,7 +207,7 @@ def _quantity(error: StructureError) -> Diagnostic:
         case bool() | None | dict() | list():
             detail = f"{error.name} must be a number with a unit, but it is {_kind_of(error.value)}."
         case int() | float():
-            detail = f"{error.name} is {_show(error.value)}, a number without a unit. It needs one of {fitting}."
+            detail = f"{error.name} is {_show(error.value)}, a number without a unit."
         case text:
             problem, better = _quantity_problem(str(text), units, positive=error.facts["positive"])
             detail = f"{error.name} is {_show(text)}{problem}."
@@ -228,11 +228,15 @@ def _quantity_problem(text: str, units: tuple[str, ...], *, positive: bool) -> t
         return ", but the decimal sign is a point", question(f"{whole}.{decimals} {nearest_unit(unit, units) or unit}")
     number, unit = match.groups()
     if not unit:
-        return f", a number without a unit. It needs one of {', '.join(units)}", ""
+        return ", a number without a unit", ""
     if unit not in units:
         better = nearest_unit(unit, units)
-        advice = question(f"{number} {better}") if better else ""
-        return f", but {_show(unit)} is not a unit that fits. Units that fit are {', '.join(units)}", advice
+        if not better:
+            return f", but {_show(unit)} is not a unit that fits", ""  # the advice lists those that fit
+        fitting = ", ".join(units)
+        return f", but {_show(unit)} is not a unit that fits. Units that fit are {fitting}", question(
+            f"{number} {better}"
+        )
     if positive and not number.strip("0."):
         return ". It must be more than zero", ""
     return ". A number has at most 15 digits on each side of the point, and one space before its unit", ""

@@ -45,6 +45,13 @@ def test_no_drift_is_one_line() -> None:
     assert render(drift_text(a_drift())) == "No drift. What rarms wrote is as it was, and as the manifest wants it.\n"
 
 
+def test_a_host_on_which_nothing_was_written_is_not_said_to_be_as_it_was() -> None:
+    report = a_drift()
+    untouched = replace(report, hosts=tuple(replace(host, is_written=False) for host in report.hosts))
+
+    assert render(drift_text(untouched)) == "No drift. Nothing of robot is on onboard.\n"
+
+
 def test_drift_says_what_differs_and_who_moved() -> None:
     shown = render(drift_text(a_drift(DriftKind.HOST_CHANGED, DriftKind.NOT_APPLIED))).splitlines()
 
