@@ -11,6 +11,7 @@ MANIFEST = """\
 schema: rarms/v1
 
 application: { name: cell }
+policy: { interference: busy-loop }
 
 hosts:
   onboard: { logical_processors: 2, memory: 4 GiB }

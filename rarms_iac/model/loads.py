@@ -141,5 +141,5 @@ def _loads_without_entry() -> dict[str, Interference]:
 LOADS_WITHOUT_ENTRY: Mapping[str, Interference] = _loads_without_entry()
 """What a manifest may name without describing it; an entry of the same name stands instead."""
 
-DEFAULT_LOADS = (BUSY_LOOP,)
+DEFAULT_LOADS = (BUSY_LOOP, "bursts-20", "bursts-100")
 """The loads that a reservation must stand up to where the manifest names none."""

@@ -16,6 +16,7 @@ MEAN = "mean_response_time"
 KEPT = """\
 schema: rarms/v1
 application: {{ name: robot }}
+policy: {{ interference: busy-loop }}
 hosts:
   onboard: {{ logical_processors: {lps}, memory: 8 GiB, keep_for_host: {{ processor: {kept} %, memory: 1 GiB }} }}
 components:

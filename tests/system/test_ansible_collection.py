@@ -24,6 +24,7 @@ pytestmark = [pytest.mark.needs("ansible", "posix"), pytest.mark.thorough]
 MANIFEST = """\
 schema: rarms/v1
 application: { name: robot }
+policy: { interference: busy-loop }
 hosts:
   onboard: { provider: simulated, logical_processors: 2, memory: 4 GiB, platform: cell }
 components:
@@ -40,6 +41,7 @@ components:
 LINUX = """\
 schema: rarms/v1
 application: { name: robot }
+policy: { interference: busy-loop }
 hosts:
   onboard: { provider: linux, logical_processors: 2, memory: 4 GiB, connect: { ssh: cell } }
 components:

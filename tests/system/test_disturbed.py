@@ -160,6 +160,7 @@ def test_a_writer_that_replaces_no_file_whole_is_found(tmp_path: Path, monkeypat
 HYPERV = """\
 schema: rarms/v1
 application: { name: cell }
+policy: { interference: busy-loop }
 hosts: { onboard: { provider: hyperv, logical_processors: 8, memory: 16 GiB } }
 components: { vision: { criticality: 30, memory: 512 MiB, cpu: { reserve: 20 % } } }
 """

@@ -20,6 +20,7 @@ pytestmark = pytest.mark.needs("posix")
 MANIFEST = """\
 schema: rarms/v1
 application: { name: robot }
+policy: { interference: busy-loop }
 hosts:
   onboard: { logical_processors: 2, memory: 4 GiB }
 components:

@@ -13,6 +13,7 @@ MANIFEST = """\
 schema: rarms/v1
 
 application: { name: robot }
+policy: { interference: busy-loop }
 
 hosts:
   onboard: { logical_processors: 2, memory: 4 GiB }

@@ -17,6 +17,7 @@ from tests.unit.cli.running import Ran
 MANIFEST = """\
 schema: rarms/v1
 application: { name: robot }
+policy: { interference: busy-loop }
 hosts:
   onboard: { logical_processors: 2, memory: 4 GiB }
 components:

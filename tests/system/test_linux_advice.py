@@ -20,6 +20,7 @@ pytestmark = [pytest.mark.needs("control-groups")]
 MANIFEST = """\
 schema: rarms/v1
 application: {{ name: advice }}
+policy: {{ interference: busy-loop }}
 hosts:
   here:
     provider: linux

@@ -16,6 +16,7 @@ from tests.unit.cli.running import rarms
 MANIFEST = """\
 schema: rarms/v1
 application: {{ name: walk }}
+policy: {{ interference: busy-loop }}
 hosts:
   here:
     provider: linux

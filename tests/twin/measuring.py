@@ -6,6 +6,7 @@ from tests.twin.host import Program, WindowsHost
 MANIFEST = r"""
 schema: rarms/v1
 application: { name: robot }
+policy: { interference: busy-loop }
 hosts:
   cell:
     provider: hyperv

@@ -25,6 +25,7 @@ from tests.unit.views.test_json import check
 MANIFEST = """\
 schema: rarms/v1
 application: { name: robot }
+policy: { interference: busy-loop }
 hosts:
   onboard: { provider: simulated, logical_processors: 2, memory: 4 GiB }
 components:

@@ -30,6 +30,7 @@ from tests.unit.cli.running import rarms
 MANIFEST = """\
 schema: rarms/v1
 application: { name: robot }
+policy: { interference: busy-loop }
 hosts:
   onboard: { logical_processors: 2, memory: 4 GiB }
 components:
@@ -279,8 +280,10 @@ SITUATIONS = {
     "an error is accepted that cannot be": Situation(
         (
             write(
-                MANIFEST
-                + "policy: { accept: { RARMS014: { at: [component/vision], reason: known, until: 2099-01-01 } } }\n"
+                MANIFEST.replace(
+                    "interference: busy-loop",
+                    "accept: { RARMS014: { at: [component/vision], reason: known, until: 2099-01-01 } }",
+                )
             ),
         ),
         "plan",
@@ -349,14 +352,14 @@ SITUATIONS = {
         (write(LATE), do("measure", "vision")), "plan", ("whether it holds",), ("rarms prove",), first=(APPLY,)
     ),
     "a threshold depends on its neighbours": Situation(
-        (write(f"{LATE}policy: {{ interference: [bursts-20] }}\n"), do("measure", "vision")),
+        (write(LATE.replace("busy-loop", "bursts-20")), do("measure", "vision")),
         "plan",
         ("Prove it in the layout that is applied",),
         ("rarms prove",),
         first=(APPLY,),
     ),
     "all loads are weak": Situation(
-        (write(f"{MEASURED}policy: {{ interference: [bursts-20-half] }}\n"),),
+        (write(MEASURED.replace("busy-loop", "bursts-20-half")),),
         "measure vision",
         ("Measure beside one that can",),
         ("rarms measure vision --interference busy-loop",),

@@ -15,6 +15,7 @@ from tests.unit.cli.running import rarms
 
 MANIFEST = """schema: rarms/v1
 application: { name: robot }
+policy: { interference: busy-loop }
 hosts:
   onboard:
     { provider: simulated, logical_processors: 2, memory: 4 GiB, keep_for_host: { processor: 10 %, memory: 0 B } }
@@ -158,8 +159,8 @@ def test_drift_needs_no_data_logs() -> None:
 
 def test_drift_compares_a_manifest_whose_findings_are_accepted() -> None:
     late = MEASURED.replace("mean_response_time", "p95_response_time").replace("100 ms", "60 ms")
-    accept = "policy: { accept: { RARMS313: { at: [component/planner], reason: known } } }\n"
-    Path("rarms.yaml").write_text(MANIFEST + late + accept, encoding="utf-8")
+    accept = "busy-loop, accept: { RARMS313: { at: [component/planner], reason: known } }"
+    Path("rarms.yaml").write_text(MANIFEST.replace("busy-loop", accept) + late, encoding="utf-8")
     assert rarms("measure").code == 0
     assert rarms("apply", "--auto-approve").code == 0
 

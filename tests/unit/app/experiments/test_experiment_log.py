@@ -19,6 +19,7 @@ MANIFEST = """\
 schema: rarms/v1
 
 application: { name: robot }
+policy: { interference: busy-loop }
 
 hosts:
   left: { logical_processors: 2, memory: 4 GiB, platform: robot }

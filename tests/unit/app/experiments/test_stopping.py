@@ -15,6 +15,7 @@ from tests.unit.cli.running import rarms
 MANIFEST = """\
 schema: rarms/v1
 application: { name: robot }
+policy: { interference: busy-loop }
 hosts:
   onboard: { logical_processors: 2, memory: 4 GiB }
 components:

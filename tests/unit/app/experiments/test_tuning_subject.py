@@ -29,6 +29,7 @@ MANIFEST = """\
 schema: rarms/v1
 
 application: { name: robot }
+policy: { interference: busy-loop }
 
 hosts:
   onboard: { logical_processors: 2, memory: 4 GiB, platform: two-core }
