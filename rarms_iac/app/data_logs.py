@@ -21,6 +21,7 @@ from rarms_iac.model.processor_number import ProcessorNumber, Used, processor_nu
 from rarms_iac.model.quantities import Bytes, show_bytes
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Component, System, run_of
+from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group, groups_of
@@ -277,20 +278,21 @@ def _log_of_each_load(
             return log
         found.append(log)
     if all(log.weak for log in found) and any(could_take_all(load, host.logical_processors) for load in described):
-        found[0] = replace(found[0], remarks=(*found[0].remarks, _left_idle(group, found)))
+        found[0] = replace(found[0], remarks=(*found[0].remarks, _left_idle(system, group, host, found)))
     return tuple(found)
 
 
-def _left_idle(group: Group, logs: Sequence[MeasuredTogether]) -> Cause:
+def _left_idle(system: System, group: Group, host: Host, logs: Sequence[MeasuredTogether]) -> Cause:
     """NOTE: of loads that cannot take all by what they are RARMS325 tells, from the manifest."""
-    paths = [log.path for log in logs]
+    paths, loads = [log.path for log in logs], system.loads_of(names_of(group.members))
+    measure = command("measure", interference=BUSY_LOOP, again=BUSY_LOOP in loads)
     return Cause(
         address=f"component/{to_be_measured(group.members)[0]}",
         message=f"{in_a_row(paths)}: the load left more than {SHORT:.0%} of the processors idle. What is enough there "
         "need not be enough beside others.",
         code=planning_findings.WEAK_LOG.code,
         values={"logs": tuple(paths)},
-        advice=prose("Measure beside a load that takes all: ", command("measure", interference=BUSY_LOOP), "."),
+        advice=advice_on_weak_loads(system, host, names_of(group.members), loads, measure),
     )
 
 

@@ -356,7 +356,7 @@ def test_what_was_measured_is_applied_and_proven(
     assert not any(process.alive for process in host.processes)
 
 
-BURSTS = MANIFEST + "policy: { interference: [bursts-50] }\n"
+BURSTS = MANIFEST.replace("busy-loop", "bursts-50")
 
 
 def test_bursts_in_a_guest_are_told_what_their_partition_reserves(measured: Measured) -> None:

@@ -150,8 +150,7 @@ def _measure_all(
             answer = decisive(of_loads)
             if answer.reserve is not None and not request.weak_load and leave_idle(of_loads):
                 interferences = tuple(each.interference for each in of_loads)
-                host, places = answer.experiment.host, hosts.manifest.places
-                findings.append(weak_answer(answer.components, interferences, host, places))
+                findings.append(weak_answer(hosts, answer.components, interferences, answer.experiment.host))
             findings += findings_of(answer.experiment, answer.conclusion, answer.settings, hosts.manifest.places)
             results += of_loads
             begun += 1

@@ -14,7 +14,7 @@ from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, sho
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Sweep
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Places
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Host
 from rarms_iac.model.loads import BUSY_LOOP, Browser, could_take_all
 from rarms_iac.model.measurement import Setting
@@ -32,6 +32,7 @@ from rarms_iac.model.output import Internal, output
 from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.system import RunsOn, System
+from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.model.wording import in_a_row, quoted, suggestion
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.error_probability import ERROR
@@ -265,29 +266,25 @@ def _refuse_weak(hosts: Hosts, request: MeasureRequest, members: tuple[str, ...]
     for host in _hosts_to_measure_on(hosts, members):
         is_weak = not any(could_take_all(load, host.logical_processors) for load in described)
         if is_weak and not request.weak_load and not any(isinstance(load, Browser) for load in described):
-            raise UseCaseError(
-                Outcome.NEGATIVE, [weak_answer(members, loads, host, hosts.manifest.places)], hosts.manifest.sources
-            )
+            raise UseCaseError(Outcome.NEGATIVE, [weak_answer(hosts, members, loads, host)], hosts.manifest.sources)
 
 
-def weak_answer(members: tuple[str, ...], loads: tuple[str, ...], host: Host, places: Places) -> Diagnostic:
+def weak_answer(hosts: Hosts, members: tuple[str, ...], loads: tuple[str, ...], host: Host) -> Diagnostic:
     """Make the finding of an answer that rests on weak loads.
 
     Args:
+        hosts: What the manifest says, and its lines.
         members: Names of the components.
         loads: Beside which they are measured.
         host: Where.
-        places: Lines of the manifest.
     """
+    measure = command("measure", *members, interference=BUSY_LOOP, together=len(members) > 1)
+    advice = advice_on_weak_loads(hosts.system, host, members, loads, measure)
     return measuring_findings.WEAK_ANSWER.at(
-        places.key("components", members[0]),
+        hosts.manifest.places.key("components", members[0]),
         f"{in_a_row(loads)} cannot take, or did not take, all that is reserved beside {in_a_row(members)} on "
         f"{host.name}. What is enough there need not be enough beside others.",
-        prose(
-            "Measure beside one that can, too: ",
-            command("measure", *members, interference=BUSY_LOOP, together=len(members) > 1),
-            ". Or take it all the same: --weak-load.",
-        ),
+        prose(advice, " Or take it all the same: --weak-load."),
         address=f"component/{members[0]}",
         values={"components": tuple(members), "loads": tuple(loads), "host": host.name},
     )

@@ -5,13 +5,15 @@ from fractions import Fraction
 from math import ceil
 
 from rarms_iac.manifest.checks.common import Violation
+from rarms_iac.model.commands import command
 from rarms_iac.model.diagnostics import Facts, Finding
 from rarms_iac.model.indexes import SampleValue, find_index
-from rarms_iac.model.loads import could_take_all
+from rarms_iac.model.loads import BUSY_LOOP, could_take_all
 from rarms_iac.model.quantities import show_duration, show_milliseconds, show_processors
 from rarms_iac.model.run import Call, Closed, Elapsed, Periodic, Run, SampleCount, Samples
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.model.system import AtMost, Component, Measured, System, run_of
+from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.model.wording import did_you_mean, in_a_row, suggested
 from rarms_iac.running.reading import compile_pattern
 from rarms_iac.statistics.error_probability import samples_needed
@@ -50,12 +52,13 @@ def weak_loads(system: System) -> Iterator[Violation]:
                 continue
             if loads and not any(could_take_all(system.interference[name], host.logical_processors) for name in loads):
                 own = ("components", component.name, "interference")
+                measure = command("measure", component.name, interference=BUSY_LOOP)
                 yield Violation(
                     path=own if component.interference else ("policy", "interference"),
                     detail=f"None of {in_a_row(loads)} can take all that is reserved beside {component.name} on the "
                     f"{show_processors(host.logical_processors)} of {host.name}. What is measured there need not hold "
                     "beside others.",
-                    advice="Add one that can: `busy-loop`.",
+                    advice=advice_on_weak_loads(system, host, [component.name], loads, measure),
                     address=f"component/{component.name}",
                     values={"component": component.name, "host": host.name, "loads": tuple(loads)},
                 )

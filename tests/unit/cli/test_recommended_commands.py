@@ -361,14 +361,21 @@ SITUATIONS = {
     "all loads are weak": Situation(
         (write(MEASURED.replace("busy-loop", "bursts-20-half")),),
         "measure vision",
-        ("Measure beside one that can",),
+        ("Name `busy-loop` in `policy.interference`",),
         ("rarms measure vision --interference busy-loop",),
+    ),
+    "the busy loop is weak itself": Situation(
+        (write(f"{MEASURED}interference: {{ busy-loop: {{ kind: busy_loop, threads: 1 }} }}\n"),),
+        "measure vision",
+        ("Let `interference.busy-loop` be a busy loop without `threads`",),
+        ("rarms measure vision --interference busy-loop",),
+        may_answer=ExitCode.NO,
     ),
     "a load was seen to leave processors idle": Situation(
         (write(ALONE.replace("45 %", "measured")), do("measure"), weak_log),
         "plan",
-        ("Measure beside a load that takes all",),
-        ("rarms measure --interference busy-loop",),
+        ("`busy-loop` has a thread for each of the 2 LP and was kept from running on them",),
+        ("rarms measure --interference busy-loop --again",),
     ),
     "nothing was tuned": Situation(
         (write(PAIR), logs(vision=30, speech=30)),
