@@ -182,6 +182,9 @@ def test_the_report_says_whether_what_it_shows_is_applied(robot: Path) -> None:
             "host": "onboard",
             "is_planned": True,
             "differs": [{"address": "partition/vision", "message": "not applied yet"}],
+            "commands": [
+                {"verb": verb, "arguments": [], "options": [], "text": f"rarms {verb}"} for verb in ("plan", "apply")
+            ],
         }
     ]
 
