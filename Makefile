@@ -46,9 +46,10 @@ figures: $(TESTS) ## The paper's figures on the simulated host, with its numbers
 evaluation: $(TESTS) ## The same, and more, from real components on this Linux, as root (half an hour)
 	@scripts/evaluation
 
-pictures: $(RUNS) ## The tutorial's pictures of a terminal, and that of a pull request's comment
+pictures: $(TESTS) ## The tutorial's pictures of a terminal, that of a pull request's comment, and that of the studio
 	@$(VENV)/bin/python -m scripts.pictures
 	@$(VENV)/bin/python -m scripts.comment_picture
+	@$(VENV)/bin/python -m scripts.studio_picture
 
 docs: $(TESTS) ## The rendered documentation, in .cache/site; fails at links that lead nowhere
 	@$(VENV)/bin/zensical build --strict
