@@ -41,6 +41,7 @@ class PastRun:
     started_by: str
     started_at: str  # as of `RunOrigin`
     closing: Internal[Closing | None]  # None: it did not end; an undo may have taken it back
+    robot: str = ""  # of `Application`; empty: it has none, or a script that remembers none wrote it down
 
     @property
     @output
@@ -176,5 +177,6 @@ def history_of(last: Journal | ScriptRun | None) -> tuple[PastRun, ...]:
         started_by=started.started_by,
         started_at=started.started_at,
         closing=None if last.closed is None else last.closed.closing,
+        robot=started.robot,
     )
     return (*started.history, past)[-MOST_PAST_RUNS:]

@@ -132,7 +132,8 @@ def _proven(proofs: Sequence[ComponentProof]) -> Sequence[str]:
 
 def describe_run(run: PastRun) -> str:
     """`apply of plan 0123, done; by ann@lab, process 7, 2026-11-22 10:11:12 UTC`."""
-    return f"{run.run.value} of plan {run.plan}, {_ending(run)}; by {run.started_by}, {run.started_at}"
+    robot = f" on {run.robot}" if run.robot else ""
+    return f"{run.run.value} of plan {run.plan}{robot}, {_ending(run)}; by {run.started_by}, {run.started_at}"
 
 
 def history_text(history: History) -> "RenderableType":
@@ -146,15 +147,19 @@ def history_text(history: History) -> "RenderableType":
 
 
 def history_rows(runs: Sequence[PastRun]) -> Sequence[tuple[str, ...]]:
-    """When, what, which plan of which application, by whom, and how it ended; the last run first.
+    """When, what, which plan of which application and robot, by whom, and how it ended; the last run first.
 
     Args:
         runs: of a host, the oldest first.
     """
     return [
-        (run.started_at, run.run.value, run.plan, run.application, run.started_by, _ending(run, later))
+        (run.started_at, run.run.value, run.plan, _whose(run), run.started_by, _ending(run, later))
         for run, later in _with_later(runs)
     ]
+
+
+def _whose(run: PastRun) -> str:
+    return f"{run.application} on {run.robot}" if run.robot else run.application
 
 
 def _with_later(runs: Sequence[PastRun]) -> Iterator[tuple[PastRun, Sequence[PastRun]]]:

@@ -299,3 +299,17 @@ def test_a_robot_that_was_never_proven_does_not_show_another_robots_proof() -> N
 
     assert "of 1 threshold" in own.out
     assert "of 1 threshold" not in other.out
+
+
+def test_runs_say_which_robot_they_were_for() -> None:
+    Path("robot-12.yaml").write_text("application: { description: robot-12 }\n", encoding="utf-8")
+    robot = ("--overlay", "robot-12.yaml")
+    assert rarms("apply", *robot, "--auto-approve").code == 0
+    assert rarms("undo", *robot, "--auto-approve").code == 0
+
+    shown, recorded = " ".join(rarms("history", *robot).out.split()), rarms("history", *robot, "--json").out
+    last = " ".join(rarms("status", *robot).out.split())
+
+    assert shown.count("robot on robot-12") == 2
+    assert [run["robot"] for run in json.loads(recorded)["hosts"]["onboard"]] == ["robot-12", "robot-12"]
+    assert "on robot-12, done" in last
