@@ -246,7 +246,7 @@ def nothing_to_undo(host: str, why: str) -> Diagnostic:
 def undo_partial(host: str, step: Step) -> Diagnostic:
     """A step of the run cannot be taken back, or not wholly."""
     return UNDO_PARTIAL.at(
-        step.place,
+        None,  # the step's line is of the manifest that was applied, which may name another component by now
         f"{step.address} on {host}, `{step.title}`: {step.undo.message}.",
         prose("Look at it with ", DRIFT, " afterwards."),
         address=str(step.address),
