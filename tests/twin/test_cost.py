@@ -135,8 +135,8 @@ def test_a_partition_more_is_24_lines_of_a_script() -> None:
     assert len(more) - len(single) <= 24 * (PARTITIONS - 1)
 
 
-def test_a_number_more_in_the_manifest_changes_ten_lines_of_a_script_at_most() -> None:
+def test_a_number_more_in_the_manifest_changes_eleven_lines_of_a_script_at_most() -> None:
     before, after = lines_of(a_system(PARTITIONS)), lines_of(a_system(PARTITIONS, reserve=6))
 
     assert len(after) == len(before)
-    assert 3 < sum(old != new for old, new in zip(before, after, strict=True)) <= 10
+    assert 3 < sum(old != new for old, new in zip(before, after, strict=True)) <= 11

@@ -34,6 +34,9 @@ NOUNS = (
     "its 2 VPs",
     "each VP",
     "each of its VPs",
+    "each of 2 processors",
+    "its processor",
+    "each)",  # of the processors in a column beside it
     "them",
     "the partition's VPs",
     "onboard",
