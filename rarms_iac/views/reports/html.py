@@ -19,6 +19,7 @@ from rarms_iac.model.quantities import guaranteed, show_processors
 from rarms_iac.statistics.error_probability import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
 from rarms_iac.views.harmless import visible
+from rarms_iac.views.reports.candidates import drawing_of
 from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of, on_page
 from rarms_iac.views.reports.summary import fit_text, status_text, tuning_text
 from rarms_iac.views.reports.table import show_cell
@@ -97,6 +98,7 @@ def render_page(report: Report, *, findings: Sequence[Diagnostic], **context: ob
                 for tuning in report.tunings
             ],
             candidates=on_page(candidates_table(report)),
+            drawing=drawing_of(report),
             show_cell=show_cell,
             more_candidates=candidates_left_out(report),
             statuses=[
