@@ -49,18 +49,22 @@ class SettingCount:
     goes_on: bool = False  # and it goes on until they tell, or its budget is spent
 
 
-def settings_to_run(method: Method, recorded: Iterable[Setting], most: int) -> SettingCount:
+def settings_to_run(
+    method: Method, recorded: Iterable[Setting], most: int, *, shows_processors: bool = False
+) -> SettingCount:
     """Count the settings that are still to be run.
 
     Args:
         method: How they are chosen.
         recorded: The settings so far, which are not run again.
         most: The highest CR that the host can give, in per cent.
+        shows_processors: Whether the first may only show how many processors are used, and be no point of the curve.
     """
+    further = 1 if shows_processors else 0
     if isinstance(method, Sweep):
         count = len(set(reserves_of(method, most)) - {setting.reserve for setting in recorded})
-        return SettingCount(least=count, most=count, ends_early=False)
-    bound = min(STEPS_OF_PAPER, ceil(most / STEPS_OF_PAPER)) if is_of_paper(method) else min(MOST, most)
+        return SettingCount(least=count, most=count + further, ends_early=False)
+    bound = min(STEPS_OF_PAPER, ceil(most / STEPS_OF_PAPER)) if is_of_paper(method) else min(MOST, most) + further
     return SettingCount(least=1, most=max(1, bound), ends_early=True, goes_on=not is_of_paper(method))
 
 

@@ -299,7 +299,12 @@ def _describe_duration(
     known = [run for run in settings_log.runs() if settings_log.anew in (None, run.seed)]
     bounds = expected_duration(
         experiment,
-        settings_to_run(method, known, available.highest_reserve),
+        settings_to_run(
+            method,
+            known,
+            available.highest_reserve,
+            shows_processors=experiment.processors_from is ProcessorSource.HOST,
+        ),
         settings_log.settings(),
         Settling(memory_ms=available.memory_ms).least_ms,
     )

@@ -131,3 +131,11 @@ def test_a_search_takes_as_many_samples_as_its_thresholds_need() -> None:
 )
 def test_a_duration_is_told_in_the_unit_that_fits(milliseconds_: float, text: str) -> None:
     assert show_duration(milliseconds_) == text
+
+
+def test_the_first_setting_may_show_only_how_many_processors_are_used() -> None:
+    for method in (Search(), Sweep(reserves=(40, 50))):
+        plain, shows = (settings_to_run(method, (), 100, shows_processors=each) for each in (False, True))
+        assert shows.most == plain.most + 1
+    paper = Search(strategy="paper")
+    assert settings_to_run(paper, (), 100, shows_processors=True) == settings_to_run(paper, (), 100)
