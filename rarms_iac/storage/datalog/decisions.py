@@ -107,7 +107,7 @@ def read_entries(path: Path) -> tuple[Entry, ...]:
 
 
 def _entry_in(record: dict[str, Json]) -> Entry:
-    entry: Entry = decode_union(Entry, _without_old_fields(record))
+    entry: Entry = decode_union(Entry, record)
     return entry
 
 
@@ -263,10 +263,6 @@ def append_run(path: Path, run: TuningRun) -> None:
     append_to_log(path, run)
 
 
-_NO_LONGER_WRITTEN = frozenset({"probability", "interpolated"})
-"""Fields of runs and choices that were recorded before they went."""
-
-
 def read_runs(path: Path) -> tuple[TuningRun, ...]:
     """All runs, oldest first; none where there is no file.
 
@@ -284,8 +280,4 @@ def read_runs(path: Path) -> tuple[TuningRun, ...]:
 
 
 def _run_in(record: dict[str, Json]) -> TuningRun:
-    return decode(TuningRun, _without_old_fields(record))
-
-
-def _without_old_fields(record: dict[str, Json]) -> dict[str, Json]:
-    return {name: value for name, value in record.items() if name not in _NO_LONGER_WRITTEN}
+    return decode(TuningRun, record)
