@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from rarms_iac.model.commands import APPLY, APPLY_ABANDON, DRIFT, HISTORY, PLAN_OUT, UNDO, prose, sentences
+from rarms_iac.model.commands import APPLY, APPLY_ABANDON, DRIFT, HISTORY, PLAN_OUT, UNDO, command, prose, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Readings, Step
@@ -133,7 +133,9 @@ def run_of_another(host: str, journal: Journal | ScriptRun, application: Applica
         None,
         f"{_run(started)} on {host} is a run of the application {begun_for}, begun by "
         f"{started.started_by}; this manifest is that of {own}.",
-        prose("Nothing was changed. Take it back with the manifest of that application: ", UNDO, "."),
+        prose(
+            "Nothing was changed. Take it back with that application's manifest: ", command("undo", f="MANIFEST"), "."
+        ),
         address=f"host/{host}",
         values={
             "host": host,

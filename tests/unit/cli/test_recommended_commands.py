@@ -681,7 +681,7 @@ OTHER_TESTS = {
     "`rarms init` writes one.": "tests/unit/cli/test_status.py",
     "or finish it where the key is not set": "tests/unit/app/test_plan_key.py",
     "Make the plan again where the key is set: ": "tests/unit/app/test_plan_key.py",
-    "Take it back with the manifest of that application: ": "tests/system/test_cli_route.py",
+    "Take it back with that application's manifest: ": "tests/system/test_cli_route.py",
     "Release it first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
     "Release that one first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
     "samples would show it": "tests/unit/app/experiments/test_prove.py",
