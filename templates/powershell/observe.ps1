@@ -146,14 +146,18 @@ function Get-MachineReading {
 }
 
 function Get-VirtualDiskReading {
-    # What disks that machines have are, in their order; of one that cannot be read only where it is.
+    # What disks that machines have are, in their order; of one that cannot be read only where it is. One whose name is a
+    # pattern would be taken for other files.
     param([string[]] $Path)
     if (-not $Path.Count) { return }
-    $found = Get-Probe -Many -Read { Hyper-V\Get-VHD -Path $Path }
+    $plain = @(foreach ($one in $Path) { if (-not ($one -cmatch '[*?[\]`]')) { $one } })
+    $found = Get-Probe -Many -Read { Hyper-V\Get-VHD -Path $plain }
     $whole = $found['status'] -ceq 'value' -and @($found['value']).Count -eq $Path.Count
     for ($at = 0; $at -lt $Path.Count; $at++) {
         $here = $Path[$at]
-        $disk = if ($whole) { $found['value'][$at] } else { (Get-Probe -Read { Hyper-V\Get-VHD -Path $here })['value'] }
+        $disk = $null
+        if ($whole) { $disk = $found['value'][$at] }
+        elseif ($plain -ccontains $here) { $disk = (Get-Probe -Read { Hyper-V\Get-VHD -Path $here })['value'] }
         [ordered] @{
             path = $here; type = if ($null -eq $disk) { '' } else { [string] $disk.VhdType }
             parent = if ($null -eq $disk) { '' } else { [string] $disk.ParentPath }

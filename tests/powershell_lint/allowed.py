@@ -78,8 +78,8 @@ _HYPERV_MEMBERS = words(
     """
     AutomaticStartAction AutomaticStopAction BootOrder BootType CheckpointType Count DynamicMemoryEnabled
     Generation Id LogicalProcessorCount Maximum MemoryStartup Name Notes ParentPath Path ProcessorCount
-    RelativeWeight ReplicationMode Reserve SecureBoot SecureBootTemplate Shielded Startup State VhdType
-    VirtualHardDiskPath VMId VMName
+    ProcessorsAvailability RelativeWeight ReplicationMode Reserve SecureBoot SecureBootTemplate Shielded Startup State
+    VhdType VirtualHardDiskPath VMId VMName
     """
 )
 READING_MEMBERS = _HYPERV_MEMBERS | words(
@@ -98,8 +98,8 @@ MEMBERS = READING_MEMBERS | words(
     ASCII AcceptScheduler Action AddMilliseconds Address After Application Before Clear ComputeHash Computer Contains
     Cores Create CreateDirectory Delete Detail Dispose Enabled Equals Fits Flush
     GetAttributes GetBytes GetString Guest
-    CommandType InvocationInfo InvocationName Kind Length LogicalProcessors Lost Memory Move MyCommand Needs Number
-    EndsWith Open OpenOrCreate Ordinal Percent Plan Position PrimaryOperationalStatus Processors
+    CommandType InvocationInfo InvocationName Kind Length LogicalProcessors Lost Major Memory Move MyCommand Needs
+    Number EndsWith Open OpenOrCreate Ordinal Percent Plan Position PrimaryOperationalStatus Processors
     ContainsKey Detail Identity Read ReadAllBytes ReadAllText ReadWrite Remove ReparsePoint Run ScriptLineNumber Serial
     Robot Set SetLength
     SetSecurityDescriptorSddlForm ShouldProcess Sort Status Step Substring ThreadsPerCore ToString Undo

@@ -417,6 +417,8 @@ def get_vhd(scope: Scope, given: Given) -> Value:
     if isinstance(given["path"], list):
         return [get_vhd(scope, {"path": path}) for path in given["path"]]
     path = text(given["path"])
+    if set(path) & set("*?[]`"):
+        raise AssertionError(f"Get-VHD reads {path} as a pattern")
     file = scope.session.host.file(path)
     if not path or file is None or file.data is None:
         raise refuse(f"Getting the virtual disk failed: '{path}' is not there.", "GetVHD", "ObjectNotFound")
@@ -481,7 +483,12 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
     "get-vmsnapshot": _each(get_snapshots),
     "get-vmswitch": lambda scope, given: [Record(Name=switch) for switch in scope.session.host.switches],
     "get-vmhostnumanode": lambda scope, given: [
-        Record(NodeId=node["node"], MemoryAvailable=node["memory_available"], MemoryTotal=node["memory"])
+        Record(
+            NodeId=node["node"],
+            MemoryAvailable=node["memory_available"],
+            MemoryTotal=node["memory"],
+            ProcessorsAvailability=[0] * node.get("processors", scope.session.host.logical_processors),
+        )
         for node in scope.session.host.numa
     ],
     "get-vmfirmware": _each(get_firmware),

@@ -118,11 +118,24 @@ def export_module_member(scope: Scope, given: Given) -> Value:
     return EMPTY
 
 
+class Version(Thing):
+    """Of a module."""
+
+    type_name = "System.Version"
+
+    def __init__(self, written: str) -> None:
+        super().__init__(Major=int(written.partition(".")[0]))
+        self.written = written
+
+    def __str__(self) -> str:
+        return self.written
+
+
 def get_command(scope: Scope, given: Given) -> Value:
     """`Get-Command -Name` of Hyper-V's own, or `-CommandType Function -Module NAME`."""
     if "module" not in given:
         kind = "Cmdlet" if scope.session.host.loads_hyperv else "Function"
-        return Record(CommandType=Enumerated(kind))
+        return Record(CommandType=Enumerated(kind), Version=Version(scope.session.host.module[-1]))
     if text(given["commandtype"]) != "Function":
         raise Unsupported("Get-Command of a module, but for functions")
     wanted = text(given["module"])

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 
 import pytest
 
-from rarms_iac.model.plan import Plan
+from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.system import System
 from tests.builders import a_component
 from tests.twin import cmdlets, hyperv
@@ -84,6 +84,34 @@ def test_a_changed_reserve_takes_four_calls_a_step(calls: Calls) -> None:
     assert (looked, calls["get-vmsecurity"]) == (3, 0)
 
 
+def test_two_reserves_that_change_places_take_four_calls_a_step(calls: Calls) -> None:
+    def halves(first: int) -> System:
+        shares = {"first": first, "second": 90 - first}
+        return a_cell_system(*(a_component(name, reserve=f"{share} %", processors=4) for name, share in shares.items()))
+
+    host = a_windows()
+    apply(host, Cell(halves(60), host.copy()).plan())
+    plan = Cell(halves(30), host.copy()).plan()
+
+    steps, made = counted_run(calls, host, plan)
+
+    assert (steps, {vm.name: vm.reserve for vm in host.vms.values()}) == (4, {"first": 30, "second": 60})
+    assert made - calls["get-vmsecurity"] <= 4 * steps
+
+
+def test_a_removal_takes_five_calls_a_step(calls: Calls) -> None:
+    host = a_windows()
+    apply(host, Cell(a_system(PARTITIONS), host.copy()).plan())
+    for vm in host.vms.values():
+        vm.needs_ms = 500  # its state is asked for once meanwhile
+    plan = Cell(a_system(PARTITIONS), host.copy()).plan(purpose=Purpose.DESTROY)
+
+    steps, made = counted_run(calls, host, plan)
+
+    assert (steps, host.vms) == (2 * PARTITIONS, {})
+    assert made - calls["get-vmsecurity"] - calls["remove-job"] <= 5 * steps
+
+
 @pytest.mark.parametrize("count", [1, 30])
 def test_looking_takes_twelve_calls_at_most_for_any_number_of_machines(count: int, calls: Calls) -> None:
     host = a_windows(*(a_stranger(f"m{number}", number, disks=[IMAGE]) for number in range(count)))
@@ -112,9 +140,9 @@ def test_a_host_that_is_read_for_long_says_every_ten_seconds_that_it_still_is(mo
 
     def slow(scope: Scope, given: Mapping[str, Value]) -> Value:
         scope.session.host.clock += 20_000
-        return hyperv.CMDLETS["get-vmprocessor"](scope, given)
+        return hyperv.CMDLETS["get-vmsecurity"](scope, given)
 
-    monkeypatch.setitem(cmdlets.CMDLETS, "get-vmprocessor", slow)
+    monkeypatch.setitem(cmdlets.CMDLETS, "get-vmsecurity", slow)
     changed = Cell(a_system(PARTITIONS, reserve=8, others=8), host.copy()).plan()
 
     ran = apply(host, changed)

@@ -126,6 +126,20 @@ def test_a_disk_that_is_no_longer_as_the_plan_knew_it_is_not_deleted(move: Calla
     assert host.file(path) is not None
 
 
+def test_a_disk_whose_name_is_a_pattern_ends_the_search_for_children_in_plain_words() -> None:
+    prepared = with_a_disk()
+    host = prepared.copy()
+    host.write_file("D:\\lab\\a[1].vhdx", b"a disk")
+    other = a_stranger("borrower", 5, state="Off", start_action="Nothing", disks=["D:\\lab\\a[1].vhdx"])
+    host.vms[other.id] = other
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == 1, ran.says
+    assert "D:\\\\lab\\\\a[1].vhdx: Get-VHD reads this name as a pattern, rename the file" in ran.says
+    assert host.file(disk_of(host)) is not None
+
+
 # What another machine's checkpoints rest on only the step sees; another parent makes it a child all the same.
 SEEN = [move for move in MOVES if move not in (_a_checkpoint_of_another, _another_parent)]
 

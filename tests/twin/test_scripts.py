@@ -276,8 +276,9 @@ def test_a_task_class_that_another_tool_moved_is_not_touched() -> None:
         ({"elevated": False}, 1, ""),
         ({"bits": 32}, 3, "32 bits"),
         ({"loads_hyperv": False}, 3, "start powershell.exe"),
+        ({"module": ["1.1"]}, 3, "version 1.1 of Hyper-V, scripts need 2.0.0.0"),
     ],
-    ids=["another computer", "processors", "root", "locked", "no rights", "32 bits", "7 on 2016"],
+    ids=["another computer", "processors", "root", "locked", "no rights", "32 bits", "7 on 2016", "module"],
 )
 def test_a_host_that_is_not_the_plans_is_not_touched_at_all(facts: dict[str, object], code: int, says: str) -> None:
     prepared = fresh()
@@ -289,6 +290,28 @@ def test_a_host_that_is_not_the_plans_is_not_touched_at_all(facts: dict[str, obj
     assert ran.code == code, ran.says
     assert says in ran.says
     assert seen(host.copy(elevated=True)) == seen(before)
+
+
+@pytest.mark.parametrize(
+    ("node", "code"),
+    [
+        ({"processors": 4, "memory": 8192}, 0),
+        ({"processors": 0, "memory": 8192}, 1),
+        ({"processors": 4, "memory": 1}, 1),
+    ],
+    ids=["it fits", "processors", "memory"],
+)
+def test_where_no_machine_may_lie_on_two_nodes_none_is_larger_than_one(node: dict[str, int], code: int) -> None:
+    prepared = fresh()
+    nodes = [{"node": number, "memory_available": 1, **node} for number in range(2)]
+    host = prepared.copy(numa_spanning=False, numa=nodes)
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == code, ran.says
+    assert ("allow NUMA spanning" in ran.says) is bool(code)
+    spanning = prepared.copy(numa=nodes)
+    assert apply(spanning, prepared.plan).code == 0
 
 
 @pytest.mark.parametrize("way", [apply, undo], ids=["apply", "undo"])

@@ -117,7 +117,9 @@ function Initialize-Run {
     $script:Wanted = @()            # the names that are read for
     $script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
     $script:Looking = $false        # whether everything is looked at, and no step done
+    $script:Fresh = [DateTime]::UtcNow  # until when the look at everything counts for the steps
     $script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that a declined -Confirm left out
+    $script:Nodes = @()             # NUMA nodes, where no machine may lie on two of them
     $script:Shortage = ''           # what the host has, and what a promise needs, where the promise was refused
     $script:Changed = 0             # steps that this run did
     $script:Messages = @()          # what a step has to tell beside that it is done
@@ -249,6 +251,7 @@ function Assert-Host {
     $made = [hashtable]::new($script:Ordinal)  # by address: what the steps that were done made of it
     $ahead = [hashtable]::new($script:Ordinal)  # addresses with names that a step is to change yet
     $script:Looking = $true
+    $script:Fresh = [DateTime]::UtcNow.AddMilliseconds(10000)
     $alive = [DateTime]::UtcNow.AddMilliseconds(10000)
     foreach ($step in $script:Steps) {
         $at = $step.Address
@@ -312,8 +315,8 @@ function Invoke-Step {
         $script:Current = $script:Whole
         Stop-Run -Kind 'run' -Status 'stopped' -Code 1 -Detail 'asked to stop; run it again to go on'
     }
-    # What was read with others, or of another, may be old by now.
-    if ($script:Known.Count -gt 2 -or -not $script:Known.Contains($Step.Address)) { $script:Known.Clear() }
+    # What was read of another is no use here, and what is ten seconds old may be so no more.
+    if ([DateTime]::UtcNow -gt $script:Fresh -or -not $script:Known.Contains($Step.Address)) { $script:Known.Clear() }
     $lacks = @(foreach ($one in $Step.Needs) { if ($script:Skipped.Contains($one)) { $one } })
     $live = Get-Reading -Step $Step
     # What builds on a declined step is left out and not recorded, as it would look as if it had nothing to do.
@@ -347,6 +350,7 @@ function Invoke-Step {
     foreach ($message in $script:Messages) { Write-RunEvent -Kind 'step' -Step $Step -Status 'waited' -Detail $message }
     $script:Messages = @()
     $script:Known.Clear()
+    $script:Known['removed'] = $Step.After['exists'] -ceq $false
     $missed = @(Compare-Reading -Live (Get-Reading -Step $Step) -Expected $Step.After)
     if ($missed.Count) { throw ($Step.Address + ': set, but the host still shows otherwise: ' + ($missed -join ', ')) }
     Add-StepRecord -Step $Step -Status 'changed' -Detail $Step.Action
@@ -770,8 +774,12 @@ function Assert-VmHost {
     $plan = $script:Plan
     if ([IntPtr]::Size -ne 8) { Stop-Run -Detail 'this PowerShell has 32 bits: start the one that has 64' }
     # Where 7 does not load Hyper-V itself, its objects come through 5.1 and are none that cmdlets take.
-    if ([string] (Get-Command -Name 'Hyper-V\Get-VM').CommandType -cne 'Cmdlet') {
+    $command = Get-Command -Name 'Hyper-V\Get-VM'
+    if ([string] $command.CommandType -cne 'Cmdlet') {
         Stop-Run -Detail 'this PowerShell does not load Hyper-V itself: start powershell.exe'
+    }
+    if ($command.Version.Major -lt 2) {
+        Stop-Run -Detail ('this host has version {0} of Hyper-V, scripts need 2.0.0.0 or later' -f $command.Version)
     }
     $vmHost = Hyper-V\Get-VMHost
     if ($vmHost.Name -ne $plan.Computer) {
@@ -785,6 +793,8 @@ function Assert-VmHost {
     if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
         Stop-Run -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
     }
+    # Where no machine may lie on two NUMA nodes, none is larger than one.
+    if (-not $vmHost.NumaSpanningEnabled) { $script:Nodes = @(Hyper-V\Get-VMHostNumaNode) }
     if ($plan.AcceptScheduler) { return }
     if (Test-RootScheduler) {
         throw 'the hypervisor runs its root scheduler, under which reserve, limit and weight have no effect'
@@ -859,9 +869,11 @@ function Get-Known {
 }
 
 function Find-Machine {
-    # Where everything is looked at, all machines are listed once.
+    # All machines are listed where everything is looked at, where a promise counts the others, and where it was removed.
     param([string] $Machine)
-    if (-not $script:Looking) {
+    $all = $script:Looking -or $script:Current['Fits']
+    if ($script:Known.Contains('removed')) { $all = $script:Known['removed'] }
+    if (-not $all) {
         try { return Hyper-V\Get-VM -Id $Machine } catch { Write-Verbose -Message $_.Exception.Message }
     }
     foreach ($vm in @(Get-MachineList)) { if ([string] $vm.Id -eq $Machine) { $vm } }
@@ -902,10 +914,34 @@ function Add-ProcessorReading {
     # Only where one of these is asked for: a machine that is stopped or removed needs none of them.
     param([System.Collections.IDictionary] $Live)
     if (-not $Live['exists'] -or -not (Test-Unread -Live $Live -Name 'reserve', 'limit', 'weight')) { return }
-    $cpu = Hyper-V\Get-VMProcessor -VM $Live['vm']
+    $cpu = Get-Device -Kind 'processors' -Vm $Live['vm']
     $Live['reserve'] = [long] $cpu.Reserve
     $Live['limit'] = [long] $cpu.Maximum
     $Live['weight'] = [long] $cpu.RelativeWeight
+}
+
+function Get-Device {
+    # The processors, disks or snapshots of a machine: read with those of all machines, where these are listed and none of
+    # them hides the others.
+    param([string] $Kind, $Vm)
+    if (-not $script:Known.Contains('machines')) { return Read-Device -Kind $Kind -Machine $Vm }
+    if (-not $script:Known.Contains($Kind)) {
+        $script:Known[$Kind] = $null
+        try {
+            $script:Known[$Kind] = @(Read-Device -Kind $Kind -Machine $script:Known['machines'])
+        } catch {
+            Write-Verbose -Message $_.Exception.Message
+        }
+    }
+    if ($null -eq $script:Known[$Kind]) { return Read-Device -Kind $Kind -Machine $Vm }
+    foreach ($one in $script:Known[$Kind]) { if ([string] $one.VMId -ceq [string] $Vm.Id) { $one } }
+}
+
+function Read-Device {
+    param([string] $Kind, $Machine)
+    if ($Kind -ceq 'disks') { return Hyper-V\Get-VMHardDiskDrive -VM $Machine }
+    if ($Kind -ceq 'snapshots') { return Hyper-V\Get-VMSnapshot -VM $Machine }
+    Hyper-V\Get-VMProcessor -VM $Machine
 }
 
 function Test-Unread {
@@ -1007,8 +1043,9 @@ function Add-DeviceReading {
         }
     }
     if (Test-Unread -Live $Live -Name 'adapters') { $Live['adapters'] = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count }
-    if (Test-Unread -Live $Live -Name 'disks') { $Live['disks'] = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count }
-    if (Test-Unread -Live $Live -Name 'snapshots') { $Live['snapshots'] = @(Hyper-V\Get-VMSnapshot -VM $vm).Count }
+    foreach ($kind in @('disks', 'snapshots')) {
+        if (Test-Unread -Live $Live -Name $kind) { $Live[$kind] = @(Get-Device -Kind $kind -Vm $vm).Count }
+    }
     $Live
 }
 
@@ -1126,14 +1163,14 @@ function Test-Capacity {
         $starts = -not (Test-Replica -Vm $vm) -and [string] $vm.AutomaticStartAction -cne 'Nothing'
         if ($active -or (-not $ours -and $starts)) { $vm }
     })
-    $cpu = if ($script:Plan.ThreadsPerCore -eq 1) { $null } else { Hyper-V\Get-VMProcessor -VM $script:Vm }
+    $cpu = if ($script:Plan.ThreadsPerCore -eq 1) { $null } else { Get-Device -Kind 'processors' -Vm $script:Vm }
     $claims = @(@{ Cores = Get-CoreCount -Cpu $cpu -Processors $Processors; Reserve = $Reserve })
     $needed = $claims[0].Cores * $script:Plan.ThreadsPerCore * $Reserve
     $taken = [long] 0
     $promised = @()
     $bytes = $Memory
     if ($others.Count) {
-        foreach ($cpu in @(Hyper-V\Get-VMProcessor -VM $others)) {
+        foreach ($cpu in @(foreach ($vm in $others) { Get-Device -Kind 'processors' -Vm $vm })) {
             $cores = Get-CoreCount -Cpu $cpu -Processors $cpu.Count
             $claims += @{ Cores = $cores; Reserve = [long] $cpu.Reserve }
             $share = $cores * $script:Plan.ThreadsPerCore * [long] $cpu.Reserve
@@ -1147,6 +1184,13 @@ function Test-Capacity {
     $needed = ConvertTo-Processor -Percent $needed
     $script:Shortage = 'needs {0} and {1} MiB, free {2} and {3} MiB' -f $needed, [long] ($Memory / 1048576), $free, $room
     if ($promised.Count) { $script:Shortage += ', promised: ' + ($promised -join ', ') }
+    if ($script:Nodes.Count -and -not @(foreach ($node in $script:Nodes) {
+        $size = [long] $node.MemoryTotal * 1048576
+        if (@($node.ProcessorsAvailability).Count -ge $Processors -and $size -ge $Memory) { $node }
+    }).Count) {
+        $script:Shortage = 'it is larger than each NUMA node, and this host lets none lie on two: allow NUMA spanning'
+        return $false
+    }
     $percent = [long] 0
     $free = @(100) * $script:Plan.Cores
     foreach ($one in $claims) {
@@ -1280,6 +1324,7 @@ function Test-DiskUse {
         $at = [string] $drive.Path
         while ($at) {
             if (Test-SamePath -Left $at -Right $Path) { return $true }
+            if ($at -cmatch '[*?[\]`]') { throw ('{0}: Get-VHD reads this name as a pattern, rename the file' -f $at) }
             $at = if (Test-Path -LiteralPath $at) { [string] (Hyper-V\Get-VHD -Path $at).ParentPath } else { '' }
         }
     }
