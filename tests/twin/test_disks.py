@@ -129,6 +129,7 @@ def test_a_disk_that_is_no_longer_as_the_plan_knew_it_is_not_deleted(move: Calla
 def test_a_disk_whose_name_is_a_pattern_ends_the_search_for_children_in_plain_words() -> None:
     prepared = with_a_disk()
     host = prepared.copy()
+    path = disk_of(host)
     host.write_file("D:\\lab\\a[1].vhdx", b"a disk")
     other = a_stranger("borrower", 5, state="Off", start_action="Nothing", disks=["D:\\lab\\a[1].vhdx"])
     host.vms[other.id] = other
@@ -137,7 +138,7 @@ def test_a_disk_whose_name_is_a_pattern_ends_the_search_for_children_in_plain_wo
 
     assert ran.code == 1, ran.says
     assert "D:\\\\lab\\\\a[1].vhdx: Get-VHD reads this name as a pattern, rename the file" in ran.says
-    assert host.file(disk_of(host)) is not None
+    assert host.file(path) is not None
 
 
 # What another machine's checkpoints rest on only the step sees; another parent makes it a child all the same.
