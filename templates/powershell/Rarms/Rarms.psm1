@@ -40,10 +40,7 @@ function Invoke-RarmsPlan {
     #>
     [CmdletBinding(PositionalBinding = $false)]
     param([string] $Path = '', [switch] $AsJson, [System.Collections.IDictionary] $Run = $null)
-    if ($Path) {
-        & $Path -AsJson:$AsJson
-        return
-    }
+    if ($Path) { return & $Path -AsJson:$AsJson }
     if ($null -eq $Run) { throw 'give -Path: the script of a plan' }
     # An alias of the caller would come before a function of this module: none is called before this.
     $own = @(Microsoft.PowerShell.Core\Get-Command -CommandType Function -Module $MyInvocation.MyCommand.Module.Name)
@@ -86,10 +83,7 @@ function Test-RarmsPlan {
     #>
     [CmdletBinding(PositionalBinding = $false)]
     param([string] $Path = '', [System.Collections.IDictionary] $Run = $null)
-    if ($Path) {
-        & $Path -Test
-        return
-    }
+    if ($Path) { return & $Path -Test }
     if ($null -eq $Run) { throw 'give -Path: the script of a plan' }
     $Run['Test'] = $true
     Invoke-RarmsPlan -Run $Run
@@ -117,7 +111,6 @@ function Initialize-Run {
     $script:Wanted = @()            # the names that are read for
     $script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
     $script:Looking = $false        # whether everything is looked at, and no step done
-    $script:Fresh = [DateTime]::UtcNow  # until when the look at everything counts for the steps
     $script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that a declined -Confirm left out
     $script:Nodes = @()             # NUMA nodes, where no machine may lie on two of them
     $script:Shortage = ''           # what the host has, and what a promise needs, where the promise was refused
@@ -153,8 +146,7 @@ function Write-Failure {
     $ending = $script:Ending
     if ($null -ne $ending) {
         $script:Code = $ending.Code
-        Write-RunEvent -Kind $ending.Kind -Step $script:Current -Status $ending.Status -Detail $detail
-        return
+        return Write-RunEvent -Kind $ending.Kind -Step $script:Current -Status $ending.Status -Detail $detail
     }
     $script:Code = 1
     $id = [string] $Failure.FullyQualifiedErrorId
@@ -245,8 +237,7 @@ function Complete-Run {
 }
 
 function Assert-Host {
-    # Reads everything. What was done is still so; what is to be done finds what was planned before it, unless a step
-    # ahead of it is to make that so.
+    # Reads everything: what was done is still so, what is to be done finds what was planned, or is ahead to be made.
     param([switch] $Last)
     $made = [hashtable]::new($script:Ordinal)  # by address: what the steps that were done made of it
     $ahead = [hashtable]::new($script:Ordinal)  # addresses with names that a step is to change yet
@@ -306,10 +297,7 @@ function Invoke-Step {
     $fits = $Step.Fits
     $script:Current = $Step
     $leave = Get-Leave -Step $Step
-    if ($leave) {
-        Write-RunEvent -Kind 'step' -Step $Step -Status 'unchanged' -Detail $leave
-        return
-    }
+    if ($leave) { return Write-RunEvent -Kind 'step' -Step $Step -Status 'unchanged' -Detail $leave }
     if (Test-Path -LiteralPath ($script:ScriptPath + '.stop')) {
         # The maker of that file beside the script wants it to end before the next step.
         $script:Current = $script:Whole
@@ -323,8 +311,7 @@ function Invoke-Step {
     if (-not $lacks.Count -and -not @(Compare-Reading -Live $live -Expected $Step.After).Count) {
         # One that was begun and killed has changed something.
         $status = if ($script:Recorded.Contains([string] $Step.Number)) { 'changed' } else { 'unchanged' }
-        Add-StepRecord -Step $Step -Status $status
-        return
+        return Add-StepRecord -Step $Step -Status $status
     }
     $moved = @(Compare-Step -Step $Step -Live $live)
     $skip = ''
@@ -342,8 +329,7 @@ function Invoke-Step {
     }
     if ($skip) {
         $script:Skipped[$Step.Address] = $true
-        Write-RunEvent -Kind 'step' -Step $Step -Status 'skipped' -Detail $skip
-        return
+        return Write-RunEvent -Kind 'step' -Step $Step -Status 'skipped' -Detail $skip
     }
     Add-StepRecord -Step $Step -Status 'begun' -Detail $Step.Action
     [void] (& $set)
@@ -482,7 +468,6 @@ function ConvertTo-AsciiJson {
 }
 
 # === preview: what -WhatIf shows.
-
 function Show-Run {
     # A preview: first what is stopped, removed and deleted, then every step that is not done, with what it comes after.
     $shown = @(Get-Preview)
@@ -557,7 +542,6 @@ function Get-Loss {
 }
 
 # === lock: one run at a time on this computer, in a folder that only Administrators and SYSTEM may write to.
-
 function Lock-Host {
     # A preview holds nothing. The folder comes first: no other account may open, and so hold, what lies in it.
     if ($script:LockTimeout -lt 0 -or $script:LockTimeout -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
@@ -632,12 +616,9 @@ function Assert-Owner {
     throw ('{0} belongs to {1}, not to Administrators or SYSTEM: look at it, then remove it' -f $Path, $owner)
 }
 
-# === journal ======================================================================================
-# What a run did, kept on this computer: a line of JSON for each record, sealed by its length and a checksum.
-
+# === journal: what a run did, kept on this computer: a line of JSON a record, sealed by its length and a checksum.
 function Import-Journal {
-    # What the last run here did, by the whole records. The first one is never torn: it gets its name when it is whole. A
-    # later last one that a crash tore has no line end, or bytes that never came, and is dropped; all else is damage.
+    # What the last run did, by its whole records. A last one that a crash tore is dropped, but the first: all else is damage.
     $fresh = $script:Journal + '.new'
     # Left by a run that was killed before it began.
     if (-not $script:Preview -and (Test-Path -LiteralPath $fresh)) { [System.IO.File]::Delete($fresh) }
@@ -768,18 +749,14 @@ function Write-FirstRecord {
 }
 
 # === host: whether a script runs where it was made for, and whether a reserve has any effect there.
-
 function Assert-VmHost {
     # Is it this host, may we, and does a reserve have any effect here?
     $plan = $script:Plan
     if ([IntPtr]::Size -ne 8) { Stop-Run -Detail 'this PowerShell has 32 bits: start the one that has 64' }
     # Where 7 does not load Hyper-V itself, its objects come through 5.1 and are none that cmdlets take.
     $command = Get-Command -Name 'Hyper-V\Get-VM'
-    if ([string] $command.CommandType -cne 'Cmdlet') {
-        Stop-Run -Detail 'this PowerShell does not load Hyper-V itself: start powershell.exe'
-    }
-    if ($command.Version.Major -lt 2) {
-        Stop-Run -Detail ('this host has version {0} of Hyper-V, scripts need 2.0.0.0 or later' -f $command.Version)
+    if ([string] $command.CommandType -cne 'Cmdlet' -or $command.Version.Major -lt 2) {
+        Stop-Run -Detail 'this PowerShell does not load version 2.0.0.0 of Hyper-V itself: start powershell.exe'
     }
     $vmHost = Hyper-V\Get-VMHost
     if ($vmHost.Name -ne $plan.Computer) {
@@ -809,8 +786,7 @@ function Get-HostIdentity {
 }
 
 function Test-RootScheduler {
-    # Event 2 of the hypervisor says 4 for root. Where it has left the log: a client Windows has root, of a server it is
-    # not known, which the plan told.
+    # Event 2 says 4 for root. Where it has left the log, a client Windows has root; of a server the plan told.
     try {
         $filter = @{ ProviderName = 'Microsoft-Windows-Hyper-V-Hypervisor'; ID = 2 }
         $found = @(Get-WinEvent -FilterHashtable $filter -MaxEvents 1)
@@ -823,7 +799,6 @@ function Test-RootScheduler {
 }
 
 # === guest: where the script of a guest may run.
-
 function Assert-Guest {
     # In the machine that it was made for, as Hyper-V tells its guest: by its id, or by its name where the plan makes it.
     if ([IntPtr]::Size -ne 8) { Stop-Run -Detail 'this PowerShell has 32 bits: start the one that has 64' }
@@ -839,7 +814,6 @@ function Assert-Guest {
 }
 
 # === machines: how virtual machines are found, read and marked: never by their names.
-
 function Get-PartitionReading {
     # What the host shows of the machine with this id.
     param([string] $Machine, [switch] $Clustered)
@@ -921,17 +895,13 @@ function Add-ProcessorReading {
 }
 
 function Get-Device {
-    # The processors, disks or snapshots of a machine: read with those of all machines, where these are listed and none of
-    # them hides the others.
+    # Of a machine; read with those of all machines where these are listed, and none of them hides the others.
     param([string] $Kind, $Vm)
     if (-not $script:Known.Contains('machines')) { return Read-Device -Kind $Kind -Machine $Vm }
     if (-not $script:Known.Contains($Kind)) {
         $script:Known[$Kind] = $null
-        try {
-            $script:Known[$Kind] = @(Read-Device -Kind $Kind -Machine $script:Known['machines'])
-        } catch {
-            Write-Verbose -Message $_.Exception.Message
-        }
+        try { $script:Known[$Kind] = @(Read-Device -Kind $Kind -Machine $script:Known['machines']) }
+        catch { Write-Verbose -Message $_.Exception.Message }
     }
     if ($null -eq $script:Known[$Kind]) { return Read-Device -Kind $Kind -Machine $Vm }
     foreach ($one in $script:Known[$Kind]) { if ([string] $one.VMId -ceq [string] $Vm.Id) { $one } }
@@ -1021,9 +991,7 @@ function ConvertTo-Word {
     ([string] $Value -creplace '(?<=[a-z])(?=[A-Z])', '_').ToLowerInvariant()
 }
 
-# === devices ======================================================================================
-# What a machine has beside processors and memory: one call for each kind that is wanted and was not read yet.
-
+# === devices: one call for each kind that is wanted and was not read yet.
 function Get-DeviceReading {
     param([string] $Machine, [switch] $Clustered)
     Add-DeviceReading -Live (Get-MachineReading -Machine $Machine -Clustered $Clustered)
@@ -1050,7 +1018,6 @@ function Add-DeviceReading {
 }
 
 # === making: the machine that this plan makes: it carries our mark, or before that the plan's pending name.
-
 function Get-NewPartitionReading {
     param([string] $Name)
     $live = Get-Known
@@ -1151,7 +1118,6 @@ function Remove-NetworkAdapter {
 }
 
 # === capacity: whether the host can keep what it promises, its unmanaged machines included.
-
 function Test-Capacity {
     # Whether all promises fit with this machine's new one: in sum, in memory, and each processor onto a logical one.
     param([long] $Processors, [long] $Reserve, [long] $Memory)
@@ -1184,10 +1150,8 @@ function Test-Capacity {
     $needed = ConvertTo-Processor -Percent $needed
     $script:Shortage = 'needs {0} and {1} MiB, free {2} and {3} MiB' -f $needed, [long] ($Memory / 1048576), $free, $room
     if ($promised.Count) { $script:Shortage += ', promised: ' + ($promised -join ', ') }
-    if ($script:Nodes.Count -and -not @(foreach ($node in $script:Nodes) {
-        $size = [long] $node.MemoryTotal * 1048576
-        if (@($node.ProcessorsAvailability).Count -ge $Processors -and $size -ge $Memory) { $node }
-    }).Count) {
+    $nodes = @(foreach ($one in $script:Nodes) { if (@($one.ProcessorsAvailability).Count -ge $Processors) { $one } })
+    if ($script:Nodes.Count -and -not @(foreach ($one in $nodes) { if ($one.MemoryTotal -ge $Memory / 1048576) { $one } }).Count) {
         $script:Shortage = 'it is larger than each NUMA node, and this host lets none lie on two: allow NUMA spanning'
         return $false
     }
@@ -1233,10 +1197,8 @@ function Get-CoreCount {
 }
 
 # === stop: how a virtual machine is stopped.
-
 function Stop-Partition {
-    # Asks a guest to shut down as soon as it can be asked, forces it from half of the grace on, and turns the machine off
-    # at its end. What refuses to be asked is told and waited out: a shutdown may be on its way already.
+    # Asks a guest, forces it from half of the grace on, turns it off at its end. What refuses is told and waited out.
     param([long] $GraceMs)
     $vm = $script:Vm
     $begun = [DateTime]::UtcNow
@@ -1287,7 +1249,6 @@ function Test-ShutdownService {
 }
 
 # === disks: how virtual disks are read and removed.
-
 function Get-DiskReading {
     # Whether it is there and grows out of this image; with -Everywhere also whether any machine has it.
     param([string] $Path, [string] $Parent, [switch] $Everywhere)
@@ -1351,7 +1312,6 @@ function Remove-DiskFile {
 }
 
 # === tasks: how multimedia task classes are read and written, each value with its type, and what rarms keeps of them.
-
 function Get-TaskClassReading {
     # Values with their types, and our record: whose it is and what was last written.
     param([string] $Task)
@@ -1489,11 +1449,9 @@ function Remove-Key {
 }
 
 # === unseen: task classes of a guest that could not be looked into, so that its own record decides.
-
 function Get-GuestTaskClassReading {
-    # As Get-TaskClassReading, and whether the class is not ours to take: another application's, there before rarms, or with
-    # values that could not be brought back: text with variables, lists, bytes, the key's own value, and names that
-    # cmdlets read as patterns or that PowerShell keeps for itself.
+    # As Get-TaskClassReading, and whether the class is not ours to take: another application's, there before rarms, or
+    # with values that could not be brought back: text with variables, lists, bytes, names that cmdlets read as patterns.
     param([string] $Task, [string] $Application, [bool] $Replace)
     $live = Get-TaskClassReading -Task $Task
     $other = if ($live['record']) { $live['record'] -cne $Application } else { $live['exists'] -and -not $Replace }
@@ -1533,10 +1491,7 @@ function Restore-TaskClass {
     # Without its digest nothing was written yet; without the record all is back.
     if (-not (Test-Path -LiteralPath $path) -or -not (Get-Item -LiteralPath $path).GetValue('set')) { return }
     $before = ConvertFrom-Json -InputObject ([string] (Get-Item -LiteralPath $path).GetValue('before'))
-    if ($null -eq $before) {
-        Remove-TaskClass -Task $Task
-        return
-    }
+    if ($null -eq $before) { return Remove-TaskClass -Task $Task }
     foreach ($name in @(Get-TaskValueName -Task $Task)) { Remove-TaskValue -Task $Task -Name $name }
     foreach ($one in $before.PSObject.Properties) {
         $type = $one.Value.kind -creplace '^sz$', 'string'

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 543ab9e55b1f8572540d3a7c4a8e4c6cbf2eea4dbc2822de780689d40335f68e, Rarms.psm1 CC4CC3F7AF7A7B6A42C0CEAE9513860015D93043E44A9327D4862292D5A9F9DD.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo a38d8659571fe86a51d00e6aee308be631a527a9e998e2e0f3ffce11c256103e, Rarms.psm1 852F22C1890ED701A04BF52D5D7E8225414D24C4463DF6068CE962847675F2CB.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '9b73953d7927'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '543ab9e55b1f8572540d3a7c4a8e4c6cbf2eea4dbc2822de780689d40335f68e'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'a38d8659571fe86a51d00e6aee308be631a527a9e998e2e0f3ffce11c256103e'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -68,7 +68,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'CC4CC3F7AF7A7B6A42C0CEAE9513860015D93043E44A9327D4862292D5A9F9DD'
+    'Rarms.psm1' = '852F22C1890ED701A04BF52D5D7E8225414D24C4463DF6068CE962847675F2CB'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 7c32347883ec930673defe7335b26039dd35bd30a0ca8c050676a27078951794, Rarms.psm1 CC4CC3F7AF7A7B6A42C0CEAE9513860015D93043E44A9327D4862292D5A9F9DD.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo fbe8aff5efe7c6863e3af85cd510c1be56d23f6a543170c1e1e701cb192fe27b, Rarms.psm1 852F22C1890ED701A04BF52D5D7E8225414D24C4463DF6068CE962847675F2CB.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '346cf79fd37b'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '7c32347883ec930673defe7335b26039dd35bd30a0ca8c050676a27078951794'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'fbe8aff5efe7c6863e3af85cd510c1be56d23f6a543170c1e1e701cb192fe27b'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -60,7 +60,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'CC4CC3F7AF7A7B6A42C0CEAE9513860015D93043E44A9327D4862292D5A9F9DD'
+    'Rarms.psm1' = '852F22C1890ED701A04BF52D5D7E8225414D24C4463DF6068CE962847675F2CB'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

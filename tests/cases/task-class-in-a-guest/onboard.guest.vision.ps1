@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.guest.vision.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 1d2ec24f1836a5b67c3e15cd18d5b60450de4f89e2cc64a8c55e7ab48fbecd3f, Rarms.psm1 CC4CC3F7AF7A7B6A42C0CEAE9513860015D93043E44A9327D4862292D5A9F9DD.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 712f270db7baa2445fe5a5d896fd22fe8d751f1efc1c1347a0e051ed9ec47e9d, Rarms.psm1 852F22C1890ED701A04BF52D5D7E8225414D24C4463DF6068CE962847675F2CB.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '034a65dd3af2'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '1d2ec24f1836a5b67c3e15cd18d5b60450de4f89e2cc64a8c55e7ab48fbecd3f'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '712f270db7baa2445fe5a5d896fd22fe8d751f1efc1c1347a0e051ed9ec47e9d'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: what the guest holds is not known here: its own record decides; threads see it when it restarts (rarms.yaml:12:65)
@@ -65,7 +65,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'CC4CC3F7AF7A7B6A42C0CEAE9513860015D93043E44A9327D4862292D5A9F9DD'
+    'Rarms.psm1' = '852F22C1890ED701A04BF52D5D7E8225414D24C4463DF6068CE962847675F2CB'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
