@@ -618,7 +618,7 @@ function Assert-Owner {
 
 # === journal: what a run did, kept on this computer: a line of JSON a record, sealed by its length and a checksum.
 function Import-Journal {
-    # What the last run did, by its whole records. A last one that a crash tore is dropped, but the first: all else is damage.
+    # What the last run did, by its whole records. A last one that a crash tore is dropped, not the first: else damage.
     $fresh = $script:Journal + '.new'
     # Left by a run that was killed before it began.
     if (-not $script:Preview -and (Test-Path -LiteralPath $fresh)) { [System.IO.File]::Delete($fresh) }
@@ -770,7 +770,6 @@ function Assert-VmHost {
     if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
         Stop-Run -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
     }
-    # Where no machine may lie on two NUMA nodes, none is larger than one.
     if (-not $vmHost.NumaSpanningEnabled) { $script:Nodes = @(Hyper-V\Get-VMHostNumaNode) }
     if ($plan.AcceptScheduler) { return }
     if (Test-RootScheduler) {
@@ -1151,7 +1150,8 @@ function Test-Capacity {
     $script:Shortage = 'needs {0} and {1} MiB, free {2} and {3} MiB' -f $needed, [long] ($Memory / 1048576), $free, $room
     if ($promised.Count) { $script:Shortage += ', promised: ' + ($promised -join ', ') }
     $nodes = @(foreach ($one in $script:Nodes) { if (@($one.ProcessorsAvailability).Count -ge $Processors) { $one } })
-    if ($script:Nodes.Count -and -not @(foreach ($one in $nodes) { if ($one.MemoryTotal -ge $Memory / 1048576) { $one } }).Count) {
+    $nodes = @(foreach ($one in $nodes) { if ($one.MemoryTotal -ge $Memory / 1048576) { $one } })
+    if ($script:Nodes.Count -and -not $nodes.Count) {
         $script:Shortage = 'it is larger than each NUMA node, and this host lets none lie on two: allow NUMA spanning'
         return $false
     }

@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 7edd2edf664f96733b9543e596dd42a0888d44506cc98cc9600371468a097cb8, Rarms.psm1 852F22C1890ED701A04BF52D5D7E8225414D24C4463DF6068CE962847675F2CB.
+    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 07b590454bb09e40de93ae95c950379fc9fcb5f3ac312d46f1e2a6b4d32a652a, Rarms.psm1 EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '68c8c5a80733'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '7edd2edf664f96733b9543e596dd42a0888d44506cc98cc9600371468a097cb8'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '07b590454bb09e40de93ae95c950379fc9fcb5f3ac312d46f1e2a6b4d32a652a'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -57,7 +57,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = '852F22C1890ED701A04BF52D5D7E8225414D24C4463DF6068CE962847675F2CB'
+    'Rarms.psm1' = 'EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
