@@ -113,6 +113,7 @@ const write = async (edit) => {
 const showWork = (work) => {
   if (work.number === 0) return;
   const isRunning = work.ending === "";
+  element("work").dataset.state = `${work.number}${work.ending}`; // what a page that has caught up begins its version with
   element("work").hidden = false;
   element("work-command").textContent = work.command;
   element("work-status").textContent = isRunning ? "runs." : { done: "ended.", stopped: "was stopped.", failed: "ended with problems." }[work.ending];

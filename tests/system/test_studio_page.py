@@ -115,7 +115,9 @@ def waits_for_end(page: "WebDriver", command: str) -> str:
         const status = text("work-status");
         return text("work-command") === command && status !== "" && status !== "runs." ? status : null;
     """
-    return str(waits_for(page, ended, command))
+    ending = str(waits_for(page, ended, command))
+    waits_for(page, "return main.dataset.version.startsWith(work.dataset.state)")
+    return ending
 
 
 def shown(page: "WebDriver", name: str) -> str:
@@ -124,6 +126,14 @@ def shown(page: "WebDriver", name: str) -> str:
 
 def button(page: "WebDriver", form: str) -> "WebElement":
     return page.find_element("css selector", f"#{form} button:last-of-type")
+
+
+def types(page: "WebDriver", field: str, text: str) -> None:
+    """Into a field that has the focus, as by hand: a page that is made anew meanwhile keeps both."""
+    from selenium.webdriver import ActionChains, Keys
+
+    page.execute_script("const field = document.getElementById(arguments[0]); field.value = ''; field.focus()", field)
+    ActionChains(page).send_keys(text, Keys.ENTER).perform()
 
 
 def keeps(page: "WebDriver", name: str, width: int = 1200) -> None:
@@ -172,13 +182,10 @@ def test_a_session_from_an_empty_folder_to_a_proven_plan(browser: "WebDriver", t
         button(browser, "plan").send_keys(Keys.ENTER)
         assert waits_for_end(browser, "rarms plan") == "ended."
         waits_for(browser, "return document.getElementById('apply-application')")
-        typed = browser.find_element("id", "apply-application")
-        typed.send_keys("another", Keys.ENTER)
+        types(browser, "apply-application", "another")
         assert waits_for_end(browser, "rarms apply") == "ended with problems."
         assert "is not the application's name" in shown(browser, "work-lines")
-        typed = browser.find_element("id", "apply-application")
-        typed.clear()
-        typed.send_keys(name, Keys.ENTER)
+        types(browser, "apply-application", name)
         waits_for(browser, "return document.getElementById('work-status').textContent === 'ended.'")
         assert "1 of " in shown(browser, "work-rows")
         waits_for(browser, "return document.getElementById('hosts').textContent.includes('running')")
@@ -284,14 +291,12 @@ def test_an_apply_that_was_killed_is_finished_and_the_page_says_so(browser: "Web
     with studio(tmp_path) as served:
         opens(browser, served)
         assert "finishes the run" in shown(browser, "next")
-        browser.find_element("id", "finish-application").send_keys(name)
-        button(browser, "finish").click()
+        types(browser, "finish-application", name)
         assert waits_for_end(browser, "rarms apply") == "ended."
         waits_for(browser, "return !document.getElementById('finish')")
         assert "running" in shown(browser, "hosts")
 
-        browser.find_element("id", "undo-application").send_keys(name)
-        button(browser, "undo").click()
+        types(browser, "undo-application", name)
         assert waits_for_end(browser, "rarms undo") == "ended."
         waits_for(browser, "return document.getElementById('history').textContent.includes('undone')")
 
