@@ -30,6 +30,7 @@ components:
     apt: { mean_response_time: { at_most: 50 ms } }  # the line is not too late
     cpu: { reserve: measured }
     memory: 512 MiB
+    processors: 2
     simulation: { work: 20 ms, varies: 2 % }
   speech:
     criticality: 10
@@ -37,6 +38,7 @@ components:
     apt: { mean_response_time: { at_most: 90 ms } }
     cpu: { reserve: measured }
     memory: 512 MiB
+    processors: 2
     simulation: { work: 20 ms, varies: 2 % }
 """
 LONGEST = 120

@@ -23,11 +23,13 @@ components:
     criticality: 30
     run: { command: [vision], until: { samples: 1500 }, samples: { from: per_run } }
     memory: 512 MiB
+    processors: 2
     simulation: { work: 20 ms, varies: 2 % }
   audio:
     criticality: 40
     run: { command: [audio], until: { samples: 2 }, samples: { from: per_run } }
     memory: 512 MiB
+    processors: 2
     simulation: { work: 20 ms, varies: 2 % }
 """
 WORDS = [sys.executable, "-m", "rarms_iac.cli.main", "measure", "vision", "audio", "--from", "50%", "--to", "80%"]
