@@ -46,7 +46,7 @@ def route(system: System, observed: State, limit: Disruption = Disruption.REMOVA
     desired = hosts[observed.facts.name]
     builds = {partition.id: guest_build for partition in observed.partitions}
     context = replace(context_of(request, desired), guest_builds=builds)
-    budget = budget_of(request, desired, context)
+    budget = budget_of(request, desired, context, {observed.facts.name: observed})
     difference = compare(desired.state, observed, system.application.name, context, rules_of(request, desired))
     held = hold_back(difference.changes, budget)
     return Route(desired, context, budget, difference, held, order(plan_changes(held.allowed, context), budget))

@@ -1,6 +1,6 @@
 """The desired state of each observed host, and what its comparison depends on: rules, context and budget."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
 
@@ -10,16 +10,18 @@ from rarms_iac.diff.compare_partitions import FOREIGN_AT_NAME, machine_in_the_wa
 from rarms_iac.diff.comparison import ManifestRules
 from rarms_iac.diff.partition_steps import DiskVerdict, judge_disks
 from rarms_iac.diff.readings import count_disks
+from rarms_iac.manifest.acceptance import is_in_force
 from rarms_iac.model.capacity import capacity_of, foreign_claims
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
 from rarms_iac.model.host import HypervHost
 from rarms_iac.model.layout import Layout
+from rarms_iac.model.names import renaming
 from rarms_iac.model.plan import Purpose, ThreadClass
 from rarms_iac.model.plan_basis import HostContext, StepBudget
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.state import Disk, Partition, State, TaskClass
-from rarms_iac.model.system import System
+from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner.desired import Desired, desired_state
 from rarms_iac.planner.groups import groups_of, most_critical_first, unnamed_partitions
 from rarms_iac.planner.layout import plan_layout
@@ -63,7 +65,7 @@ def desired_hosts(
     namesakes = tuple(map(_without_place, _namesakes(system, observed, places)))
     first = f"First settle the machine that has a wanted name ({FOREIGN_AT_NAME.code}): it takes room, too."
     planning = plan_layout(
-        system,
+        _with_valid_acceptances(request),
         request.reservations,
         views,
         places,
@@ -78,6 +80,13 @@ def desired_hosts(
     for desired in hosts.values():
         findings += [*desired.findings, *ignored_reserves(desired.state, places)]
     return hosts, tuple(findings)
+
+
+def _with_valid_acceptances(request: PlanRequest) -> System:
+    """The manifest without the acceptances that have expired: the search may not count on them."""
+    policy = request.system.policy
+    valid = {code: each for code, each in policy.accept.items() if is_in_force(each, request.today)}
+    return replace(request.system, policy=replace(policy, accept=valid))
 
 
 def rules_of(request: PlanRequest, desired: Desired) -> ManifestRules:
@@ -117,18 +126,48 @@ def context_of(request: PlanRequest, desired: Desired) -> HostContext:
     )
 
 
-def budget_of(request: PlanRequest, desired: Desired, context: HostContext) -> StepBudget:
-    """Make the budget of a host before the first step: its capacity, the claims on it, and what may be disturbed."""
-    observed = desired.observed
+def budget_of(
+    request: PlanRequest, desired: Desired, context: HostContext, observed: Mapping[str, State]
+) -> StepBudget:
+    """Make the budget of a host before the first step: its capacity, the claims on it, and what may be disturbed.
+
+    Args:
+        request: of which manifest, with which limit, for which hosts.
+        desired: what this host is to be.
+        context: of this host.
+        observed: all hosts by name.
+
+    Returns:
+        The budget; what the plan does not remove from another host, it does not make on this one.
+    """
+    here = desired.observed
+    wanted = {group.name for group in groups_of(request.system)}
+    by_host = {name: _names_after_moves(request, wanted, state) for name, state in sorted(observed.items())}
+    removes = request.limit is Disruption.REMOVAL
     return StepBudget(
-        capacity=capacity_of(request.system.hosts[desired.host], observed.facts),
-        foreign=foreign_claims(observed, request.application),
-        managed={partition.id: partition for partition in observed.of(request.application).partitions},
+        capacity=capacity_of(request.system.hosts[desired.host], here.facts),
+        foreign=foreign_claims(here, request.application),
+        managed={partition.id: partition for partition in here.of(request.application).partitions},
         criticality=context.criticality,
         max_disruption=request.limit,
         graces=context.graces,
         forces=context.forces,
+        remaining={
+            partition.name: host
+            for partition in desired.partitions
+            for host, names in by_host.items()
+            if partition.name in names
+            and partition.name not in by_host[desired.host]
+            and not (removes and host in (request.hosts or observed))
+        },
     )
+
+
+def _names_after_moves(request: PlanRequest, wanted: Collection[str], state: State) -> frozenset[str]:
+    """The names of the manifest that the partitions of a host have, or get by its `moved`."""
+    own = state.of(request.application).partitions
+    there = {partition.mark.name for partition in own if partition.mark}
+    return frozenset(renaming(there, wanted, request.system.moved).new.values())
 
 
 def _namesakes(system: System, observed: Mapping[str, State], places: Places) -> Iterator[Diagnostic]:

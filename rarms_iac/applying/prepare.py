@@ -66,7 +66,7 @@ def prepare(request: PlanRequest, observed: Mapping[str, State]) -> PlanningResu
             continue
         rules, context = rules_of(request, desired), context_of(request, desired)
         difference = _difference(request, desired, context, rules)
-        budget = budget_of(request, desired, context)
+        budget = budget_of(request, desired, context, observed)
         held = hold_back(targeted(difference.changes, request.targets), budget)
         ordered = order(plan_changes(held.allowed, context), budget)
         steps, stuck = ((), (ordered.finding,)) if isinstance(ordered, Deadlock) else (ordered.steps, ())

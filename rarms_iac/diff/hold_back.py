@@ -26,7 +26,7 @@ def hold_back(changes: Sequence[Change], budget: StepBudget) -> HeldChanges:
     """Split the changes at the budget's `max_disruption`.
 
     With a change that is held back goes what rests on it: a partition that would take its name, and growth that needs
-    what it would have given back, the least critical first.
+    what it would have given back, the least critical first. A partition that stays on another host is not made here.
 
     Args:
         changes: those of one host, by address.
@@ -43,6 +43,7 @@ def hold_back(changes: Sequence[Change], budget: StepBudget) -> HeldChanges:
         for at, change in enumerate(changes)
         if change.disruption.exceeds(budget.max_disruption)
     }
+    held |= _changes_of_moves(changes, budget)
     while held:
         more = {**_changes_without_name(changes, held), **_changes_without_capacity(changes, held, budget)}
         if not more:
@@ -52,6 +53,15 @@ def hold_back(changes: Sequence[Change], budget: StepBudget) -> HeldChanges:
         allowed=tuple(change for at, change in enumerate(changes) if at not in held),
         held=tuple(held[at] for at in sorted(held)),
     )
+
+
+def _changes_of_moves(changes: Sequence[Change], budget: StepBudget) -> _Held:
+    """What makes partitions here that would then be on two hosts."""
+    return {
+        at: HeldBack(change=change, why=f"it is on {budget.remaining[name]}, and this plan does not remove it there")
+        for at, change in enumerate(changes)
+        if (name := change.address.partition) in budget.remaining
+    }
 
 
 def _changes_without_name(changes: Sequence[Change], held: _Held) -> _Held:

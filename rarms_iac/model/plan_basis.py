@@ -43,6 +43,7 @@ class StepBudget:
     max_disruption: Disruption = Disruption.HOST_RESTART
     graces: Mapping[str, Milliseconds] = field(default_factory=dict)  # by partition: for its guest to shut down
     forces: bool = True  # the host can force a guest to shut down
+    remaining: Mapping[str, str] = field(default_factory=dict)  # by partition: another host, where the plan leaves it
 
     def holds(self, claims: Iterable[Claim]) -> bool:
         """Whether these claims of managed partitions fit the host beside the foreign ones.

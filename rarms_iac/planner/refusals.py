@@ -84,7 +84,7 @@ def would_be_refused(
         group: its members.
         host: of the manifest.
         facts: what was observed of the host; None: not looked at.
-        policy: of the manifest; an acceptance of RARMS159 at the host counts, also one that has expired.
+        policy: of the manifest; an acceptance of RARMS159 at the host counts.
         switches: names of the host's virtual switches; None: not known.
         is_there: whether the partition is on the host already, and so not made.
 

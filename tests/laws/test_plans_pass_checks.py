@@ -2,18 +2,23 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from datetime import date
 from itertools import product
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rarms_iac.applying.derivation import find_forgery
 from rarms_iac.applying.prepare import PlanningResult, prepare
 from rarms_iac.applying.state_after import partitions_after
+from rarms_iac.model.changes import Create, Delete
 from rarms_iac.model.diagnostics import Severity
 from rarms_iac.model.host import HypervHost, LinuxHost, Mechanism, ProviderKind, SchedulerType
+from rarms_iac.model.loads import BUSY_LOOP
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import HostFacts, Partition, State
-from rarms_iac.model.system import Disruption, System
+from rarms_iac.model.system import Acceptance, Disruption, Policy, System
 from tests import builders_plan as build
 from tests.builders import a_component, a_host, a_system
 from tests.planning import a_request
@@ -168,3 +173,48 @@ def test_a_refusal_names_the_partition_that_would_have_to_move() -> None:
     assert "Only where partitions are now forbids a layout" in finding.detail
     assert "--max-disruption removal" in str(finding.advice)
     assert moved.plan is not None
+
+
+@pytest.mark.parametrize(("limit", "hosts"), [(Disruption.PARTITION_STOP, ()), (Disruption.REMOVAL, ("right",))])
+def test_what_stays_on_one_host_is_not_made_on_another(limit: Disruption, hosts: tuple[str, ...]) -> None:
+    both = [a_host(name) for name in ("left", "right")]
+    states = {host.name: State(facts=facts_for(host), partitions=(), tasks=()) for host in both}
+    component = a_component("a", reserve="30 %", memory="64 MiB", hosts=("left",))
+    there = Situation(a_system(hosts=both, components=[component]), states)
+    plan = planned(there.system, there.states).plan
+    assert plan is not None
+    moved = Situation(a_system(hosts=both, components=[replace(component, hosts=("right",))]), applied(there, plan))
+
+    held = prepare(replace(a_request(moved.system, limit), hosts=hosts), moved.states).plan
+    allowed = planned(moved.system, moved.states, Disruption.REMOVAL).plan
+
+    assert held is not None
+    assert [change for host in held.hosts for change in host.changes] == []
+    (made,) = [entry for host in held.hosts for entry in host.held_back if isinstance(entry.change, Create)]
+    assert made.why == "it is on left, and this plan does not remove it there"
+    assert find_forgery(held) is None
+    assert allowed is not None
+    assert [type(change) for host in allowed.hosts for change in host.changes] == [Delete, Create]
+
+
+@pytest.mark.parametrize(("until", "goes_to"), [(date(2026, 1, 1), "left"), (date(2025, 12, 31), "right")])
+def test_the_search_counts_no_acceptance_that_has_expired(until: date, goes_to: str) -> None:
+    """Both hosts suit the partition; the first by name has a scheduler that ignores reserves."""
+    hosts = [a_host(name, provider=ProviderKind.HYPERV, settings=HypervHost()) for name in ("left", "right")]
+    schedulers = {"left": SchedulerType.ROOT, "right": SchedulerType.CORE}
+    states = {
+        host.name: State(
+            facts=facts_for(host, provider=ProviderKind.HYPERV, scheduler=schedulers[host.name]),
+            partitions=(),
+            tasks=(),
+        )
+        for host in hosts
+    }
+    acceptance = Acceptance(code="RARMS159", at=("host/left",), reason="a test bench", until=until)
+    policy = Policy(interference=(BUSY_LOOP,), accept={"RARMS159": acceptance})
+    system = a_system(hosts=hosts, components=[a_component("a", reserve="30 %", memory="64 MiB")], policy=policy)
+
+    plan = planned(system, states).plan
+
+    assert plan is not None
+    assert [host.host.name for host in plan.hosts if host.changes] == [goes_to]
