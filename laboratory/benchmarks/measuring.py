@@ -22,9 +22,12 @@ from typing import cast
 
 from laboratory.benchmarks.components import walk
 from laboratory.benchmarks.timing import Figure, report
-from rarms_iac.measuring.loop import MeasuringContext, MeasuringReporter, SettingsLog, measure
+from rarms_iac.measuring.loop import measure
 from rarms_iac.measuring.methods import Search, strategy_of
 from rarms_iac.measuring.partitions import host_budget
+from rarms_iac.measuring.reporter import MeasuringReporter
+from rarms_iac.measuring.setting_run import MeasuringContext
+from rarms_iac.measuring.settings_log import SettingsLog
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.model.indexes import percentile_of

@@ -1,5 +1,6 @@
 """The results that commands print with `--json`: each names itself in `kind` (`schemas/output.json`)."""
 
+from rarms_iac.app.component_results import RunOutcome
 from rarms_iac.app.doctor import Examinations
 from rarms_iac.app.drift import DriftReport
 from rarms_iac.app.experiments.measure import MeasureOutcome
@@ -10,7 +11,6 @@ from rarms_iac.app.graph import CandidateGraph, LayoutGraph
 from rarms_iac.app.guide import GuideFacts
 from rarms_iac.app.manifest_files import FormattedManifests, WrittenFiles
 from rarms_iac.app.report_model import Report
-from rarms_iac.app.run_component import RunOutcome
 from rarms_iac.app.scripts import PlanScripts
 from rarms_iac.app.select import Selection
 from rarms_iac.app.starting import StartedPartitions

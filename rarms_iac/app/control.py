@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from rarms_iac.applying.run_report import RunReporter
-from rarms_iac.measuring.loop import MeasuringReporter
+from rarms_iac.measuring.reporter import MeasuringReporter
 from rarms_iac.model.diagnostics import Diagnostic, Sources
 
 

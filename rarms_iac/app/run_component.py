@@ -9,76 +9,29 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Literal, NoReturn
+from typing import NoReturn
 
+from rarms_iac.app.component_results import (
+    CANNOT_START,
+    ComponentRunResult,
+    RunOutcome,
+    cannot_start,
+    findings_of_run,
+    load_problem,
+    nothing_to_run,
+)
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.experiments.measure_request import refuse_unknown
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.options import argument, flag, option, read_time
 from rarms_iac.app.process_place import place_of
-from rarms_iac.model.diagnostics import Diagnostic, Finding
-from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Verdict
-from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Call, Elapsed, Run, SampleCount
-from rarms_iac.model.series import Sample, Series
-from rarms_iac.model.system import Component, System, Threshold
-from rarms_iac.model.wording import counted
+from rarms_iac.model.series import Sample
+from rarms_iac.model.system import Component, System
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
-from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.running.start import CannotStart, ProcessPlace, RunningError, StartContext, become, order_of
-from rarms_iac.statistics.error_probability import ERROR
-from rarms_iac.statistics.estimates import estimate_steady
-from rarms_iac.statistics.verdicts import judge_each
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ComponentRunResult:
-    """A component that was run, and what it showed."""
-
-    component: Internal[Component]
-    run: Internal[Run]
-    series: Series
-    ending: SamplingEnd
-
-    @property
-    @output
-    def apt(self) -> Mapping[str, Threshold]:
-        """The threshold of each index that has one."""
-        return self.component.apt
-
-    @property
-    @output
-    def failed(self) -> int:
-        """How many of the samples are failed ones."""
-        return sum(bool(sample.failure) for sample in self.series.samples)
-
-    @property
-    @output
-    def estimates(self) -> Mapping[str, Estimate | NoEstimate]:
-        """Every index of the APT; without one, how long its jobs took and how many succeeded."""
-        indexes = tuple(self.component.apt) or ("mean_response_time", "success_rate")
-        return {index: estimate_steady(index, self._of_real_processes, self.run, error=ERROR) for index in indexes}
-
-    @property
-    @output
-    def verdicts(self) -> Mapping[str, Verdict]:
-        """On each index of the APT by itself, as it runs on this machine."""
-        return judge_each(self._of_real_processes, self.component.apt, self.run)
-
-    @property
-    def _of_real_processes(self) -> Series:
-        return replace(self.series, wanders=True)
-
-
-CANNOT_START = Finding.error("RARMS285", "A component cannot be run")
-TOO_MANY_FAILURES = Finding.error("RARMS286", "More failed samples than allowed")
-LOAD_NOT_RUNNING = Finding.error("RARMS287", "An interfering load does not run")
-MISSED_UNRESERVED = Finding.warning("RARMS288", "An APT is missed without any reservation")
-NOTHING_TO_RUN = Finding.error("RARMS289", "Nothing says how a component is run")
-
-FAILURES_SHOWN = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,15 +87,6 @@ class SampleReporter:
         """
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunOutcome:
-    """What all of the components showed, and what is wrong with it."""
-
-    kind: Literal["component_run"] = "component_run"
-    results: tuple[ComponentRunResult, ...]
-    findings: tuple[Diagnostic, ...]
-
-
 def run_components(manifest: Manifest, request: RunRequest, reporter: SampleReporter | None = None) -> RunOutcome:
     """Run components on this machine as the manifest says, until each has its samples or its time is over.
 
@@ -170,7 +114,7 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
     except (LoadEnded, CannotStart) as problem:
         name = problem.load if isinstance(problem, LoadEnded) else problem.component
         of_load = isinstance(problem, LoadEnded) or name not in system.components
-        finding = _load_problem(name, problem.message) if of_load else _cannot_start(manifest, name, problem.message)
+        finding = load_problem(name, problem.message) if of_load else cannot_start(manifest, name, problem.message)
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
     except RunningError as problem:
         finding = CANNOT_START.at(
@@ -180,7 +124,7 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
     findings = tuple(
         finding
         for result in results
-        for finding in _findings(result, manifest, reserved=places[result.component.name] != ProcessPlace())
+        for finding in findings_of_run(result, manifest, reserved=places[result.component.name] != ProcessPlace())
     )
     return RunOutcome(results=tuple(results), findings=findings)
 
@@ -206,42 +150,8 @@ def become_component(manifest: Manifest, name: str, reporter: SampleReporter) ->
     try:
         become(order_of(name, run, context))
     except CannotStart as problem:
-        finding = _cannot_start(manifest, name, problem.message)
+        finding = cannot_start(manifest, name, problem.message)
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
-
-
-def _findings(result: ComponentRunResult, manifest: Manifest, *, reserved: bool) -> Iterator[Diagnostic]:
-    """Report what is wrong with a run."""
-    name, places = result.component.name, manifest.places
-    address = f"component/{name}"
-    if result.ending is SamplingEnd.FAILURES:
-        reasons = list(dict.fromkeys(sample.failure for sample in result.series.samples if sample.failure))
-        count = counted(result.failed, "failed sample")
-        yield TOO_MANY_FAILURES.at(
-            places.key("components", name, "run"),
-            f'"{name}" had {count} and may have {result.run.failures}: '
-            f"{'; '.join(reasons[:FAILURES_SHOWN])}. Such a setting gets no verdict.",
-            "Look at what it says on standard error (shown above), and whether `run.samples` fits its output; each "
-            "line must be written at once (flushed). `run.failures` allows some.",
-            address=address,
-            values={
-                "component": name,
-                "failed_samples": result.failed,
-                "allowed_failures": result.run.failures,
-                "reasons": tuple(reasons[:FAILURES_SHOWN]),
-            },
-        )
-        return
-    missed = [index for index, verdict in result.verdicts.items() if isinstance(verdict, Missed)]
-    for index in () if reserved else missed:
-        yield MISSED_UNRESERVED.at(
-            places.key("components", name, "apt", index),
-            f'"{name}" misses its {index} on this machine although nothing takes processor time from it but what '
-            "runs here anyway: no reservation would help it.",
-            "Relax the APT, make the component faster, or run it on the machine that it is meant for.",
-            address=address,
-            values={"component": name, "index": index},
-        )
 
 
 def _chosen(manifest: Manifest, request: RunRequest) -> list[tuple[Component, Run]]:
@@ -253,7 +163,7 @@ def _chosen(manifest: Manifest, request: RunRequest) -> list[tuple[Component, Ru
     runs = [(system.components[name], system.components[name].run) for name in names]
     lacking = [component.name for component, run in runs if run is None] or ([] if runs else list(system.components))
     if lacking or not runs:
-        raise UseCaseError(Outcome.NEGATIVE, [_nothing_to_run(manifest, name) for name in lacking], manifest.sources)
+        raise UseCaseError(Outcome.NEGATIVE, [nothing_to_run(manifest, name) for name in lacking], manifest.sources)
     return [(component, _until(run, request)) for component, run in runs if run is not None]
 
 
@@ -299,34 +209,3 @@ def _run_group(
     for result, process in zip(results, runs, strict=True):
         reporter.ended(result, process.tail)
     return results
-
-
-def _cannot_start(manifest: Manifest, name: str, message: str) -> Diagnostic:
-    return CANNOT_START.at(
-        manifest.places.key("components", name, "run"),
-        f'"{name}" cannot be started: {message}.',
-        "Words of `run.command` that name files, and `run.folder`, are relative to the manifest; a program is looked "
-        "for on the PATH. A module of `run.call` is found from the manifest's folder.",
-        address=f"component/{name}",
-        values={"component": name, "reason": message},
-    )
-
-
-def _load_problem(name: str, message: str) -> Diagnostic:
-    return LOAD_NOT_RUNNING.at(
-        None,
-        f'The interference "{name}" does not run: {message}.',
-        "Try its program by hand. Browsers need chromium or a relative of it on the PATH.",
-        address=f"interference/{name}",
-        values={"interference": name, "reason": message},
-    )
-
-
-def _nothing_to_run(manifest: Manifest, name: str) -> Diagnostic:
-    return NOTHING_TO_RUN.at(
-        manifest.places.key("components", name),
-        f'"{name}" has no `run`.',
-        "Add `run` with a `command` or a `call`.",
-        address=f"component/{name}",
-        values={"component": name},
-    )

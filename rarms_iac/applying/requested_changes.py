@@ -15,7 +15,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.state import Mark, Partition, RunState, StartAction, State, StoppedBy
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import quoted, suggestion
-from rarms_iac.storage.digest import set_of_settings
+from rarms_iac.storage.mark_digests import set_of_settings
 
 Locator = Callable[[Address], Place | None]
 

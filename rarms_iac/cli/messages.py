@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # a command that measures nothing does not pay for measuring
     from rich.console import RenderableType
 
     from rarms_iac.applying.run_report import RunReporter
-    from rarms_iac.measuring.loop import MeasuringReporter
+    from rarms_iac.measuring.reporter import MeasuringReporter
 
 
 def tell(terminal: Terminal, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:

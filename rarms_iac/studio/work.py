@@ -13,7 +13,7 @@ from rarms_iac.app.control import StopSignal
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.general_findings import bug_finding, system_finding
 from rarms_iac.applying.run_report import ReportedStep, RunReporter
-from rarms_iac.measuring.loop import MeasuringReporter
+from rarms_iac.measuring.reporter import MeasuringReporter
 from rarms_iac.model.commands import Wording, plain_text, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Sources, in_order
 from rarms_iac.model.journal import StepStatus

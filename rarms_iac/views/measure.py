@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, assert_never
 from rarms_iac.app.experiments.measure import MeasureOutcome
 from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.app.experiments.several_loads import decisive
-from rarms_iac.measuring.loop import MeasuringReporter
 from rarms_iac.measuring.measuring_findings import show_index
 from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, measured_indexes, shortfall_at
+from rarms_iac.measuring.reporter import MeasuringReporter
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.indexes import index_named, show_bound, show_range, show_value
 from rarms_iac.model.measurement import Setting

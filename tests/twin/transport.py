@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from queue import SimpleQueue
 
-from rarms_iac.providers.hyperv.transport import Listener
+from rarms_iac.providers.hyperv.script_session import Listener
 from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost
 from tests.twin.host import WindowsHost
 from tests.twin.run import FOLDER, Ran, put, run

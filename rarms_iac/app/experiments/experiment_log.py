@@ -13,8 +13,8 @@ from rarms_iac.app.experiments.session import MeasuringSession
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log, log_errors, now
 from rarms_iac.measuring.evidence import is_weak
-from rarms_iac.measuring.loop import SettingsLog
 from rarms_iac.measuring.partitions import partition_name
+from rarms_iac.measuring.settings_log import SettingsLog
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.state import Partition

@@ -33,10 +33,10 @@ from rarms_iac.app.hosts import Hosts, host_errors
 from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.scripts import PlanScript
 from rarms_iac.app.totals import partitions_without_log, totals_at_hand
-from rarms_iac.measuring.loop import shapes_for, work_in_test_partitions
 from rarms_iac.measuring.measuring_findings import findings_of, short_secrets
 from rarms_iac.measuring.methods import Method
 from rarms_iac.measuring.partitions import host_budget
+from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind

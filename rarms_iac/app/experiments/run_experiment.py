@@ -17,7 +17,7 @@ from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.duration import DurationBounds, expected_duration, least_samples, settings_to_run
-from rarms_iac.measuring.loop import LoopResult, MeasuringContext, OtherProcessors, SettingsLog, measure
+from rarms_iac.measuring.loop import LoopResult, OtherProcessors, measure
 from rarms_iac.measuring.methods import Method, Search, is_of_paper, strategy_of
 from rarms_iac.measuring.partitions import (
     MeasuringBudget,
@@ -26,6 +26,8 @@ from rarms_iac.measuring.partitions import (
     other_running_partitions,
     partition_name,
 )
+from rarms_iac.measuring.setting_run import MeasuringContext
+from rarms_iac.measuring.settings_log import SettingsLog
 from rarms_iac.measuring.settling import Settling
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import Sweep, ThresholdCheck, apts_of, goal_of

@@ -25,9 +25,9 @@ import win32file
 import win32security
 import winerror
 
+from rarms_iac.providers.hyperv.file_access import ADMINISTRATORS_ONLY, protect
 from rarms_iac.providers.hyperv.local_probes import RegistryKey, local_document
 from rarms_iac.providers.hyperv.observation import MAX_BYTES
-from rarms_iac.providers.hyperv.transport import protect
 from rarms_iac.providers.hyperv.wmi_machines import QUERIES, NotRead, WmiInstance
 from rarms_iac.storage.reading import read_file
 
@@ -45,8 +45,6 @@ EXPLANATIONS = {
 }
 OWNER = "owner.txt"  # of `templates/powershell/parts/lock.ps1`: open while a run holds the computer
 HYPERV_ADMINISTRATORS = "S-1-5-32-578"
-ADMINISTRATORS_ONLY = "O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)"
-"""As `templates/powershell/parts/lock.ps1` has it."""
 EVENT = "*[System[Provider[@Name='Microsoft-Windows-Hyper-V-Hypervisor'] and EventID=2]]"
 KINDS = {
     winreg.REG_SZ: "String",

@@ -27,7 +27,8 @@ from rarms_iac.providers.channel import SilenceTimeout
 from rarms_iac.providers.hyperv.bootstrap import STOP, arguments_of
 from rarms_iac.providers.hyperv.guest_samples import TICKS_MS, GuestRun
 from rarms_iac.providers.hyperv.run import LiveHypervHost, read_event
-from rarms_iac.providers.hyperv.transport import ScriptSession, Transport
+from rarms_iac.providers.hyperv.script_session import ScriptSession
+from rarms_iac.providers.hyperv.transport import Transport
 from rarms_iac.providers.interface import (
     NO_WAITING,
     EventKind,

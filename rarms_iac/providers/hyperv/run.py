@@ -18,7 +18,8 @@ from rarms_iac.providers.hyperv.condition import condition_of, findings_of, unre
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal
 from rarms_iac.providers.hyperv.observation import HostObservation, is_unread, observation_of
 from rarms_iac.providers.hyperv.parse import last_run_of, to_state
-from rarms_iac.providers.hyperv.transport import ChannelTransport, Listener, LocalTransport, SshTransport, Transport
+from rarms_iac.providers.hyperv.script_session import Listener
+from rarms_iac.providers.hyperv.transport import ChannelTransport, LocalTransport, SshTransport, Transport
 from rarms_iac.providers.interface import (
     EventListener,
     HostDamaged,

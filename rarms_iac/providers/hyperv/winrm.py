@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from rarms_iac.model.host import WinRmConnect
 from rarms_iac.providers.channel import KEPT_LINES, LAST_SECONDS, LONGEST_LINE, SSH_FAILED, next_of
 from rarms_iac.providers.hyperv.bootstrap import program_of, remote_words
-from rarms_iac.providers.hyperv.transport import Listener, ScriptSession, await_bootstrap, send_and_follow
+from rarms_iac.providers.hyperv.script_session import Listener, ScriptSession, await_bootstrap, send_and_follow
 from rarms_iac.providers.interface import HostFailed, HostUnreachable, ScriptBundle, ScriptExited, ScriptLost
 
 if TYPE_CHECKING:

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from rarms_iac.model.mmcss import USUAL
-from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, show_bytes
 from rarms_iac.model.state import (
     Disk,
     PartitionSettings,
@@ -23,11 +22,6 @@ from rarms_iac.model.state import (
 NAMESPACE = uuid.UUID("6f1d3c52-8a0e-5b7c-9d44-72a1b0e5c301")
 """Ids of simulated hosts and machines are made in it, so that the same input gives the same bytes."""
 
-LONGEST_NAME = 100
-"""Characters of a machine's name (windows.md 10)."""
-
-MOST_PROCESSORS = {1: 64, 2: 240}
-"""Virtual processors by generation (windows.md 2)."""
 
 Values = Mapping[str, RegistryValue]
 
@@ -146,28 +140,3 @@ def empty(host: str) -> Content:
 def next_id(content: Content, name: str) -> str:
     """The id of the next machine, if it is called so."""
     return str(uuid.uuid5(uuid.UUID(content.id), f"{name}/{content.made + 1}"))
-
-
-def out_of_range(settings: PartitionSettings) -> str:
-    """Describe what of the settings no machine can have; empty where all is possible (windows.md 1.1, 1.3, 2)."""
-    if settings.generation not in MOST_PROCESSORS:
-        return f"there is no generation {settings.generation}, only 1 and 2"
-    if not 0 < len(settings.name) <= LONGEST_NAME:
-        return f"a machine's name has 1 to {LONGEST_NAME} characters, not {len(settings.name)}"
-    most = MOST_PROCESSORS[settings.generation]
-    if not 1 <= settings.processors <= most:
-        return f"generation {settings.generation} has 1 to {most} virtual processors, not {settings.processors}"
-    if settings.memory < LEAST_MEMORY or settings.memory % MEMORY_GRAIN:
-        least = show_bytes(LEAST_MEMORY)
-        return f"a machine has an even number of MiB, at least {least}, not {show_bytes(settings.memory)}"
-    return _cpu_out_of_range(settings.reserve, settings.limit, settings.weight)
-
-
-def _cpu_out_of_range(reserve: int, limit: int, weight: int) -> str:
-    if not 0 <= reserve <= 100 or not 0 <= limit <= 100:
-        return f"reserve and limit are 0 to 100 %, not {reserve} % and {limit} %"
-    if reserve > limit:
-        return f"the reserve of {reserve} % is above the limit of {limit} %"
-    if not 1 <= weight <= 10_000:
-        return f"a weight is 1 to 10000, not {weight}"
-    return ""

@@ -20,10 +20,14 @@ from rarms_iac.model.operations import (
     StartPartition,
     StopPartition,
 )
-from rarms_iac.model.quantities import show_bytes
+from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, show_bytes
 from rarms_iac.model.state import HostFacts, PartitionSettings, RunState
-from rarms_iac.providers.simulated.content import Content, SimulatedMachine, out_of_range
+from rarms_iac.providers.simulated.content import Content, SimulatedMachine
 
+LONGEST_NAME = 100
+"""Characters of a machine's name (windows.md 10)."""
+MOST_PROCESSORS = {1: 64, 2: 240}
+"""Virtual processors by generation (windows.md 2)."""
 CAPACITY = 100  # per cent of a logical processor
 TRIES = 20_000
 """Placements that are tried before a doubtful case counts as fitting: the documented limit is only the sum."""
@@ -234,3 +238,28 @@ def _others_with_resources(machine: SimulatedMachine, content: Content) -> list[
     without = {RunState.OFF, RunState.SAVED}
     others = (other for other in content.machines.values() if other.id != machine.id)
     return [other for other in others if other.state not in without]
+
+
+def out_of_range(settings: PartitionSettings) -> str:
+    """Describe what of the settings no machine can have; empty where all is possible (windows.md 1.1, 1.3, 2)."""
+    if settings.generation not in MOST_PROCESSORS:
+        return f"there is no generation {settings.generation}, only 1 and 2"
+    if not 0 < len(settings.name) <= LONGEST_NAME:
+        return f"a machine's name has 1 to {LONGEST_NAME} characters, not {len(settings.name)}"
+    most = MOST_PROCESSORS[settings.generation]
+    if not 1 <= settings.processors <= most:
+        return f"generation {settings.generation} has 1 to {most} virtual processors, not {settings.processors}"
+    if settings.memory < LEAST_MEMORY or settings.memory % MEMORY_GRAIN:
+        least = show_bytes(LEAST_MEMORY)
+        return f"a machine has an even number of MiB, at least {least}, not {show_bytes(settings.memory)}"
+    return _cpu_out_of_range(settings.reserve, settings.limit, settings.weight)
+
+
+def _cpu_out_of_range(reserve: int, limit: int, weight: int) -> str:
+    if not 0 <= reserve <= 100 or not 0 <= limit <= 100:
+        return f"reserve and limit are 0 to 100 %, not {reserve} % and {limit} %"
+    if reserve > limit:
+        return f"the reserve of {reserve} % is above the limit of {limit} %"
+    if not 1 <= weight <= 10_000:
+        return f"a weight is 1 to 10000, not {weight}"
+    return ""

@@ -3,9 +3,12 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from rarms_iac.measuring.loop import LoopResult, MeasuringContext, MeasuringReporter, SettingsLog, Strategy, measure
+from rarms_iac.measuring.loop import LoopResult, Strategy, measure
 from rarms_iac.measuring.methods import Search, strategy_of
 from rarms_iac.measuring.partitions import host_budget, remove_test_partitions
+from rarms_iac.measuring.reporter import MeasuringReporter
+from rarms_iac.measuring.setting_run import MeasuringContext
+from rarms_iac.measuring.settings_log import SettingsLog
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import Searching, goal_of
 from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost

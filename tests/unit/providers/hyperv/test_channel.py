@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.providers.channel import Channel
-from rarms_iac.providers.hyperv import transport
+from rarms_iac.providers.hyperv.file_access import OURS_ONLY, protect
 from rarms_iac.providers.hyperv.run import read_event
 from rarms_iac.providers.interface import EventKind, EventStatus, RunEvent
 
@@ -109,7 +109,7 @@ def test_on_windows_no_other_user_looks_into_the_folder_of_the_scripts(tmp_path:
     win32security.SetFileSecurity(str(tmp_path), win32security.DACL_SECURITY_INFORMATION, everybody)
     assert "S-1-1-0" in trusted()
 
-    transport.protect(str(tmp_path), transport.OURS_ONLY)
+    protect(str(tmp_path), OURS_ONLY)
 
     assert "S-1-1-0" not in trusted()
     (tmp_path / "plan.ps1").touch()

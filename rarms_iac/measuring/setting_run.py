@@ -1,0 +1,263 @@
+"""A setting of an experiment: P1 with its components, P2 with the load, samples until they are enough.
+
+What disturbed it is measured once more.
+"""
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from math import inf
+
+from rarms_iac.manifest.text.positions import FirstLine
+from rarms_iac.measuring.evidence import TRIES, disturbance, with_evidence
+from rarms_iac.measuring.partitions import (
+    MeasuringBudget,
+    memory_for_load,
+    reserve_for_load,
+    running_test_partitions,
+    set_reserves,
+    shapes_of_test_partitions,
+)
+from rarms_iac.measuring.reporter import MeasuringReporter
+from rarms_iac.measuring.sampling import watch
+from rarms_iac.measuring.search.trials import is_clear
+from rarms_iac.measuring.settings_log import KnownSettings
+from rarms_iac.measuring.settling import Contender, Settling, wants_all_processors
+from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring.strategies import goal_of
+from rarms_iac.model.measurement import P1, P2, Setting, SettingEvidence
+from rarms_iac.model.outcomes import Measure, SettingFailed, Stopped, TooManyFailures
+from rarms_iac.model.processor_number import ProcessorSource
+from rarms_iac.model.run import Run, SampleCount
+from rarms_iac.model.series import MOST_SAMPLES, Series
+from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
+from rarms_iac.providers.measuring import MeasuringHost, PartitionShape, PartitionWork, Work
+from rarms_iac.statistics.verdicts import until_share
+from rarms_iac.storage.datalog.columns import as_recorded
+
+SEED_STEP = 101
+"""More than there are settings, so that no two of them share a seed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuringContext:
+    """What a run of the loop is given beside the experiment."""
+
+    host: MeasuringHost  # its lock is held by who calls
+    budget: Callable[[], MeasuringBudget]  # asked once, before the first setting that must be run; may refuse
+    seed: int
+    reporter: MeasuringReporter
+    should_stop: Callable[[], bool]
+    others: tuple[PartitionWork, ...] = ()  # what goes on in partitions beside P1 and P2, and is not looked at
+
+
+def other_processors(experiment: Experiment, used: int | None) -> int | None:
+    """Say with how many processors the experiment goes on after a setting.
+
+    Args:
+        experiment: what is measured.
+        used: what was used at once there, by `Experiment.used`.
+
+    Returns:
+        Another number than P1 has: what it uses, where the first setting shows that, and later only more; None: it
+        keeps its own, as where the manifest fixes it.
+    """
+    processors = experiment.setup.processors
+    if used is None or experiment.fixes_processors or used == processors:
+        return None
+    is_first = experiment.processors_from is ProcessorSource.HOST
+    return used if is_first or used > processors else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TestPartitions:
+    """The test partitions, and what there is room for."""
+
+    budget: MeasuringBudget
+    shapes: tuple[PartitionShape, PartitionShape]
+
+
+def make_test_partitions(experiment: Experiment, context: MeasuringContext, ends: ExitStack) -> TestPartitions:
+    """Make P1 and P2 on the host.
+
+    Args:
+        experiment: what is measured.
+        context: its host and budget.
+        ends: they are removed when this ends.
+
+    Returns:
+        What they are, with the budget that their reserves come out of.
+
+    Raises:
+        HostError: the host did not make them.
+    """
+    budget = context.budget()
+    shapes = shapes_for(experiment, budget)
+    classes = {values.name: registry_values(values) for values in _task_classes(experiment)}
+    ends.enter_context(running_test_partitions(context.host, experiment.application, shapes, classes))
+    return TestPartitions(budget=budget, shapes=shapes)
+
+
+def shapes_for(experiment: Experiment, budget: MeasuringBudget) -> tuple[PartitionShape, PartitionShape]:
+    """Shape the test partitions of an experiment.
+
+    Args:
+        experiment: what is measured.
+        budget: of its host.
+
+    Returns:
+        P1, then P2.
+    """
+    memory = memory_for_load(budget, experiment.setup)
+    return shapes_of_test_partitions(experiment.setup, budget.capacity.logical_processors, memory)
+
+
+def work_in_test_partitions(experiment: Experiment) -> tuple[PartitionWork, PartitionWork]:
+    """Say what runs in P1 and in P2.
+
+    Args:
+        experiment: what is measured.
+
+    Returns:
+        P1's work, then P2's.
+    """
+    return (
+        PartitionWork(partition=P1, components=experiment.members, classes=_task_classes(experiment)),
+        PartitionWork(partition=P2, load=experiment.load),
+    )
+
+
+def _task_classes(experiment: Experiment) -> tuple[ClassValues, ...]:
+    """The task classes that the members name, as a plan would set them in a partition of just these."""
+    return classes_of(experiment.members, experiment.tasks, P1, FirstLine(file="")).classes
+
+
+def run_setting(
+    experiment: Experiment, context: MeasuringContext, partitions: TestPartitions, step: Measure, known: KnownSettings
+) -> Setting | SettingFailed | Stopped:
+    """Measure a setting; where something disturbed it, measure it again.
+
+    Args:
+        experiment: what is measured.
+        context: the host, locked, and who is told.
+        partitions: P1 and P2, which run.
+        step: the reservation, one that the budget has, and when its samples are enough.
+        known: what was measured before.
+
+    Returns:
+        The setting as the log is to have it, or why there is none.
+
+    Raises:
+        HostError: the host did not do what was asked.
+    """
+    load_reserve = reserve_for_load(partitions.budget, experiment.setup, step.reserve)
+    if load_reserve is None:
+        raise ValueError(f"{step.reserve} % was asked for, and the host cannot give that")
+    set_reserves(context.host, experiment.application, partitions.shapes, {P1: step.reserve, P2: load_reserve})
+    processors = partitions.budget.capacity.logical_processors
+    takes = load_reserve * processors / 100 if wants_all_processors(experiment.load, processors) else None
+    left_ms = float(experiment.limits.setting) - known.spent_ms(step.reserve, context.seed)
+    disturbances: list[str] = []
+    spent_ms = 0.0
+    while True:
+        empty = Setting(
+            reserve=step.reserve,
+            series=(),
+            beside=load_reserve,
+            seed=context.seed,
+            spent_ms=spent_ms,
+            processors=experiment.setup.processors,
+        )
+        setting, evidence = _try_setting(experiment, context, partitions, step, empty, known)
+        if not isinstance(setting, Setting) or evidence is None:
+            return setting
+        spent_ms = setting.host_ms
+        reason = disturbance(evidence, processors, takes)
+        disturbances += [reason] if reason else []
+        if not reason or len(disturbances) == TRIES or (step.until_clear and spent_ms >= left_ms):
+            return as_recorded(with_evidence(setting, evidence, disturbances, undisturbed=not reason))
+        context.reporter.setting_disturbed(experiment, step.reserve, reason)
+
+
+def _try_setting(
+    experiment: Experiment,
+    context: MeasuringContext,
+    partitions: TestPartitions,
+    step: Measure,
+    empty: Setting,
+    known: KnownSettings,
+) -> tuple[Setting | SettingFailed | Stopped, SettingEvidence | None]:
+    """A setting from the first sample to the last, and what the host counted meanwhile."""
+    goal = replace(goal_of(experiment), ends_at_until=step.within_until)
+
+    def used() -> int | None:
+        """NOTE: the paper's strategy does not look at what is used."""
+        return None if step.within_until else experiment.used(running.used_processors(P1))
+
+    def so_far(seen: Mapping[str, Series], elapsed_ms: float) -> Setting:
+        """As the log records it, so that a run that goes on from the log decides by the same numbers."""
+        series = tuple(seen[name] for name in sorted(seen))
+        spent_ms = empty.host_ms + elapsed_ms
+        return as_recorded(replace(empty, series=series, spent_ms=spent_ms, used_processors=used()))
+
+    def is_enough(seen: Mapping[str, Series]) -> bool:
+        context.reporter.samples_came(experiment, step.reserve, seen)
+        if not step.until_clear or not all(_has_until(seen[name], run) for name, run in goal.runs.items()):
+            return False
+        setting = so_far(seen, running.elapsed_ms())
+        if other_processors(experiment, setting.used_processors) is not None:
+            return True
+        joined = known.joined_with(step.reserve, setting)
+        return is_clear(joined, goal, precision=step.precision)
+
+    settling = Settling(
+        memory_ms=context.host.scheduler_memory_ms, contenders=_contenders(experiment, partitions.budget, step.reserve)
+    )
+    work = replace(_work(experiment, context, step), least_ms=settling.least_ms)
+    limit_ms = goal.budget_ms - known.spent_ms(step.reserve, context.seed) - empty.host_ms
+    with context.host.run(work) as running:
+        series = watch(
+            running,
+            experiment.members,
+            settling,
+            is_enough,
+            context.should_stop,
+            limit_ms=max(0.0, limit_ms) if step.until_clear else inf,
+            restarts=step.until_clear and not step.within_until,
+            needs_starts=lambda: other_processors(experiment, used()) is None,
+        )
+        evidence, elapsed_ms = running.evidence(), running.elapsed_ms()
+    if series is None:
+        return Stopped(), None
+    if isinstance(series, TooManyFailures):
+        return SettingFailed(reserve=step.reserve, verdict=series), None
+    return so_far(series, elapsed_ms), evidence
+
+
+def _has_until(series: Series, run: Run) -> bool:
+    return run.until is None or until_share(series, run.until) >= 1.0
+
+
+def _contenders(experiment: Experiment, budget: MeasuringBudget, reserve: int) -> tuple[Contender, ...]:
+    """P1, where P2 wants all that it does not reserve; what others reserve and leave idle is shared, and no excess."""
+    others = any(claim.reserve and claim.processors for claim in budget.claims)
+    if others or not wants_all_processors(experiment.load, budget.capacity.logical_processors):
+        return ()
+    names = tuple(member.name for member in experiment.members)
+    processors = experiment.setup.processors * reserve / 100
+    return (Contender(components=names, processors=processors, excess_forbids_verdict=True),)
+
+
+def _work(experiment: Experiment, context: MeasuringContext, step: Measure) -> Work:
+    """What runs at this setting.
+
+    Each setting has a seed of its own, so that settings do not share one lucky or unlucky draw.
+    """
+    # NOTE: more than count, since jobs that end while something settles are none of them: `is_clear` ends the setting.
+    goes_on, all_samples = step.until_clear and not step.within_until, SampleCount(samples=4 * MOST_SAMPLES)
+    return Work(
+        application=experiment.application,
+        partitions=(*work_in_test_partitions(experiment), *context.others),
+        until={name: all_samples if goes_on else run.ends for name, run in experiment.runs.items()},
+        seed=context.seed * SEED_STEP + step.reserve,
+    )

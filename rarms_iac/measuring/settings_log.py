@@ -1,0 +1,139 @@
+"""The settings of an experiment: in its data log, and as a run of the loop knows them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.measurement import Setting, join_settings
+from rarms_iac.storage.datalog.files import append_setting, begin_log, read_log
+from rarms_iac.storage.datalog.log import Header, Provenance, Recorded
+from rarms_iac.storage.disk import make_folders
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SettingsLog:
+    """The data log of an experiment: a file that is begun with the first setting."""
+
+    path: Path
+    header: Header
+    provenance: Callable[[Setting], Provenance]  # of what is recorded now
+    anew: int | None = None  # a strategy sees reservations only once they were measured with this seed; None: all
+    replaces_stale: bool = False  # what is there is stale, and gives way to the first setting
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether samples are drawn from seeds."""
+        return self.header.platform_facts.provider is ProviderKind.SIMULATED
+
+    def runs(self) -> tuple[Setting, ...]:
+        """Read all that count, each run by itself, in the order in which they were recorded.
+
+        Returns:
+            Those with as many processors as the header has; none where there is no log yet, or it is stale.
+
+        Raises:
+            LogUnreadable: the file is no whole data log.
+        """
+        log = None if self.replaces_stale else read_log(self.path)
+        if log is None:
+            return ()
+        return tuple(record.setting for record in log.of(self.header.setup.processors).counting)
+
+    def settings(self) -> tuple[Setting, ...]:
+        """Join what counts to one setting a reservation (`join_settings`).
+
+        Returns:
+            As `runs`.
+
+        Raises:
+            LogUnreadable: the file is no whole data log.
+        """
+        return join_settings(self.runs(), simulated=self.is_simulated)
+
+    def add(self, setting: Setting) -> None:
+        """Record a setting, whole or not at all; it is on the disk when this returns.
+
+        Args:
+            setting: one that is not in the log.
+
+        Raises:
+            LogUnreadable: the file is no whole data log.
+            OSError: it cannot be written.
+        """
+        log = read_log(self.path)
+        if log is None or (self.replaces_stale and log.header != self.header):
+            make_folders(self.path.parent)
+            begin_log(self.path, self.header)
+        append_setting(self.path, Recorded(setting=setting, provenance=self.provenance(setting)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownSettings:
+    """What was measured, each run by itself, and joined to one setting a reservation."""
+
+    runs: tuple[Setting, ...]
+    simulated: bool
+    joined: dict[int, Setting] = field(default_factory=dict)  # by reserve, what `at` worked out
+
+    @property
+    def settings(self) -> tuple[Setting, ...]:
+        """One setting a reservation, in the order in which they were first measured."""
+        return tuple(map(self.at, dict.fromkeys(run.reserve for run in self.runs)))
+
+    def seen_with(self, seed: int | None) -> tuple[Setting, ...]:
+        """Select the settings that were measured with this seed.
+
+        Args:
+            seed: None for all.
+
+        Returns:
+            Each with all that counts at its reservation.
+        """
+        reserves = {run.reserve for run in self.runs if seed is None or run.seed == seed}
+        return tuple(setting for setting in self.settings if setting.reserve in reserves)
+
+    def at(self, reserve: int) -> Setting:
+        """Join the runs of a reservation that was measured.
+
+        NOTE: once, since estimates are kept with the samples that they are made of.
+
+        Args:
+            reserve: the CR in per cent of P1's own processors.
+        """
+        if reserve not in self.joined:
+            self.joined[reserve] = self.joined_with(reserve)
+        return self.joined[reserve]
+
+    def joined_with(self, reserve: int, *more: Setting) -> Setting:
+        """Join the runs of a reservation with more.
+
+        Args:
+            reserve: the CR in per cent of P1's own processors.
+            more: runs that are not recorded yet.
+        """
+        runs = [run for run in self.runs if run.reserve == reserve]
+        (joined,) = join_settings((*runs, *more), simulated=self.simulated)
+        return joined
+
+    def spent_ms(self, reserve: int, seed: int) -> float:
+        """Sum the host's time that was spent on a reservation before.
+
+        Args:
+            reserve: the CR in per cent of P1's own processors.
+            seed: of the run that follows: a simulated host goes through the time of the same seed again.
+
+        Returns:
+            Milliseconds.
+        """
+        runs = [run for run in self.runs if run.reserve == reserve and not (self.simulated and run.seed == seed)]
+        return join_settings(runs, simulated=self.simulated)[0].host_ms if runs else 0.0
+
+    def with_run(self, run: Setting) -> "KnownSettings":
+        """Return these and one run more.
+
+        Args:
+            run: as it was recorded.
+        """
+        joined = {reserve: setting for reserve, setting in self.joined.items() if reserve != run.reserve}
+        return replace(self, runs=(*self.runs, run), joined=joined)

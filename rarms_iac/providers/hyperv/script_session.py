@@ -1,0 +1,201 @@
+"""What talks with a script on a Hyper-V host while it runs: its lines come, a request to stop and texts go.
+
+Behind the bootstrap (`bootstrap`) a script is sent on a channel that was opened; which channel, `transport` knows.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import Protocol
+
+from rarms_iac.providers.channel import (
+    SSH_FAILED,
+    Channel,
+    Conversation,
+    SilenceTimeout,
+    await_line,
+    last_of,
+    open_channel,
+)
+from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, READY, STOP, frame
+from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost
+
+STOPPING_SECONDS = 120.0  # for a script to remove what it made
+
+
+class Listener(Protocol):
+    """Who runs a script: told each line, and asked whether to stop."""
+
+    def line(self, text: str) -> None:
+        """A line of the script's standard output."""
+        ...
+
+    def should_stop(self) -> bool:
+        """Whether it should end before its next step."""
+        ...
+
+
+class ScriptSession(Protocol):
+    """A script that runs, and is told things meanwhile."""
+
+    def next_line(self, silence_s: float) -> str | None:
+        """The next line of its standard output; None: it has ended.
+
+        Raises:
+            SilenceTimeout: nothing came for so long.
+        """
+        ...
+
+    def send(self, line: str) -> None:
+        """Have this text in the file beside the script that ends with `.next`; one without a dot asks it to stop."""
+        ...
+
+    def ended(self) -> ScriptExited | ScriptLost:
+        """How it ended; waits for it for a while."""
+        ...
+
+
+def send_and_follow(
+    channel: Conversation,
+    host: str,
+    script: ScriptBundle,
+    arguments: Sequence[str],
+    silence_s: float,
+    listener: Listener,
+) -> ScriptExited | ScriptLost:
+    """Send scripts to a bootstrap that is ready, and follow what the first of them says until it ends.
+
+    Args:
+        channel: to the bootstrap.
+        host: its name in the manifest.
+        script: the files.
+        arguments: of the first.
+        silence_s: seconds without a line after which it is taken for lost.
+        listener: told each line, and asked whether to stop.
+
+    Raises:
+        HostFailed: the bootstrap would not run them.
+    """
+    channel.send(frame(script, arguments))
+    refusal = RefusalListener(listener)
+    return judge_end(host, follow(channel, silence_s, refusal, lambda: channel.send(STOP)), refusal)
+
+
+def judge_end(host: str, ended: ScriptExited | ScriptLost, refusal: "RefusalListener") -> ScriptExited | ScriptLost:
+    """How a script ended, or the bootstrap or the way to it before."""
+    if isinstance(ended, ScriptExited) and ended.code == FAILED_CODE and refusal.reason:
+        raise HostFailed(host, f"the scripts did not arrive as sent: {refusal.reason}", "Run it again.")
+    if isinstance(ended, ScriptExited) and ended.code == SSH_FAILED:
+        return ScriptLost(why=f"the connection broke ({last_of(ended.last_lines)})")
+    return ended
+
+
+class _BootstrapSession:
+    """A `ScriptSession` behind the bootstrap, which asks the script to stop when its input ends: rarms may be dead."""
+
+    def __init__(self, channel: Conversation) -> None:
+        self._channel = channel
+
+    def next_line(self, silence_s: float) -> str | None:
+        return self._channel.next_line(silence_s, lambda: None)
+
+    def send(self, line: str) -> None:
+        self._channel.send(line.encode("ascii"))
+
+    def ended(self) -> ScriptExited | ScriptLost:
+        code = self._channel.code()
+        if code is None:
+            return ScriptLost(why="it closed its output and did not end")
+        return ScriptExited(code=code, last_lines=self._channel.error_lines)
+
+
+@contextmanager
+def session_behind_bootstrap(
+    channel: Conversation, script: ScriptBundle, arguments: Sequence[str]
+) -> Iterator[_BootstrapSession]:
+    """Run a script behind a bootstrap that is ready, until it has removed what it made."""
+    channel.send(frame(script, arguments))
+    try:
+        yield _BootstrapSession(channel)
+    finally:
+        channel.send(STOP)
+        with suppress(SilenceTimeout):
+            while channel.next_line(STOPPING_SECONDS, lambda: None) is not None:
+                continue
+
+
+class RefusalListener:
+    """Passes lines on, and keeps why the bootstrap would not run the script."""
+
+    def __init__(self, listener: Listener) -> None:
+        self._listener = listener
+        self.reason = ""
+
+    def line(self, text: str) -> None:
+        if text.startswith(FAILED):
+            self.reason = text.removeprefix(FAILED).strip()
+        else:
+            self._listener.line(text)
+
+    def should_stop(self) -> bool:
+        return self._listener.should_stop()
+
+
+@contextmanager
+def ready_channel(host: str, target: str, program: str, words: Sequence[str]) -> Iterator[Channel]:
+    """Start what ends in a bootstrap, and wait until that is ready.
+
+    Raises:
+        HostFailed: ssh does not get through, or PowerShell does not start.
+    """
+    with open_channel(host, words) as channel:
+        await_bootstrap(channel, host, target, program)
+        yield channel
+
+
+def await_bootstrap(channel: Conversation, host: str, target: str, program: str, way: str = "ssh") -> None:
+    """Wait until the bootstrap at the other end is ready.
+
+    Args:
+        channel: to what starts it.
+        host: its name in the manifest.
+        target: where it leads to, as messages name it.
+        program: the PowerShell that is started there.
+        way: as `await_line` has it.
+
+    Raises:
+        HostFailed: the other end is not reached, or PowerShell does not start there.
+    """
+    if await_line(channel, host, target, lambda line: line == READY, way) is None:
+        raise not_started(host, target, program, channel.code(), channel.error_lines)
+
+
+def not_started(host: str, target: str, program: str, code: int | None, error_lines: Sequence[str]) -> HostFailed:
+    """The error of a PowerShell that ended before its bootstrap was ready."""
+    return HostFailed(
+        host,
+        f"{program} does not start on {target} (exit code {code}): {last_of(error_lines)}",
+        "Say in the manifest which PowerShell the host has: `connect.shell: pwsh` or `powershell`.",
+    )
+
+
+def follow(
+    channel: Conversation, silence_s: float, listener: Listener, stop: Callable[[], None]
+) -> ScriptExited | ScriptLost:
+    """Pass every line on until the end, and a request to stop the other way, once."""
+    asked = False
+
+    def look() -> None:
+        nonlocal asked
+        if not asked and listener.should_stop():
+            asked = True
+            stop()
+
+    try:
+        while (line := channel.next_line(silence_s, look)) is not None:
+            listener.line(line)
+    except SilenceTimeout:
+        return ScriptLost(why=f"it said nothing for {silence_s:.0f} s")
+    code = channel.code()
+    if code is None:
+        return ScriptLost(why="it closed its output and did not end")
+    return ScriptExited(code=code, last_lines=channel.error_lines)
