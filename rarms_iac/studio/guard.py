@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 MOST_BYTES = 65_536
 """Of a request's body."""
+COOKIE_SECONDS = 7 * 24 * 3600
+"""A browser keeps the cookie so long, also when it is closed: its user finds the run again. It ends with the server."""
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
@@ -37,6 +39,7 @@ HEADERS = {
 }
 
 # NOTE: no redirect. A browser that came from a file sends no strict cookie along a redirect; a page of ours leads on.
+# With a token that was used, too, but with 403 and no cookie: the browser that has the cookie comes back so.
 _ENTRANCE = (
     '<!doctype html><html lang="en"><head><meta charset="utf-8"><meta http-equiv="refresh" content="0; url={path}">'
     '<title>rarms studio</title></head><body><p><a href="{path}">rarms studio</a></p></body></html>'
@@ -119,11 +122,14 @@ class Guard:
 
     def _let_in(self, token: str) -> Response:
         expected = self._keys.token
+        page = _ENTRANCE.format(path=self._keys.path)
         if not expected or not compare_digest(token.encode(), expected.encode()):
-            return _refused()
+            return HTMLResponse(page, 403)
         self._keys.token = ""
-        response = HTMLResponse(_ENTRANCE.format(path=self._keys.path))
-        response.set_cookie(self._cookie, self._keys.cookie, path=self._keys.path, httponly=True, samesite="strict")
+        response = HTMLResponse(page)
+        response.set_cookie(
+            self._cookie, self._keys.cookie, COOKIE_SECONDS, path=self._keys.path, httponly=True, samesite="strict"
+        )
         return response
 
     def _judge_post(self, headers: Headers) -> Response | None:

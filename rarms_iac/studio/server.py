@@ -32,7 +32,7 @@ from rarms_iac.studio.guard import Guard, Keys
 from rarms_iac.studio.knowledge import Watch, files_version
 from rarms_iac.studio.levels import LevelBody, answer_level
 from rarms_iac.studio.page import page_of
-from rarms_iac.studio.work import Ending, TaskRunner, Transcript, WorkRefused
+from rarms_iac.studio.work import Ending, TaskRunner, Transcript, WorkRefused, WorkState
 from rarms_iac.views.console import UNLIMITED, render
 from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.reports.html import FOLDER, MODULES
@@ -94,7 +94,7 @@ class Studio:
         return HTMLResponse(await run_in_threadpool(self._render))
 
     def _render(self) -> bytes:
-        version = self._version()  # before the files are read: what changes meanwhile is read again
+        version = self._version(self.work.state())  # before the files are read: what changes meanwhile is read again
         return page_of(
             self._watch.now(),
             self._workspace,
@@ -103,9 +103,8 @@ class Studio:
             read_only=self._settings.read_only,
         )
 
-    def _version(self) -> str:
+    def _version(self, state: WorkState) -> str:
         """Changes with each file, and with each use case that begins or ends."""
-        state = self.work.state()
         return f"{state.number}{state.ending}-{files_version(self._settings.source)}"
 
     async def _style(self, _request: Request) -> Response:
@@ -124,6 +123,7 @@ class Studio:
     async def _news(self) -> AsyncIterator[str]:
         """What changed, until the browser or the server ends."""
         sent_work = sent_files = ""
+        latest: tuple[int, Ending] | None = None
         tick = 0
         while not self._stop.should_stop():
             state = self.work.state()
@@ -131,15 +131,14 @@ class Studio:
             if data != sent_work:
                 yield f"event: work\ndata: {data}\n\n"
                 sent_work = data
-            is_at_work = state.ending == ""
-            if tick % (TICKS_OF_FILES_AT_WORK if is_at_work else TICKS_OF_FILES) == 0:
-                version = (
-                    f"{state.number}{state.ending}-{await run_in_threadpool(files_version, self._settings.source)}"
-                )
+            if latest != (state.number, state.ending):  # what began or ended is followed at once
+                latest, tick = (state.number, state.ending), 0
+            if tick % (TICKS_OF_FILES if state.ending else TICKS_OF_FILES_AT_WORK) == 0:
+                version = await run_in_threadpool(self._version, state)
                 if version != sent_files:
                     yield f"event: files\ndata: {version}\n\n"
                     sent_files = version
-            tick = 0 if sent_work != data else tick + 1
+            tick += 1
             await asyncio.sleep(TICK_SECONDS)
 
     async def _stop_work(self, _request: Request) -> Response:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from html import escape
 from importlib.util import find_spec
 from pathlib import Path
+from threading import Thread
 
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.options import flag, option
@@ -74,7 +75,8 @@ def _announcing(session: Session, *, no_open: bool) -> Iterator[Callable[[str], 
             replace_file(page, _leading_to(address))
             page.chmod(0o600)
             session.terminal.talk(f"The studio is open until Ctrl-C. If no browser shows it, open {page}.")
-            webbrowser.open(page.as_uri())
+            # NOTE: in a thread. Some browsers are waited for, and this one would wait for the page meanwhile.
+            Thread(target=webbrowser.open, args=(page.as_uri(),), daemon=True).start()
 
         yield announce
 

@@ -1,5 +1,6 @@
 """What the page sends and is answered: work, its command and its end; levels that are shown and written; refusals."""
 
+import json
 from collections.abc import Iterator
 from http.client import HTTPConnection
 from pathlib import Path
@@ -142,3 +143,28 @@ def test_events_tell_of_files_that_changed(client: Client, folder: Path) -> None
 
     assert seen[0] != seen[1]
     assert f'data-version="{seen[1]}"' in client.get().text
+
+
+def test_a_use_case_that_begins_or_ends_is_followed_by_the_page_at_once(client: Client) -> None:
+    connection = HTTPConnection("127.0.0.1", client.port, timeout=60)
+    connection.request("GET", f"{client.path}events", headers={"Cookie": client.cookie})
+    lines = connection.getresponse()
+    sent: list[tuple[str, str]] = []
+    while not any(name == "files" and data.startswith("1done-") for name, data in sent):
+        if (line := lines.readline().decode()).startswith("event: "):
+            sent.append(
+                (line.strip().removeprefix("event: "), lines.readline().decode().strip().removeprefix("data: "))
+            )
+            if len(sent) == 2:  # as it was when the page was opened
+                assert client.post("do/measure", {"components": ["control"]}).status == 200
+    connection.close()
+
+    states = [f"{state['number']}{state['ending']}" if (state := _state(each)) else "" for each in sent]
+    for moment in ("1", "1done"):
+        name, version = sent[states.index(moment) + 1]
+        assert (name, version.partition("-")[0]) == ("files", moment)
+
+
+def _state(sent: tuple[str, str]) -> dict[str, object] | None:
+    name, data = sent
+    return json.loads(data) if name == "work" else None

@@ -59,7 +59,9 @@ def test_the_token_works_once_and_gives_a_cookie_that_no_script_and_no_other_sit
     assert "set-cookie" not in again.headers
     [cookie] = SimpleCookie(first.headers["set-cookie"]).values()
     assert (cookie["httponly"], cookie["samesite"], cookie["path"]) == (True, "strict", fresh.path)
+    assert int(cookie["max-age"]) > 24 * 3600, "a browser that was closed for a night finds the run again"
     assert fresh.get().status == 200
+    assert f'url={fresh.path}"' in again.text, "the browser that has the cookie is led to the page"
 
 
 def test_a_wrong_token_leaves_the_right_one_as_it_was(fresh: Client) -> None:
