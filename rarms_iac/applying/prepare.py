@@ -109,7 +109,7 @@ def _split_accepted(
 ) -> tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]:
     """Return the findings that remain, and those that the manifest's policy accepts.
 
-    An acceptance without a finding is itself a finding, but only where the whole manifest is planned.
+    An acceptance without a finding is itself a finding; of a check of plans only where the whole manifest is planned.
     """
     codes = _WHOLE_PLAN_CODES if request.is_whole else CODES
     distinct = in_order(tuple(dict.fromkeys(findings)))

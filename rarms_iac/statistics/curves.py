@@ -40,7 +40,7 @@ class Curve:
     component: str
     index: str
     points: tuple[Point, ...]
-    estimates: tuple[Estimate, ...]  # as measured, before they were made monotone; one a point
+    estimates: tuple[Estimate, ...]  # as measured; one a point
     inconclusive: tuple[int, ...] = ()  # reserves that were measured and gave no estimate
     overloaded: tuple[int, ...] = ()  # reserves at which it grows without an end: every threshold is missed there
 
@@ -98,7 +98,7 @@ def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, 
         error: The probability, 0..1, that the truth is beyond the band, on each side, at a look at a measured point.
 
     Returns:
-        The curve, its points by ascending reserve, made monotone; without points where no setting gave an estimate.
+        The curve, its points by ascending reserve, made monotone for indexes that cannot get worse with more CPU; without points where no setting gave an estimate.
     """
     found = {
         setting.reserve: _estimate(series, index, run, error)
@@ -200,8 +200,8 @@ def _unpooled(curve: Curve) -> Curve:
     return replace(curve, points=tuple(points))
 
 
-DIGITS = 1000
-"""Thresholds are offered with three digits, as a person would write them."""
+STEPS_OF_ONE = 1000
+"""Thresholds are offered with three digits, and with thousandths below 1, as a person would write them."""
 
 
 def tightest_threshold(curve: Curve, reserve: int) -> Threshold | None:
@@ -230,8 +230,8 @@ def threshold_met_by(index: str, value: float) -> Threshold | None:
     """
     if not isfinite(value):
         return None
-    step = Fraction(1, DIGITS)
-    while abs(value) >= DIGITS * step:
+    step = Fraction(1, STEPS_OF_ONE)
+    while abs(value) >= STEPS_OF_ONE * step:
         step *= 10
     if index_named(index).smaller_is_better:
         return AtMost(value=step * ceil(Fraction(value) / step))

@@ -21,9 +21,11 @@ from rarms_iac.statistics.samples import deadline_misses, effective_samples, end
 from rarms_iac.statistics.steady_state import answered_before, split_series, steady_part
 
 FEWEST_EFFECTIVE = 25
-"""Independent samples that a mean's bounds need: of fewer, their dependence on one another is unknown."""
+"""Independent samples that a mean's bounds need once there are `FIRST_LOOK`, or half of all, where that is less: of
+fewer, their dependence on one another is unknown."""
 
-_QUARTERS, _FEWEST_OF_QUARTER = 4, 10  # samples
+_QUARTERS = 4
+_FEWEST_OF_QUARTER = 10  # samples
 
 _MAXIMUM = "maximum_response_time"
 """It is of all samples: no warm-up excuses a late answer."""
@@ -92,7 +94,7 @@ def _estimate_of_quarters(index: str, series: Series, run: Run, error: float) ->
     """What four quarters show together, no surer than all samples do as if they were steady.
 
     None: too few samples; an extreme; a quarter without an answer; or quarters that go one way and double: a trend,
-    and it is not known where that ends. Less of one widens the bounds to where it would go in two settings more.
+    and it is not known where that ends.
     """
     count = len(series.samples)
     if count < _QUARTERS * _FEWEST_OF_QUARTER:
@@ -162,7 +164,7 @@ def mean_estimate(
 
     Returns:
         The estimate in the numbers' unit; or the reason why there is none: too few, all of them 0, or too dependent on
-            one another (worth fewer than `FEWEST_EFFECTIVE`) for bounds.
+            one another (`FEWEST_EFFECTIVE`) for bounds.
     """
     count = len(numbers)
     if count < 2:
@@ -186,7 +188,7 @@ def mean_estimate(
 
 
 def _too_dependent(count: int, worth: float) -> str:
-    needed = f"a bound needs {FEWEST_EFFECTIVE}"
+    needed = f"a bound needs {min(FEWEST_EFFECTIVE, -(-count // 2))}"
     return f"its {count} samples depend on one another so strongly that they are worth {worth:.0f}, and {needed}"
 
 

@@ -109,6 +109,11 @@ class MeasureAction(Action):
     on_busy_host: bool = False
     weak_load: bool = False
 
+    @property
+    def _is_coarse(self) -> bool:
+        """Settings that are named come before a coarse curve, as in a terminal."""
+        return self.coarse and self.first is self.last is self.step is None
+
     def command(self) -> RecommendedCommand:
         """`rarms measure`."""
         settings = {"from_": self.first, "to": self.last, "step": self.step}
@@ -117,7 +122,7 @@ class MeasureAction(Action):
             "measure",
             *self.components,
             together=self.together,
-            interactive=self.coarse,
+            interactive=self._is_coarse,
             **chosen,
             stop_partitions=self.stop_partitions,
             on_busy_host=self.on_busy_host,
@@ -130,7 +135,7 @@ class MeasureAction(Action):
             components=tuple(self.components),
             together=self.together,
             reserves=reserves_between(self.first, self.last, self.step),
-            coarse=self.coarse and self.first is None,
+            coarse=self._is_coarse,
             weak_load=self.weak_load,
             on_busy_host=self.on_busy_host,
         )

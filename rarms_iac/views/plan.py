@@ -1,6 +1,6 @@
-"""A plan as a person reviews it: a line a partition, what it disturbs and for how long, and a last line that counts.
+"""A plan as a person reviews it: a line a partition, what it disturbs and for how long, and a line that counts.
 
-`plan_text` takes a Plan and returns a renderable; `json_of` writes it for programs.
+`plan_text` takes a Plan and returns a renderable.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -295,7 +295,7 @@ def _name(change: Change, part: HostPlan) -> "Text":
 
 
 def _line(change: Change, part: HostPlan) -> "RenderableType":
-    """`~ vision  reserve 0.7 LP -> 0.4 LP; stopped for up to 60 s to shut down`."""
+    """`~ vision  reserve 0.7 LP -> 0.4 LP; stopped for up to 60 s to shut down, then for its start`."""
     differing = [attribute for attribute in attributes_of(change, part.facts) if attribute.differs]
     differences = ", ".join(f"{attribute.name} {_value(attribute)}" for attribute in differing)
     if isinstance(change, Create | Delete):

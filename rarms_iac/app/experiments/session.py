@@ -29,12 +29,12 @@ from rarms_iac.providers.measuring import MeasuringHost
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuringSession:
-    """Where and how a command measures, and who consents, stops it and hears of it."""
+    """Where and how a command measures."""
 
     hosts: Hosts
     control: Control = UNATTENDED
     command: Literal["measure", "tune", "prove"] = "measure"
-    seed: int | None = None  # of the random numbers; None: that of the last setting, or else the usual one
+    seed: int | None = None  # of the random numbers; None: the largest that settings in the log have, or the usual one
     anew: bool = False  # what was not measured with this seed is measured once more
     on_busy_host: bool = False  # measure although other partitions run there
     lock_timeout_ms: int = 0  # how long to wait for another run, at a host and at a data log

@@ -27,6 +27,9 @@ _TAGGED = (
 )
 """Where pydantic puts the name of an alternative into the path; it is not in the text."""
 
+PART_SIZES = (1000, 100, 10)
+"""Entries of each map and list that are looked at together where the whole has too many errors."""
+
 TOO_MANY_TO_LIST = 5000
 """pydantic finds 400,000 errors in half a second, and needs ten more and 500 MB to list them."""
 
@@ -92,27 +95,41 @@ def _cases(error: Any, document: Any) -> Iterator[BrokenRule]:
 
 
 def _with_listable_errors(problem: ValidationError, document: Any) -> ValidationError:
-    """The errors of the document's first parts, where the whole has too many to be listed."""
-    for most in (1000, 100, 10):
+    """The errors of the first part of the document that has any, where the whole has too many to be listed."""
+    for most in PART_SIZES:
         if problem.error_count() <= TOO_MANY_TO_LIST:
             break
-        try:
-            ManifestDocument.model_validate(_first(document, most))
-        except ValidationError as fewer:
-            problem = fewer
-        else:
-            break  # they all come later
+        problem = next(_problems_of_parts(document, most), problem)
     return problem
 
 
-def _first(value: Any, most: int) -> Any:
-    """The first entries of every map and list; keys that are fields stay, so that none is missing."""
+def _problems_of_parts(document: Any, most: int) -> Iterator[ValidationError]:
+    for start in range(0, _longest(document), most):
+        try:
+            ManifestDocument.model_validate(_part(document, range(start, start + most)))
+        except ValidationError as problem:
+            yield problem
+
+
+def _part(value: Any, numbers: range) -> Any:
+    """Of every map the entries of these numbers, and what it may need: its first entry, and keys that are fields.
+
+    Of every list all entries up to the last of these: an error names an entry by its number.
+    """
     if isinstance(value, dict):
-        keys = (key for number, key in enumerate(value) if number < most or key in _field_names())
-        return {key: _first(value[key], most) for key in keys}
+        keys = (key for number, key in enumerate(value) if number in numbers or not number or key in _field_names())
+        return {key: _part(value[key], numbers) for key in keys}
     if isinstance(value, list):
-        return [_first(item, most) for item in value[:most]]
+        return [_part(item, numbers) for item in value[: numbers.stop]]
     return value
+
+
+def _longest(value: Any) -> int:
+    """Entries of the longest map or list in this value."""
+    if isinstance(value, dict | list):
+        inner = value.values() if isinstance(value, dict) else value
+        return max(len(value), max(map(_longest, inner), default=0))
+    return 0
 
 
 @cache

@@ -48,8 +48,13 @@ class DefinitionFiles:
             self._effects.replace(path, write_definition(definition))
 
     def delete(self, definition: GroupDefinition) -> None:
-        """Forget a partition."""
-        self._effects.delete(self._file(definition))
+        """Forget a partition.
+
+        Raises:
+            HostFailed: its file cannot be removed.
+        """
+        with report_failure(self._host, path := self._file(definition)):
+            self._effects.delete(path)
 
     def _load(self, path: Path) -> GroupDefinition:
         with report_damage(self._host, path):

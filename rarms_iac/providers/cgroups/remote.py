@@ -121,7 +121,7 @@ class RemoteEffects:
                 yield
                 self.commit()
             finally:
-                self._calls.clear()
+                self._drop_calls()
                 try:
                     with suppress(HostError):  # it ends by itself, too
                         self._answer(["release"], 0.0)
@@ -215,7 +215,7 @@ class RemoteEffects:
             self._is_gathering = False
             self.commit()
         except BaseException:
-            self._calls.clear()
+            self._drop_calls()
             self._view = _View()  # it shows what was asked for, and how much of that was done is not known
             raise
         finally:
@@ -224,9 +224,12 @@ class RemoteEffects:
     def commit(self) -> None:
         if self._calls and not self._is_gathering:
             calls, seconds = tuple(self._calls), self._seconds
-            self._calls.clear()
-            self._seconds = 0.0
+            self._drop_calls()
             self._send(calls, seconds)
+
+    def _drop_calls(self) -> None:
+        self._calls.clear()
+        self._seconds = 0.0
 
     def _do(self, effect: str, *words: Path | str, seconds: float = 0.0) -> None:
         self._calls.append(

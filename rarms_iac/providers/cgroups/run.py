@@ -261,7 +261,7 @@ class LinuxHostProvider(JournaledHost):
         return readings(self._seen()[0], address, scope)
 
     def execute(self, operation: Operation, scope: Scope) -> None:
-        """The definition is replaced last, so that a kill before leaves the partition as it was."""
+        """A definition that is replaced in between says what `_recover` takes back after a kill."""
         self._look_unless_held()
         state, known = self._seen()
         with self._kernel_errors(self._linux.slice if isinstance(operation, TaskOperation) else operation.partition):
