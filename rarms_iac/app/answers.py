@@ -2,6 +2,7 @@
 
 from rarms_iac.app.component_results import RunOutcome
 from rarms_iac.app.doctor import Examinations
+from rarms_iac.app.doctor_report import DoctorReport
 from rarms_iac.app.drift import DriftReport
 from rarms_iac.app.experiments.measure import MeasureOutcome
 from rarms_iac.app.experiments.prove import ProveOutcome
@@ -23,6 +24,7 @@ from rarms_iac.storage.finding_pages import FindingPage
 
 Answer = (
     CandidateGraph
+    | DoctorReport
     | DriftReport
     | Examinations
     | Explanation

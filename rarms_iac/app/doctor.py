@@ -11,8 +11,8 @@ from rarms_iac.applying.doctor.examination import Examination
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic, count_severities, in_order
-from rarms_iac.model.output import output
-from rarms_iac.model.state import HostFacts
+from rarms_iac.model.output import Internal, output
+from rarms_iac.model.state import HostFacts, Partition
 from rarms_iac.providers.interface import ExaminableHost, ObservedHost
 
 
@@ -26,6 +26,7 @@ class ExaminedHost:
     managed: int  # of these, the application's
     running: int  # of all of them
     findings: tuple[Diagnostic, ...]
+    partitions: Internal[tuple[Partition, ...]]  # all of its machines
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,6 +82,7 @@ def examine_hosts(hosts: Hosts) -> Examinations:
                 managed=len(host.state.of(application).partitions),
                 running=sum(machine.settings.running for machine in machines),
                 findings=findings,
+                partitions=machines,
             )
         )
         accepted += silenced

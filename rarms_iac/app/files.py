@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.general_findings import read_finding, write_finding
+from rarms_iac.app.general_findings import conflict_finding, read_finding, write_finding
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.model.commands import PLAN_OUT, RecommendedCommand, prose
 from rarms_iac.storage.reading import STANDARD_INPUT, read_input
@@ -61,6 +61,22 @@ def write_file(path: str, data: bytes) -> None:
     except (OSError, ValueError) as error:
         problem = error if isinstance(error, OSError) else OSError(0, "no file can have this name")
         raise UseCaseError(Outcome.FAILED, [write_finding(path, problem)]) from error
+
+
+def write_new_file(path: str, data: bytes) -> None:
+    """Write a file that is not there yet.
+
+    Args:
+        path: as the user gave it; its folder exists.
+        data: all of it.
+
+    Raises:
+        UseCaseError: something has that name, a link included, or the system does not let us (failed).
+    """
+    target = Path(path)
+    if target.exists() or target.is_symlink():
+        raise UseCaseError(Outcome.FAILED, [conflict_finding(path)])
+    write_file(path, data)
 
 
 def write_plan_file(path: str, plan: "Plan") -> None:

@@ -73,12 +73,12 @@ def conflict_finding(path: str) -> Diagnostic:
         path: the file, as people know it.
 
     Returns:
-        A finding that tells to name another folder.
+        A finding that tells to name another file or folder.
     """
     return IN_THE_WAY.at(
         None,
         f"{path} exists already, and stays as it is.",
-        "Name another folder, or move that file away first.",
+        "Name another one, or move that file away first.",
         values={"file": path},
     )
 

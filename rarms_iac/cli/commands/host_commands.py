@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rarms_iac.app.doctor import examine_hosts
+from rarms_iac.app.doctor_report import report_examinations
 from rarms_iac.app.drift import look_for_drift
 from rarms_iac.app.errors import RequestError
-from rarms_iac.app.files import make_folder, write_file
+from rarms_iac.app.files import make_folder, write_file, write_new_file
 from rarms_iac.app.hosts import record_host, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import flag, option
@@ -27,9 +28,22 @@ from rarms_iac.views.scripts import snapshot_script_text
 from rarms_iac.views.status import history_text, status_text
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DoctorOptions:
+    """A second answer of the doctor."""
+
+    report: str | None = option(
+        "--report", metavar="FILE", help="Write a new file for an issue, too: what was seen, without names or secrets."
+    )
+
+
 @rarms_command("doctor")
 def doctor_command(
-    session: Session, source: ManifestSource, host_selection: SnapshotSelection, options: OutputOptions
+    session: Session,
+    source: ManifestSource,
+    host_selection: SnapshotSelection,
+    options: OutputOptions,
+    file: DoctorOptions,
 ) -> ExitCode:
     """Look at the hosts and tell what makes a plan ineffective or unsafe there, with what to do. Only reads.
 
@@ -39,6 +53,9 @@ def doctor_command(
     outputs = options.targets(session)
     hosts = select_hosts(load_manifest(source), host_selection)
     examined = examine_hosts(hosts)
+    if file.report is not None:
+        write_new_file(file.report, json_of(report_examinations(hosts, examined)).encode("ascii"))
+        session.terminal.talk(f"Wrote {file.report}: no names and no secrets. Send it with an issue.")
     write_outputs(session.terminal, outputs, lambda form: doctor_as(form, examined, hosts.manifest.sources))
     return ExitCode.FOUND if has_errors(examined.findings) else ExitCode.DONE
 
