@@ -3,14 +3,15 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
+from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places
 from rarms_iac.model.host import SchedulerType
-from rarms_iac.model.state import HostFacts, Mark, Rights, State
+from rarms_iac.model.state import HostFacts, Rights, State
 from rarms_iac.model.system import Application
 from rarms_iac.model.wording import quoted
 from rarms_iac.planner.refusals import IGNORED_RESERVES, asks_for_processors, ignores_reserves
 
-OTHER_ROBOT = Finding.error("RARMS342", "A partition bears the mark of another robot")
+OTHER_ROBOT = Finding.error("RARMS342", "A partition or a task class is another robot's")
 NO_RIGHTS = Finding.error("RARMS158", "Without rights, nothing seen proves nothing")
 SCHEDULER = Finding.error(IGNORED_RESERVES, "The host's scheduler does not honour reserves")
 
@@ -25,32 +26,48 @@ def unproven_rights(observed: Iterable[State], places: Places) -> Iterator[Diagn
 
 
 def marks_of_other_robots(observed: Iterable[State], application: Application) -> Iterator[Diagnostic]:
-    """Partitions of the application that were made for another robot; a mark without a robot is taken over.
+    """Partitions and task classes that another robot has of the application; what names no robot is taken over.
 
     Args:
         observed: the hosts as they are now.
-        application: whose marks are looked at, with the name of its robot.
+        application: whose marks and records are looked at, with the name of its robot.
 
     Yields:
-        A finding for each such partition.
+        A finding for each such partition, task class and SystemResponsiveness.
     """
     for state in observed:
-        for partition in state.of(application.name).partitions:
+        host, managed = state.facts.name, state.of(application.name)
+        for partition in managed.partitions:
             assert partition.mark is not None, "what is managed has a mark"
-            robot = partition.mark.robot
-            if robot and robot != application.robot:
-                yield _other_robot(state.facts.name, partition.id, partition.mark, application)
+            name = partition.mark.name
+            marked = f"Partition {quoted(name)} on {host} bears the mark of"
+            yield from _other_robot(
+                marked, partition.mark.robot, f"partition/{name}", host, application, machine=partition.id
+            )
+        for task in managed.tasks:
+            assert task.record is not None, "what is managed has a record"
+            inside = f" in the guest of {quoted(task.inside)}" if task.inside else ""
+            recorded = f"The task class {quoted(task.name)}{inside} on {host} has a record of"
+            address = str(Address(partition=task.inside, task=task.name))
+            yield from _other_robot(recorded, task.record.robot, address, host, application)
+        if managed.responsiveness and managed.responsiveness.record:
+            address = str(Address(responsiveness=True))
+            recorded = f"SystemResponsiveness on {host} has a record of"
+            yield from _other_robot(recorded, managed.responsiveness.record.robot, address, host, application)
 
 
-def _other_robot(host: str, machine: str, mark: Mark, application: Application) -> Diagnostic:
+def _other_robot(
+    where: str, robot: str, address: str, host: str, application: Application, **values: str
+) -> Iterator[Diagnostic]:
+    if robot in {"", application.robot}:
+        return
     own = f"the robot {quoted(application.robot)}" if application.robot else "no robot, as it has no overlay"
-    return OTHER_ROBOT.at(
+    yield OTHER_ROBOT.at(
         None,
-        f"Partition {quoted(mark.name)} on {host} bears the mark of the robot {quoted(mark.robot)}, and this "
-        f"manifest is that of {own}.",
-        f"Nothing was changed. Check the host's address, or give that robot's overlay, {mark.robot}.yaml, last.",
-        address=f"partition/{mark.name}",
-        values={"host": host, "machine": machine, "robot": mark.robot, "own_robot": application.robot},
+        f"{where} the robot {quoted(robot)}, and this manifest is that of {own}.",
+        f"Nothing was changed. Check the host's address, or give that robot's overlay, {robot}.yaml, last.",
+        address=address,
+        values={"host": host, **values, "robot": robot, "own_robot": application.robot},
     )
 
 

@@ -226,9 +226,11 @@ def record_readings(record: TaskRecord | None) -> Readings:
         record: as observed; None: there is none.
 
     Returns:
-        `record` (the application) and `set` (the digest), both empty without a record.
+        `record` (the application), `robot` and `set` (the digest), all empty without a record.
     """
-    return {"record": record.application if record else "", "set": record.set if record else ""}
+    if record is None:
+        return {"record": "", "robot": "", "set": ""}
+    return {"record": record.application, "robot": record.robot, "set": record.set}
 
 
 _NO_TASK: Readings = {**values_readings({}), **record_readings(None)}

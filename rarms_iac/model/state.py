@@ -235,6 +235,7 @@ class TaskRecord:
     application: str
     set: str  # digest of the values last written
     before: Mapping[str, RegistryValue] | None  # what was there; None: the class did not exist
+    robot: str = ""  # of `Application`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,7 +23,7 @@ from rarms_iac.model.state import (
     TaskRecord,
     ValueKind,
 )
-from rarms_iac.model.system import Disruption, System, Unused
+from rarms_iac.model.system import Application, Disruption, System, Unused
 from rarms_iac.planner.groups import unnamed_partitions
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 from rarms_iac.storage.mark_digests import set_of_settings, set_of_values
@@ -94,7 +94,7 @@ def desired_state(
             ),
             tasks=tuple(task for task in tasks if task.inside not in unseen),
             serials=observed.serials,
-            responsiveness=_responsiveness(system.hosts[observed.facts.name], observed, application),
+            responsiveness=_responsiveness(system.hosts[observed.facts.name], observed, system.application),
         ),
         unused=frozenset(partition.mark.name for partition in unused if partition.mark),
         unnamed=unnamed,
@@ -201,19 +201,17 @@ def _tasks(
         for values in found.classes:
             decided[inside, values.name] = values
             there = _task_there(observed, current.get(inside, inside), values.name)
-            tasks.append(_task(values, inside, there, system.application.name))
+            tasks.append(_task(values, inside, there, system.application))
     return tasks, decided, tuple(problems)
 
 
-def _responsiveness(host: Host, observed: State, application: str) -> Responsiveness | None:
+def _responsiveness(host: Host, observed: State, application: Application) -> Responsiveness | None:
     """Return what the manifest sets of the host's own Windows, with what was there before rarms."""
     if host.system_responsiveness is None or host.provider is ProviderKind.LINUX:
         return None
     wanted = Responsiveness(value=RegistryValue(kind=ValueKind.DWORD, data=host.system_responsiveness))
     there = observed.responsiveness or Responsiveness()
-    is_managed = there.record is not None and there.record.application == application
-    before = there.record.before if there.record and is_managed else there.values or None
-    return replace(wanted, record=TaskRecord(application=application, set=set_of_values(wanted.values), before=before))
+    return replace(wanted, record=_record(there, application, wanted.values))
 
 
 def _systems(layout: Layout, host: str, here: Iterable[PlacedPartition]) -> Iterator[tuple[str, tuple[str, ...]]]:
@@ -228,17 +226,22 @@ def _task_there(observed: State, inside: str, name: str) -> TaskClass | None:
     return found[0] if found else None
 
 
-def _task(values: ClassValues, inside: str, there: TaskClass | None, application: str) -> TaskClass:
+def _task(values: ClassValues, inside: str, there: TaskClass | None, application: Application) -> TaskClass:
     wanted = registry_values(values)
-    record = there.record if there else None
-    if record is not None and record.application == application:
-        before = record.before
-    else:
-        before = there.values if there and there.values else None
     return TaskClass(
         name=there.name if there and is_shipped_task(there.name) else values.name,
         inside=inside,
         values=wanted,
-        record=TaskRecord(application=application, set=set_of_values(wanted), before=before),
+        record=_record(there, application, wanted),
         machine=there.machine if there else "",
     )
+
+
+def _record(
+    there: TaskClass | Responsiveness | None, application: Application, wanted: Mapping[str, RegistryValue]
+) -> TaskRecord:
+    """The record of what rarms writes: what was there before is kept once, by the application's first record."""
+    before = (there.values if there else None) or None
+    if there and there.record and there.record.application == application.name:
+        before = there.record.before
+    return TaskRecord(application=application.name, robot=application.robot, set=set_of_values(wanted), before=before)

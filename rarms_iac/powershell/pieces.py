@@ -260,8 +260,8 @@ def _task_calls(step: Step, operation: operations.TaskOperation) -> tuple[str, .
             return (call("Remove-TaskClass", **task),)
         case operations.WriteTaskRecord(record=record):
             before = literal(canonical(_plain(record.before)))
-            own = {"Application": literal(record.application), "Digest": literal(record.set), "Before": before}
-            return (call("Write-TaskRecord", **task, **own),)
+            own = {"Application": literal(record.application), "Robot": literal(record.robot)}
+            return (call("Write-TaskRecord", **task, **own, Digest=literal(record.set), Before=before),)
         case operations.EraseTaskRecord(application=application):
             return (call("Remove-TaskRecord", **task, Application=literal(application)),)
         case _:

@@ -59,7 +59,7 @@ MIB = 2**20
 SCOPE = Scope(application="robot", plan="0123456789ab")
 VISION = Address(partition="vision")
 VALUES = {"Priority": RegistryValue(kind=ValueKind.DWORD, data=6)}
-RECORD = TaskRecord(application="robot", set="a" * 12, before=None)
+RECORD = TaskRecord(application="robot", robot="robot-7", set="a" * 12, before=None)
 
 
 @dataclass(frozen=True)
@@ -336,6 +336,7 @@ def test_a_task_class_is_written_recorded_forgotten_and_removed(windows: Room) -
         "exists": False,
         "values": "",
         "record": "robot",
+        "robot": "robot-7",
         "set": "a" * 12,
     }
     do(host, WriteTaskClass(task="MotionControl", inside="", values=VALUES))
@@ -364,6 +365,7 @@ def test_the_responsiveness_is_written_recorded_forgotten_and_taken_away(windows
         "values": "systemresponsiveness",
         "value:SystemResponsiveness": "dword:10",
         "record": "robot",
+        "robot": "robot-7",
         "set": "a" * 12,
     }
     with pytest.raises(HostRefused, match="belongs to the application robot"):

@@ -76,7 +76,7 @@ _SETTERS = _calls(r"""
     Write-TaskValue Task Name Type Value
     Remove-TaskValue Task Name Keep
     Remove-TaskClass Task
-    Write-TaskRecord Task Application Digest Before
+    Write-TaskRecord Task Application Robot Digest Before
     Remove-TaskRecord Task Application
     Save-TaskRecord Task Application Digest
     Restore-TaskClass Task Application

@@ -320,8 +320,15 @@ def _records(keys: Iterable[RecordKey]) -> dict[str, tuple[str, TaskRecord]]:
     for key in keys:
         values = {named_value.name.lower(): str(named_value.data) for named_value in key.values}
         if values.get("set"):
-            record = TaskRecord(application=key.application, set=values["set"], before=_before(key, values))
-            found[key.task.lower()] = (key.task, record)
+            found[key.task.lower()] = (
+                key.task,
+                TaskRecord(
+                    application=key.application,
+                    robot=values.get("robot", ""),
+                    set=values["set"],
+                    before=_before(key, values),
+                ),
+            )
     return found
 
 

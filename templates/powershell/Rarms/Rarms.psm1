@@ -1317,7 +1317,7 @@ function Get-TaskClassReading {
     param([string] $Task)
     $live = [hashtable]::new($script:Ordinal)
     $live['exists'] = $false
-    foreach ($name in @('values', 'record', 'set')) { $live[$name] = '' }
+    foreach ($name in @('values', 'record', 'robot', 'set')) { $live[$name] = '' }
     $live['empty'] = Test-EmptyKey -Task $Task
     [string[]] $names = @(foreach ($name in @(Get-TaskValueName -Task $Task)) { $name.ToLowerInvariant() })
     [Array]::Sort($names, [System.StringComparer]::Ordinal)
@@ -1335,11 +1335,10 @@ function Get-TaskClassReading {
     foreach ($application in @(Get-ChildItem -LiteralPath $script:RecordRoot)) {
         $path = Get-RecordPath -Task $Task -Application $application.PSChildName
         if (-not (Test-Path -LiteralPath $path)) { continue }
-        $set = [string] (Get-Item -LiteralPath $path).GetValue('set')
-        if ($set) {
-            $live['record'] = [string] $application.PSChildName
-            $live['set'] = $set
-        }
+        $key = Get-Item -LiteralPath $path
+        if (-not $key.GetValue('set')) { continue }
+        $live['record'] = [string] $application.PSChildName
+        foreach ($name in @('robot', 'set')) { $live[$name] = [string] $key.GetValue($name) }
     }
     $live
 }
@@ -1391,12 +1390,12 @@ function Remove-TaskClass {
 
 function Write-TaskRecord {
     # What was there before comes first, the digest last: without it the record does not count.
-    param([string] $Task, [string] $Application, [string] $Digest, [string] $Before)
+    param([string] $Task, [string] $Application, [string] $Robot, [string] $Digest, [string] $Before)
     $path = Get-RecordPath -Task $Task -Application $Application
     Add-Key -Path $script:RecordRoot
     Add-Key -Path ('{0}\{1}' -f $script:RecordRoot, $Application)
     Add-Key -Path $path
-    foreach ($one in @(@('before', $Before), @('set', $Digest))) {
+    foreach ($one in @(@('before', $Before), @('robot', $Robot), @('set', $Digest))) {
         # What is there already is left: a step that was killed goes on where it stopped.
         $there = [string] (Get-Item -LiteralPath $path).GetValue($one[0])
         if ([string]::Equals($there, $one[1], [System.StringComparison]::Ordinal)) { continue }
@@ -1481,7 +1480,7 @@ function Save-TaskRecord {
         }
         $before = ConvertTo-AsciiJson -Value $values
     }
-    Write-TaskRecord -Task $Task -Application $Application -Digest $Digest -Before $before
+    Write-TaskRecord -Task $Task -Application $Application -Robot $script:Plan.Robot -Digest $Digest -Before $before
 }
 
 function Restore-TaskClass {

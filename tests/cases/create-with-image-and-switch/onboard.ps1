@@ -1,11 +1,11 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 2af8a425e2ab of application robot, for the host itself.
+    rarms apply script: plan 9bd8a48c1959 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
     machine  processors  reserve                memory  disk                                                           switch  secure boot       start
-    vision   2           1.6 LP (80 % of each)  1 GiB   D:\machines\vision-2af8a425e2ab.vhdx from D:\images\base.vhdx  lab     MicrosoftWindows  start
+    vision   2           1.6 LP (80 % of each)  1 GiB   D:\machines\vision-9bd8a48c1959.vhdx from D:\images\base.vhdx  lab     MicrosoftWindows  start
     Calls that change something, and no other: Add-PartitionDisk 1, Move-NewPartition 1, New-VHD 1, New-VM 1, Rename-VM 1, Set-VM 1, Set-VMFirmware 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
     Not undone: what was written on the disk made from D:\images\base.vhdx goes with it
 .PARAMETER AsJson
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 943580a6383eb6a4d5ba4e581457ce53c9c6e2a7ac3251a7fc69c66f51e2fee8, Rarms.psm1 EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF.
+    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 0d8af2785e313485bbadc1773ad1c76b7c2e5755881d27d7a562aadf44d46ce8, Rarms.psm1 708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '2af8a425e2ab'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '943580a6383eb6a4d5ba4e581457ce53c9c6e2a7ac3251a7fc69c66f51e2fee8'
+        Run = 'apply'; Plan = '9bd8a48c1959'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '0d8af2785e313485bbadc1773ad1c76b7c2e5755881d27d7a562aadf44d46ce8'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -80,7 +80,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF'
+    'Rarms.psm1' = '708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 32cbf49236c7 of application robot, for the host itself.
+    rarms apply script: plan 8d793d28ed7a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 2 stopped, 2 removed; nothing deleted.
@@ -25,7 +25,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 448e7006240acb88009ca440091b8136c03de805b013775b20e73811946aeb8e, Rarms.psm1 EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 92ac3fc968733a7eb806c9b9aad8076dd249bf244765fe10fe84a3f4a4119d42, Rarms.psm1 708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F.
 #>
 
 #Requires -Version 5.1
@@ -41,8 +41,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '32cbf49236c7'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '448e7006240acb88009ca440091b8136c03de805b013775b20e73811946aeb8e'
+        Run = 'apply'; Plan = '8d793d28ed7a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '92ac3fc968733a7eb806c9b9aad8076dd249bf244765fe10fe84a3f4a4119d42'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -92,15 +92,15 @@ $plan = {
         Write-TaskValue -Task 'Games' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
         Remove-TaskValue -Task 'Games' -Name 'BackgroundPriority'
     }
-    Add-Step -Action 'forget it: it is no longer ours' -Before @{ record = 'robot'; set = '87f85213b779' } -After @{
-        empty = $false; record = ''; set = ''
+    Add-Step -Action 'forget it: it is no longer ours' -Before @{ record = 'robot'; robot = ''; set = '87f85213b779' } -After @{
+        empty = $false; record = ''; robot = ''; set = ''
     } -Set { Remove-TaskRecord -Task 'Games' -Application 'robot' }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF'
+    'Rarms.psm1' = '708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan d4895881d2be of application robot, for the host itself.
+    rarms apply script: plan 10eaf3d15631 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 9a14a32c37fa, rarms 0.1.0. SHA-256: the undo ab5cebee792bbffee5826f30656c722f1d83d9b5870a73aba45bc437aef769fc, Rarms.psm1 EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF.
+    Manifest 9a14a32c37fa, rarms 0.1.0. SHA-256: the undo 4f169588b30a42987670264e92f1854cd1c00dbabf011440b32f1bff6b6cd58a, Rarms.psm1 708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'd4895881d2be'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'ab5cebee792bbffee5826f30656c722f1d83d9b5870a73aba45bc437aef769fc'
+        Run = 'apply'; Plan = '10eaf3d15631'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '4f169588b30a42987670264e92f1854cd1c00dbabf011440b32f1bff6b6cd58a'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -50,7 +50,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF'
+    'Rarms.psm1' = '708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

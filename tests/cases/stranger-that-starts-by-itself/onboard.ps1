@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 55018f88435b of application robot, for the host itself.
+    rarms apply script: plan 6802e2d2d537 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 76e3085088b85b117c75192d10edf3b2352760e958228886189ab7890e207b06, Rarms.psm1 EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo bbfc512baf3067686e9b72851ae6188693269c4eec1f05ef6dfdab3843670bf2, Rarms.psm1 708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F.
 #>
 
 #Requires -Version 5.1
@@ -38,8 +38,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '55018f88435b'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '76e3085088b85b117c75192d10edf3b2352760e958228886189ab7890e207b06'
+        Run = 'apply'; Plan = '6802e2d2d537'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'bbfc512baf3067686e9b72851ae6188693269c4eec1f05ef6dfdab3843670bf2'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -68,7 +68,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF'
+    'Rarms.psm1' = '708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 034a65dd3af2 of application robot, for the guest of partition vision.
+    rarms apply script: plan 1fe5fc6a41cd of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.guest.vision.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo b066252da7a32c5e3259e1255befc139733e141a0d5168c27b7d484e4f847ebe, Rarms.psm1 EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 419cb2aede5c7ab08ae74c67b9dd2c6d440ea7d4e771342017a63f4c6311810b, Rarms.psm1 708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '034a65dd3af2'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = 'b066252da7a32c5e3259e1255befc139733e141a0d5168c27b7d484e4f847ebe'
+        Run = 'apply'; Plan = '1fe5fc6a41cd'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '419cb2aede5c7ab08ae74c67b9dd2c6d440ea7d4e771342017a63f4c6311810b'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: what the guest holds is not known here: its own record decides; threads see it when it restarts (rarms.yaml:12:65)
@@ -65,7 +65,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF'
+    'Rarms.psm1' = '708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 303ad58902c4 of application robot, for the host itself.
+    rarms apply script: plan ef212a99a241 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: the undo 8b50d297a04de65e9930d3123f85ac222cdfd4e2e4e12d500ea17ba91554c0c5, Rarms.psm1 EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF.
+    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: the undo b40b0890b913d46eb92b97d331ada4a1639ee5f797b34340d382cdc0e94106ee, Rarms.psm1 708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F.
 #>
 
 #Requires -Version 5.1
@@ -38,16 +38,16 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '303ad58902c4'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '8b50d297a04de65e9930d3123f85ac222cdfd4e2e4e12d500ea17ba91554c0c5'
+        Run = 'apply'; Plan = 'ef212a99a241'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'b40b0890b913d46eb92b97d331ada4a1639ee5f797b34340d382cdc0e94106ee'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === task/Localization: its values differ (rarms.yaml:13:51) ==================================
     Use-Target -Address 'task/Localization' -Read { Get-TaskClassReading -Task 'Localization' }
-    Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = 'robot'; set = '83ae0cee1cdc' } -After @{
-        record = 'robot'; set = 'ed6954abc738'
-    } -Set { Write-TaskRecord -Task 'Localization' -Application 'robot' -Digest 'ed6954abc738' -Before 'null' }
+    Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = 'robot'; robot = ''; set = '83ae0cee1cdc' } -After @{
+        record = 'robot'; robot = ''; set = 'ed6954abc738'
+    } -Set { Write-TaskRecord -Task 'Localization' -Application 'robot' -Robot '' -Digest 'ed6954abc738' -Before 'null' }
     Add-Step -Action 'set Background Only False -> True, BackgroundPriority 7 -> 5, Priority 7 -> 5' -Before @{
         'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:backgroundpriority' = 'dword:7'
         'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:7'
@@ -71,9 +71,9 @@ $plan = {
 
     # === task/MotionControl: its values differ (rarms.yaml:12:51) =================================
     Use-Target -Address 'task/MotionControl' -Read { Get-TaskClassReading -Task 'MotionControl' }
-    Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = 'robot'; set = '432731d71cf4' } -After @{
-        record = 'robot'; set = '59f2d42fe4cf'
-    } -Set { Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '59f2d42fe4cf' -Before 'null' }
+    Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = 'robot'; robot = ''; set = '432731d71cf4' } -After @{
+        record = 'robot'; robot = ''; set = '59f2d42fe4cf'
+    } -Set { Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Robot '' -Digest '59f2d42fe4cf' -Before 'null' }
     Add-Step -Action 'set Background Only False -> True, BackgroundPriority 8 -> 7, Priority 7 -> 7' -Before @{
         'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:backgroundpriority' = 'dword:8'
         'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'sz:7'; 'value:sfio priority' = 'sz:Normal'
@@ -99,7 +99,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF'
+    'Rarms.psm1' = '708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 303ad58902c4 of application robot, for the host itself.
+    rarms undo script: plan ef212a99a241 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: Rarms.psm1 EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF.
+    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: Rarms.psm1 708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = '303ad58902c4'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Plan = 'ef212a99a241'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
@@ -65,9 +65,11 @@ $plan = {
         Write-TaskValue -Task 'MotionControl' -Name 'SFIO Priority' -Type 'String' -Value 'Normal'
         Write-TaskValue -Task 'MotionControl' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
     }
-    Add-Step -Action 'record that it is ours, and what was there' -Undoes 2 -Before @{ record = 'robot'; set = '59f2d42fe4cf' } -After @{
-        record = 'robot'; set = '432731d71cf4'
-    } -Set { Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '432731d71cf4' -Before 'null' }
+    Add-Step -Action 'record that it is ours, and what was there' -Undoes 2 -Before @{
+        record = 'robot'; robot = ''; set = '59f2d42fe4cf'
+    } -After @{
+        record = 'robot'; robot = ''; set = '432731d71cf4'
+    } -Set { Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Robot '' -Digest '432731d71cf4' -Before 'null' }
 
     # === task/Localization: takes back what the apply script did to it, the last step first (rarms.yaml:13:51)
     Use-Target -Address 'task/Localization' -Read { Get-TaskClassReading -Task 'Localization' }
@@ -91,15 +93,17 @@ $plan = {
         Write-TaskValue -Task 'Localization' -Name 'SFIO Priority' -Type 'String' -Value 'Normal'
         Write-TaskValue -Task 'Localization' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
     }
-    Add-Step -Action 'record that it is ours, and what was there' -Undoes 0 -Before @{ record = 'robot'; set = 'ed6954abc738' } -After @{
-        record = 'robot'; set = '83ae0cee1cdc'
-    } -Set { Write-TaskRecord -Task 'Localization' -Application 'robot' -Digest '83ae0cee1cdc' -Before 'null' }
+    Add-Step -Action 'record that it is ours, and what was there' -Undoes 0 -Before @{
+        record = 'robot'; robot = ''; set = 'ed6954abc738'
+    } -After @{
+        record = 'robot'; robot = ''; set = '83ae0cee1cdc'
+    } -Set { Write-TaskRecord -Task 'Localization' -Application 'robot' -Robot '' -Digest '83ae0cee1cdc' -Before 'null' }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF'
+    'Rarms.psm1' = '708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

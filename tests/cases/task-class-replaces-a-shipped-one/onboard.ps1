@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan ffb5db5fad58 of application robot, for the host itself.
+    rarms apply script: plan 296945e69f5f of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo 1f55cf7fb78bc2832cc7597ef1d2a49bef790a83a0dedd15cf65a988aa76cad1, Rarms.psm1 EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF.
+    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo 46b0be994fa15b5533958a04f865336b97b8a8a36d2fedbe7ff985cf7dc1d0d9, Rarms.psm1 708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F.
 #>
 
 #Requires -Version 5.1
@@ -37,17 +37,17 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'ffb5db5fad58'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '1f55cf7fb78bc2832cc7597ef1d2a49bef790a83a0dedd15cf65a988aa76cad1'
+        Run = 'apply'; Plan = '296945e69f5f'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '46b0be994fa15b5533958a04f865336b97b8a8a36d2fedbe7ff985cf7dc1d0d9'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === task/Games: the manifest replaces it (rarms.yaml:12:50) ==================================
     Use-Target -Address 'task/Games' -Read { Get-TaskClassReading -Task 'Games' }
-    Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = ''; set = '' } -After @{
-        record = 'robot'; set = '55e1eaac32c9'
+    Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = ''; robot = ''; set = '' } -After @{
+        record = 'robot'; robot = ''; set = '55e1eaac32c9'
     } -Set {
-        Write-TaskRecord -Task 'Games' -Application 'robot' -Digest '55e1eaac32c9' -Before '{"Affinity":{"data":0,"kind":"dword"},"Background Only":{"data":"False","kind":"sz"},"Clock Rate":{"data":10000,"kind":"dword"},"GPU Priority":{"data":8,"kind":"dword"},"Priority":{"data":2,"kind":"dword"},"SFIO Priority":{"data":"Normal","kind":"sz"},"Scheduling Category":{"data":"Medium","kind":"sz"}}'
+        Write-TaskRecord -Task 'Games' -Application 'robot' -Robot '' -Digest '55e1eaac32c9' -Before '{"Affinity":{"data":0,"kind":"dword"},"Background Only":{"data":"False","kind":"sz"},"Clock Rate":{"data":10000,"kind":"dword"},"GPU Priority":{"data":8,"kind":"dword"},"Priority":{"data":2,"kind":"dword"},"SFIO Priority":{"data":"Normal","kind":"sz"},"Scheduling Category":{"data":"Medium","kind":"sz"}}'
     }
     Add-Step -Action 'set Background Only False -> True, BackgroundPriority 4, Priority 2 -> 4' -Before @{
         'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:clock rate' = 'dword:10000'
@@ -74,7 +74,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF'
+    'Rarms.psm1' = '708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan cf3e7d5e03f4 of application robot, for the host itself.
+    rarms apply script: plan 1607db3e92f2 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 7e4a30f86028, rarms 0.1.0. SHA-256: the undo 2d6e6ca15b702ef823d8dd7bf52ba9c6e5cca9a56455688c5addb6f77b7b19dd, Rarms.psm1 EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF.
+    Manifest 7e4a30f86028, rarms 0.1.0. SHA-256: the undo 28028fc7a042b242c9a769e1c836c66e32a7305db406f2e93aaafc03cca759b0, Rarms.psm1 708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'cf3e7d5e03f4'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '2d6e6ca15b702ef823d8dd7bf52ba9c6e5cca9a56455688c5addb6f77b7b19dd'
+        Run = 'apply'; Plan = '1607db3e92f2'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '28028fc7a042b242c9a769e1c836c66e32a7305db406f2e93aaafc03cca759b0'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -64,15 +64,15 @@ $plan = {
         Write-TaskValue -Task 'Games' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
         Remove-TaskValue -Task 'Games' -Name 'BackgroundPriority'
     }
-    Add-Step -Action 'forget it: it is no longer ours' -Before @{ record = 'robot'; set = '87f85213b779' } -After @{
-        empty = $false; record = ''; set = ''
+    Add-Step -Action 'forget it: it is no longer ours' -Before @{ record = 'robot'; robot = ''; set = '87f85213b779' } -After @{
+        empty = $false; record = ''; robot = ''; set = ''
     } -Set { Remove-TaskRecord -Task 'Games' -Application 'robot' }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF'
+    'Rarms.psm1' = '708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan cf3e7d5e03f4 of application robot, for the host itself.
+    rarms undo script: plan 1607db3e92f2 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 7e4a30f86028, rarms 0.1.0. SHA-256: Rarms.psm1 EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF.
+    Manifest 7e4a30f86028, rarms 0.1.0. SHA-256: Rarms.psm1 708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F.
 #>
 
 #Requires -Version 5.1
@@ -37,17 +37,17 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'cf3e7d5e03f4'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Plan = '1607db3e92f2'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === task/Games: takes back what the apply script did to it, the last step first ==============
     Use-Target -Address 'task/Games' -Read { Get-TaskClassReading -Task 'Games' }
-    Add-Step -Action 'record that it is ours, and what was there' -Undoes 1 -Before @{ record = ''; set = '' } -After @{
-        record = 'robot'; set = '87f85213b779'
+    Add-Step -Action 'record that it is ours, and what was there' -Undoes 1 -Before @{ record = ''; robot = ''; set = '' } -After @{
+        record = 'robot'; robot = ''; set = '87f85213b779'
     } -Set {
-        Write-TaskRecord -Task 'Games' -Application 'robot' -Digest '87f85213b779' -Before '{"Affinity":{"data":0,"kind":"dword"},"Background Only":{"data":"False","kind":"sz"},"Clock Rate":{"data":10000,"kind":"dword"},"GPU Priority":{"data":8,"kind":"dword"},"Priority":{"data":2,"kind":"dword"},"SFIO Priority":{"data":"Normal","kind":"sz"},"Scheduling Category":{"data":"Medium","kind":"sz"}}'
+        Write-TaskRecord -Task 'Games' -Application 'robot' -Robot '' -Digest '87f85213b779' -Before '{"Affinity":{"data":0,"kind":"dword"},"Background Only":{"data":"False","kind":"sz"},"Clock Rate":{"data":10000,"kind":"dword"},"GPU Priority":{"data":8,"kind":"dword"},"Priority":{"data":2,"kind":"dword"},"SFIO Priority":{"data":"Normal","kind":"sz"},"Scheduling Category":{"data":"Medium","kind":"sz"}}'
     }
     Add-Step -Action 'set Affinity 0, Background Only False, BackgroundPriority 4, Clock Rate 10000, GPU Priority 8, Priority 4, SFIO Priority Normal, Scheduling Category Medium' -Undoes 0 -Before @{
         'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:clock rate' = 'dword:10000'
@@ -74,7 +74,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF'
+    'Rarms.psm1' = '708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

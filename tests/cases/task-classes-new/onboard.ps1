@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 6ecbe3c4af51 of application robot, for the host itself.
+    rarms apply script: plan f9cefe2812e3 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: the undo c4a1ebf63dd7d4369a63a9ff3e1acaa3dbba31c470b9ac15279d48ee59679b2c, Rarms.psm1 EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF.
+    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: the undo 28869127ca647ae7dcd825b372e3a9931ed84ad0c41f1a2ffd0dd3ca1f961514, Rarms.psm1 708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F.
 #>
 
 #Requires -Version 5.1
@@ -38,16 +38,16 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '6ecbe3c4af51'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'c4a1ebf63dd7d4369a63a9ff3e1acaa3dbba31c470b9ac15279d48ee59679b2c'
+        Run = 'apply'; Plan = 'f9cefe2812e3'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '28869127ca647ae7dcd825b372e3a9931ed84ad0c41f1a2ffd0dd3ca1f961514'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === task/Localization: a component names it (rarms.yaml:13:51) ===============================
     Use-Target -Address 'task/Localization' -Read { Get-TaskClassReading -Task 'Localization' }
-    Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = ''; set = '' } -After @{
-        record = 'robot'; set = 'ed6954abc738'
-    } -Set { Write-TaskRecord -Task 'Localization' -Application 'robot' -Digest 'ed6954abc738' -Before 'null' }
+    Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = ''; robot = ''; set = '' } -After @{
+        record = 'robot'; robot = ''; set = 'ed6954abc738'
+    } -Set { Write-TaskRecord -Task 'Localization' -Application 'robot' -Robot '' -Digest 'ed6954abc738' -Before 'null' }
     Add-Step -Action 'set Affinity 0, Background Only True, BackgroundPriority 5, Clock Rate 10000, GPU Priority 8, Priority 5, SFIO Priority Normal, Scheduling Category Medium' -Before @{
         exists = $false; values = ''
     } -After @{
@@ -68,9 +68,9 @@ $plan = {
 
     # === task/MotionControl: a component names it (rarms.yaml:12:51) ==============================
     Use-Target -Address 'task/MotionControl' -Read { Get-TaskClassReading -Task 'MotionControl' }
-    Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = ''; set = '' } -After @{
-        record = 'robot'; set = '59f2d42fe4cf'
-    } -Set { Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '59f2d42fe4cf' -Before 'null' }
+    Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = ''; robot = ''; set = '' } -After @{
+        record = 'robot'; robot = ''; set = '59f2d42fe4cf'
+    } -Set { Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Robot '' -Digest '59f2d42fe4cf' -Before 'null' }
     Add-Step -Action 'set Affinity 0, Background Only True, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium' -Before @{
         exists = $false; values = ''
     } -After @{
@@ -93,7 +93,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'EE4064A74F080DD9204C2BFDD7969048168388AD7716C97E3C4A30AD60A47EBF'
+    'Rarms.psm1' = '708431B4000DBD10033144FE61156B1749B839FFE3C432E9DC8EED1A9873424F'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -64,7 +64,7 @@ def test_a_task_class_is_read_with_the_types_of_its_values() -> None:
             "Priority": RegistryValue(kind=ValueKind.SZ, data="6"),
             "Affinity": RegistryValue(kind=ValueKind.DWORD, data=0),
         },
-        record=TaskRecord(application="robot", set="1" * 12, before=None),
+        record=TaskRecord(application="robot", robot="robot-7", set="1" * 12, before=None),
     )
 
     found = readings(State(facts=FACTS, tasks=(task,)), Address(task="motioncontrol"), SCOPE)
@@ -75,6 +75,7 @@ def test_a_task_class_is_read_with_the_types_of_its_values() -> None:
         "value:Affinity": "dword:0",
         "value:Priority": "sz:6",
         "record": "robot",
+        "robot": "robot-7",
         "set": "1" * 12,
     }
 
@@ -84,7 +85,7 @@ def test_a_record_without_its_key_is_read_too() -> None:
 
     found = readings(State(facts=FACTS, tasks=(task,)), Address(task="MotionControl"), SCOPE)
 
-    assert found == {"exists": False, "values": "", "record": "robot", "set": "1" * 12}
+    assert found == {"exists": False, "values": "", "record": "robot", "robot": "", "set": "1" * 12}
 
 
 def test_the_task_classes_of_a_guest_are_its_own() -> None:
