@@ -57,14 +57,14 @@ def marks_of_other_robots(observed: Iterable[State], application: Application) -
 
 
 def _other_robot(
-    where: str, robot: str, address: str, host: str, application: Application, **values: str
+    subject: str, robot: str, address: str, host: str, application: Application, **values: str
 ) -> Iterator[Diagnostic]:
     if robot in {"", application.robot}:
         return
     own = f"the robot {quoted(application.robot)}" if application.robot else "no robot, as it has no overlay"
     yield OTHER_ROBOT.at(
         None,
-        f"{where} the robot {quoted(robot)}, and this manifest is that of {own}.",
+        f"{subject} the robot {quoted(robot)}, and this manifest is that of {own}.",
         f"Nothing was changed. Check the host's address, or give that robot's overlay, {robot}.yaml, last.",
         address=address,
         values={"host": host, **values, "robot": robot, "own_robot": application.robot},

@@ -421,6 +421,18 @@ def test_a_used_plan_is_refused_after_another() -> None:
     assert "used" in ran.says
 
 
+def test_past_runs_say_which_robot_they_were_for() -> None:
+    prepared = everything()
+    host, plan = prepared.copy(), replace(prepared.plan, robot="robot-7")
+    apply(host, plan)
+    undo(host, plan)
+
+    started = journal(host)[0]
+
+    assert (started["run"], started["robot"]) == ("undo", "robot-7")
+    assert [(run["run"], run["robot"]) for run in started["history"]] == [("apply", "robot-7")]
+
+
 def test_another_plan_waits_until_the_unfinished_one_is_finished() -> None:
     prepared = everything()
     host = prepared.copy(kill_after=25)

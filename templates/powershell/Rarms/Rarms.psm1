@@ -690,7 +690,7 @@ function Clear-Journal {
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $script:StartedAt; closing = $closing
+        started_at = $script:StartedAt; closing = $closing; robot = $last.robot
     }
     $script:Touched.Clear()
     foreach ($number in @(if ($script:Plan.Run -ceq 'undo') { $script:Recorded.Keys })) {

@@ -101,6 +101,16 @@ def test_task_classes_have_types_and_records_that_count() -> None:
     assert (gone.values, gone.record.before) == ({}, {"Priority": RegistryValue(kind=ValueKind.DWORD, data=2)})
 
 
+def test_the_record_of_a_task_class_names_its_robot() -> None:
+    texts = {"before": "null", "robot": "robot-7", "set": "fedcba987654"}
+    values = [{"name": name, "kind": "String", "data": data} for name, data in texts.items()]
+    seen = recorded("empty-host", records=[{"application": "cell", "task": "Games", "values": values}])
+
+    (task,) = tasks_of(seen)
+
+    assert task.record == TaskRecord(application="cell", robot="robot-7", set="fedcba987654", before=None)
+
+
 def test_a_record_that_rarms_did_not_write_is_not_guessed_at() -> None:
     values = [{"name": "before", "kind": "String", "data": "{"}, {"name": "set", "kind": "String", "data": "a"}]
     seen = recorded("empty-host", records=[{"application": "robot", "task": "Games", "values": values}])
