@@ -395,10 +395,10 @@ def _remarks(
     if cut:
         yield Cause(
             address=address,
-            message=f"{path}: {cut}. A change of the others is not noticed.",
+            message=f"{path}: {cut}. A change of what is left out is not noticed.",
             code=planning_findings.NOT_VERIFIED.code,
             values={"log": path, "reason": cut},
-            advice="Name fewer files in `run.files`, such as one folder.",
+            advice="Name fewer or smaller files in `run.files`, such as one folder.",
         )
     if comparison.warns:
         yield Cause(

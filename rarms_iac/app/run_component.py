@@ -25,6 +25,7 @@ from rarms_iac.app.experiments.measure_request import refuse_unknown
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.options import argument, flag, option, read_time
 from rarms_iac.app.process_place import place_of
+from rarms_iac.measuring.measuring_findings import short_secrets
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Call, Elapsed, Run, SampleCount
 from rarms_iac.model.series import Sample
@@ -121,12 +122,10 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
             None, f"{problem}.", "It was ended from outside: run it again.", values={"reason": str(problem)}
         )
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
-    findings = tuple(
-        finding
-        for result in results
-        for finding in findings_of_run(result, manifest, reserved=places[result.component.name] != ProcessPlace())
-    )
-    return RunOutcome(results=tuple(results), findings=findings)
+    findings = [*short_secrets((component for component, _ in chosen), manifest.places)]
+    for result in results:
+        findings += findings_of_run(result, manifest, reserved=places[result.component.name] != ProcessPlace())
+    return RunOutcome(results=tuple(results), findings=tuple(findings))
 
 
 def become_component(manifest: Manifest, name: str, reporter: SampleReporter) -> NoReturn:

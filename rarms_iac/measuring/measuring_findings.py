@@ -1,6 +1,7 @@
 """The findings of measuring, each with its page in docs/findings, and how the end of an experiment becomes one."""
 
-from collections.abc import Iterable, Iterator, Mapping
+import os
+from collections.abc import Iterable, Iterator
 from math import ceil, isfinite
 from typing import assert_never
 
@@ -336,12 +337,11 @@ def more_processors(experiment: Experiment, used: int, places: Places) -> Diagno
     )
 
 
-def short_secrets(components: Iterable[Component], own: Mapping[str, str], places: Places) -> Iterator[Diagnostic]:
-    """Find values from the environment that are too short to be found in what components print.
+def short_secrets(components: Iterable[Component], places: Places) -> Iterator[Diagnostic]:
+    """Find values of rarms' own environment that are too short to be found in what components print.
 
     Args:
-        components: what is measured, as real processes.
-        own: rarms' own environment, which they get values of.
+        components: what is started, as real processes.
         places: of the manifest.
 
     Yields:
@@ -349,11 +349,11 @@ def short_secrets(components: Iterable[Component], own: Mapping[str, str], place
     """
     for component in components:
         for variable, value in (component.run.environment if component.run is not None else {}).items():
-            if isinstance(value, FromEnvironment) and 0 < len(own.get(value.name, "")) < LEAST:
+            if isinstance(value, FromEnvironment) and 0 < len(os.environ.get(value.name, "")) < LEAST:
                 yield SHORT_SECRET.at(
                     places.value("components", component.name, "run", "environment", variable),
                     f"{value.name} has fewer than {LEAST} characters here: what {quoted(component.name)} prints of it "
-                    "is recorded as it is.",
+                    "is shown and recorded as it is.",
                     f"Give it a value of at least {LEAST} characters if it is a secret.",
                     address=f"component/{component.name}",
                     values={"component": component.name, "variable": value.name},

@@ -114,7 +114,7 @@ def _header(session: MeasuringSession, experiment: Experiment) -> Header:
     identity, subject = identity_of(subject, files.of(subject), interpreters), replace(subject, setup=setup)
     if files.cut:
         names = " and ".join(setup.members)
-        session.control.reporter.message(f"{names}: {files.cut}. A change of the others makes no log stale.")
+        session.control.reporter.message(f"{names}: {files.cut}. A change of what is left out makes no log stale.")
     return header_of(subject, identity, session.host_of(experiment).platform_facts())
 
 

@@ -3,7 +3,6 @@
 Begin at `measure_components`. A single experiment is `run_experiment`'s.
 """
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -126,7 +125,7 @@ def _measure_all(
     groups, begun = by_partition(experiments), 0
     method = method_of(request)
     results: list[ExperimentResult] = []
-    findings = [*short_secrets(_real_components(hosts, experiments), os.environ, hosts.manifest.places)]
+    findings = [*short_secrets(_real_components(hosts, experiments), hosts.manifest.places)]
     complete: dict[Path, Remeasurement] = {}
     ended = False
     names = [experiment.host.name for experiment in experiments]

@@ -1,6 +1,6 @@
 """Proving: finds the applied layout on the hosts, runs all its components together and judges them by their APTs."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import isfinite
@@ -31,13 +31,14 @@ from rarms_iac.measuring.prove import (
 )
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.outcomes import TooManyFailures, verdict_word
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.series import Series
 from rarms_iac.model.state import State
-from rarms_iac.model.system import System
+from rarms_iac.model.system import Component, System
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.groups import groups_of
@@ -141,7 +142,10 @@ def prove_layout(
         _record(hosts, proofs, states)
     return ProveOutcome(
         proofs=tuple(proofs),
-        findings=tuple(not_met(hosts, proofs, everywhere)),
+        findings=(
+            *measuring_findings.short_secrets(_real_components(hosts, layouts), hosts.manifest.places),
+            *not_met(hosts, proofs, everywhere),
+        ),
         not_proven=_not_proven(hosts, layouts),
     )
 
@@ -223,6 +227,13 @@ def _proven(verdict: IndexVerdict) -> ProvenIndex:
 def _not_proven(hosts: Hosts, layouts: Mapping[str, AppliedLayout]) -> tuple[str, ...]:
     proven = {name for layout in layouts.values() for name in layout.partitions}
     return tuple(group.name for group in groups_of(hosts.system) if group.name not in proven)
+
+
+def _real_components(hosts: Hosts, layouts: Mapping[str, AppliedLayout]) -> Iterator[Component]:
+    """The components that ran as processes."""
+    for name, layout in layouts.items():
+        if hosts.system.hosts[name].provider is not ProviderKind.SIMULATED:
+            yield from layout.components
 
 
 def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:

@@ -17,8 +17,10 @@ from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.manifest_edits import PartitionEdits, edit_partitions
 from rarms_iac.app.measurement_files import now
 from rarms_iac.app.options import busy_host_option, flag, lock_timeout_option, option, samples_option
+from rarms_iac.measuring.measuring_findings import short_secrets
 from rarms_iac.model.commands import PLAN, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import show_lp_percent
 from rarms_iac.model.version import __version__
@@ -145,7 +147,13 @@ def tune_components(
 
 
 def _result(hosts: Hosts, end: TuningConclusion, request: TuneRequest, edits: PartitionEdits) -> TuningResult:
-    findings = (*tuning_findings(end, hosts.manifest.places), *(_still_too_much(hosts, end) if edits.texts else ()))
+    places, host = hosts.manifest.places, end.subject.host
+    started = () if host.provider is ProviderKind.SIMULATED else end.subject.cois
+    findings = (
+        *short_secrets([hosts.system.components[name] for coi in started for name in coi.members], places),
+        *tuning_findings(end, places),
+        *(_still_too_much(hosts, end) if edits.texts else ()),
+    )
     return TuningResult(
         platform=end.subject.host.platform,
         hosts=tuple(sorted(hosts.chosen)),

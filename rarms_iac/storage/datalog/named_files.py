@@ -30,6 +30,8 @@ MOST_FILES = 10_000
 """Files that are read."""
 MOST_BYTES = 256 * 2**20
 """Bytes that are read where files are only compared with what was measured; whole files are left out beyond."""
+MOST_MEASURED_BYTES = 4 * 2**30
+"""Bytes of one subject's files that count by their content; a file beyond counts by its size, here and in its log."""
 
 _LOOKED_AT = 8000  # bytes: git tells a text from other content by them
 _CHUNK = 2**20
@@ -58,12 +60,22 @@ class Files:
             subject: what is, or would be, measured.
 
         Returns:
-            Digests by path, sorted. A file that is not here, or that a bound leaves out, is missing.
+            Digests by path, sorted, or `size N` (bytes) of a file beyond `MOST_MEASURED_BYTES`. A file that is not
+            here, or that another bound leaves out, is missing.
 
         Raises:
             OSError: one of them cannot be read.
         """
-        found = {self._named(path): self._digest(path) for path in sorted(set(self._all(subject)))}
+        found: dict[str, str | None] = {}
+        counted = 0
+        for path in sorted(set(self._all(subject))):
+            size = path.stat().st_size  # whether it is in the cache or not: everywhere the same files count by content
+            if counted + size > MOST_MEASURED_BYTES:
+                found[self._named(path)] = f"size {size}"
+                self.cut = f"only the size of {self._named(path)} counts, since its files have more than 4 GiB"
+            else:
+                counted += size
+                found[self._named(path)] = self._digest(path)
         self._cache.save()
         return {name: value for name, value in found.items() if value is not None}
 

@@ -36,6 +36,24 @@ while True:
 """
 
 
+def test_run_names_a_value_from_the_environment_that_is_too_short_to_be_hidden(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = Path(manifest(tmp_path, vision=QUICK), "rarms.yaml")
+    text = path.read_text("utf-8").replace(
+        "      until:", "      environment: { TOKEN: { from_env: TOKEN } }\n      until:"
+    )
+    path.write_text(text, encoding="utf-8")
+    found = {}
+    for value in ("short", "longer"):
+        monkeypatch.setenv("TOKEN", value)
+        answer = rarms("run", "-f", str(path), "--json")
+        found[value] = [each["code"] for each in json.loads(answer.out)["findings"]]
+
+    assert "RARMS345" in found["short"]
+    assert "RARMS345" not in found["longer"]
+
+
 def manifest(folder: Path, apt: str = "{ mean_response_time: { at_most: 5 ms } }", **programs: str) -> str:
     """A manifest whose components are these Python programs."""
     text = HEAD

@@ -31,4 +31,4 @@ def test_records_of_another_robot_are_refused_and_those_without_one_taken_over(
     found = list(marks_of_other_robots([host], Application(name="cell", robot=own)))
 
     assert [finding.address for finding in found] == ["task/MotionControl", "mmcss/responsiveness"][:refused]
-    assert all(finding.values["robot"] == robot and f'"{robot}"' in str(finding.message) for finding in found)
+    assert all(finding.values["robot"] == robot and f'"{robot}"' in str(finding) for finding in found)

@@ -173,13 +173,15 @@ def test_fixed_processors_that_are_not_used_are_noted_with_what_fewer_would_save
 
 @pytest.mark.parametrize(("value", "is_named"), [(None, False), ("", False), ("short", True), ("longer", False)])
 def test_a_value_from_the_environment_that_is_too_short_to_be_hidden_is_named(
-    value: str | None, is_named: bool
+    value: str | None, is_named: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = replace(a_run(), environment={"TOKEN": FromEnvironment(name="VISION_TOKEN"), "MODE": "fast"})
     component = replace(a_component("vision"), run=run)
-    own = {} if value is None else {"VISION_TOKEN": value}
+    monkeypatch.delenv("VISION_TOKEN", raising=False)
+    if value is not None:
+        monkeypatch.setenv("VISION_TOKEN", value)
 
-    found = list(short_secrets([component, a_component("speech")], own, FirstLine("rarms.yaml")))
+    found = list(short_secrets([component, a_component("speech")], FirstLine("rarms.yaml")))
 
     assert [finding.values["variable"] for finding in found] == (["VISION_TOKEN"] if is_named else [])
     assert not any(value and value in finding.detail for finding in found)

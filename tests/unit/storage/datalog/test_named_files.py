@@ -1,6 +1,7 @@
 """Files that `run.files` names: walked once, bounded, and large ones not read again."""
 
 import os
+import re
 import time
 from pathlib import Path
 
@@ -95,9 +96,26 @@ def test_beyond_a_bound_of_files_the_first_are_read_and_it_is_said(home: Path, m
 def test_a_file_beyond_the_bytes_is_left_out_where_one_only_looks(home: Path) -> None:
     place(home, "small")
     (home / "huge").touch()
-    os.truncate(home / "huge", 2**36)  # it takes no room on the disk
+    os.truncate(home / "huge", 2**30)  # it takes no room on the disk
 
     assert named(home, "*") == ["small"]
+
+
+def test_a_file_beyond_what_is_measured_counts_by_its_size_and_that_is_said(home: Path) -> None:
+    place(home, "small")
+    (home / "a-huge").touch()
+    os.truncate(home / "a-huge", 2**33)  # it takes no room on the disk
+    subject = running(Command(words=("x",)), "*")
+    measured, compared = Files(home, most_bytes=None), Files(home)
+
+    found = measured.of(subject)
+
+    assert found["a-huge"] == f"size {2**33}"
+    assert re.fullmatch("[0-9a-f]{16}", found["small"])
+    assert compared.of(subject) == found
+    assert measured.cut == compared.cut == "only the size of a-huge counts, since its files have more than 4 GiB"
+    os.truncate(home / "a-huge", 2**33 + 1)
+    assert Files(home).of(subject) != found
 
 
 @pytest.mark.needs("posix")  # Windows keeps no time of a change of state
