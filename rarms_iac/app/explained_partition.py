@@ -12,6 +12,7 @@ from rarms_iac.model.layout import Cause, Layout, PlacedPartition
 from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
+from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.problem import HostView, host_view
@@ -110,7 +111,9 @@ def place_of(partition: ExplainedPartition) -> ExplainedPlace:
         return ExplainedPlace(host=system.hosts[chosen.host], partition=chosen)
     allowed = [
         host
-        for host in sorted(system.hosts.values(), key=lambda host: (host.name != partition.current_host, host.name))
+        for host in sorted(
+            system.hosts.values(), key=lambda host: (host.name != partition.current_host, natural_order(host.name))
+        )
         if all(member.hosts is None or host.name in member.hosts for member in group.members)
     ]
     answers = [(host, size(group, host, partition.reservations)) for host in allowed]

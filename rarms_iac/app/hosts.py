@@ -21,7 +21,7 @@ from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.journal import Journal, RunOrigin, ScriptRun
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
-from rarms_iac.model.wording import quoted, suggestion
+from rarms_iac.model.wording import natural_order, quoted, suggestion
 from rarms_iac.providers.channel import CommandChannel, one_command_only
 from rarms_iac.providers.interface import DistantHost, HostError, HostLocked, LiveHost, RecordableHost
 from rarms_iac.providers.measuring import MeasuringHost
@@ -175,7 +175,7 @@ def select_hosts(manifest: Manifest, selection: HostSelection) -> Hosts:
         if name not in system.hosts:
             raise RequestError(
                 f"The manifest has no host {quoted(name)}.{suggestion(name, tuple(system.hosts))} "
-                f"It has: {', '.join(sorted(system.hosts)) or 'none'}."
+                f"It has: {', '.join(sorted(system.hosts, key=natural_order)) or 'none'}."
             )
     snapshots = read_snapshots(selection.snapshots, sorted(system.hosts), sorted(selection.hosts or system.hosts))
     lacking = [

@@ -224,7 +224,7 @@ def _layout_since(entry: Proven, system: System, reservations: ReservationSource
     if host is None:
         yield f"there is no host {entry.host} any more"
         return
-    gone = sorted(set(entry.beside) - system.components.keys())
+    gone = sorted(set(entry.beside) - system.components.keys(), key=natural_order)
     new = sorted(system.components.keys() - {*entry.beside, entry.component}) if len(system.hosts) == 1 else []
     if gone or new:
         yield " and ".join([f"{name} is gone" for name in gone] + [f"{name} is new" for name in new])

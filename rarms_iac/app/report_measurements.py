@@ -43,6 +43,7 @@ from rarms_iac.model.run import Run
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import Component, System, Threshold, run_of
 from rarms_iac.model.totals import sum_of
+from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import (
     FixedReservations,
@@ -188,7 +189,7 @@ def _capacity(
     system: System, platform: str, planned: PlannedTotals, measurements: Sequence[Measurement]
 ) -> PlatformCapacity:
     rested = [measurement for measurement in measurements if measurement.decides and measurement.platform == platform]
-    hosts = tuple(sorted(host.name for host in _platforms(system)[platform]))
+    hosts = tuple(sorted((host.name for host in _platforms(system)[platform]), key=natural_order))
     total = sum_of(planned.hosts[name] for name in hosts)
     return PlatformCapacity(
         platform=platform,

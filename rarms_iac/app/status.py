@@ -21,7 +21,7 @@ from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import Rights, State, StoppedBy
 from rarms_iac.model.system import System
 from rarms_iac.model.totals import HostTotals, host_totals
-from rarms_iac.model.wording import in_a_row
+from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.planner.groups import groups_of
 
 
@@ -323,11 +323,16 @@ def _next_command(
     if missed:
         again = command("measure", *missed, again=True, stop_partitions=True)
         return NextCommand(command=again, reason="measures again what missed its threshold together with all others")
-    stopped = sorted({partition.name for host in hosts for partition in host.partitions if partition.is_stopped})
+    stopped = sorted(
+        {partition.name for host in hosts for partition in host.partitions if partition.is_stopped}, key=natural_order
+    )
     if stopped:
         return NextCommand(command=command("start", *stopped), reason="starts what was stopped")
     if not asked <= holding:
-        off = sorted(partition.name for host in hosts for partition in host.partitions if not partition.running)
+        off = sorted(
+            (partition.name for host in hosts for partition in host.partitions if not partition.running),
+            key=natural_order,
+        )
         if off:
             reason = "starts what does not run, so that thresholds can be proven"
             return NextCommand(command=command("start", *off), reason=reason)

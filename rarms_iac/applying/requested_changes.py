@@ -14,7 +14,7 @@ from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.state import Mark, Partition, RunState, StartAction, State, StoppedBy
 from rarms_iac.model.system import Disruption
-from rarms_iac.model.wording import quoted, suggestion
+from rarms_iac.model.wording import natural_order, quoted, suggestion
 from rarms_iac.storage.mark_digests import set_of_settings
 
 Locator = Callable[[Address], Place | None]
@@ -189,7 +189,7 @@ def releasing(state: State, request: PlanRequest, locate: Locator) -> Release | 
     if before is None and name in unmarked:
         return None  # also where a run was killed after its last step, and its user gives the command again
     if before is None:
-        known = ", ".join(sorted(managed)) or "none"
+        known = ", ".join(sorted(managed, key=natural_order)) or "none"
         return NOT_MANAGED.at(
             place,
             f"On {state.facts.name} no partition {quoted(name)} carries a mark of {quoted(application)}; "

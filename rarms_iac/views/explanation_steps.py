@@ -21,7 +21,7 @@ from rarms_iac.model.quantities import (
     show_reserve,
 )
 from rarms_iac.model.system import Component
-from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.model.wording import counted, in_a_row, natural_order
 from rarms_iac.planner.reservations import depends_on_a_log, names_of
 from rarms_iac.statistics.error_probability import describe_error, describe_extreme
 
@@ -325,15 +325,12 @@ def _host(explanation: Explanation) -> Iterator[str]:
         yield partition.why_bound or "it is there now"
     elif partition.current_host:
         yield f"it is on {partition.current_host} now: applied, it is made anew on {name}"
-    if not_observed := sorted(partition.system.hosts.keys() - partition.states.keys()):
+    if not_observed := sorted(partition.system.hosts.keys() - partition.states.keys(), key=natural_order):
         yield f"not looked at, so that the manifest alone counts of it: {', '.join(not_observed)}"
     if layout is None:
         return
-    others = sorted(
-        (other.name, other.reserved)
-        for other in layout.partitions
-        if other.host == name and other.name != place.partition.name
-    )
+    here = (other for other in layout.partitions if other.host == name and other.name != place.partition.name)
+    others = [(other.name, other.reserved) for other in sorted(here, key=lambda other: natural_order(other.name))]
     if others:
         yield f"beside it: {', '.join(f'{other} {show_processors(amount)}' for other, amount in others)}"
     totals = explanation.totals

@@ -128,10 +128,16 @@ def _location(diagnostic: Diagnostic, on_its_line: str = "") -> Iterator[str]:
     """
     if diagnostic.place is not None:
         yield visible(str(diagnostic.place), keep="")
-        if diagnostic.place.path and diagnostic.place.path not in on_its_line:
+        if diagnostic.place.path and not _names_path(on_its_line, diagnostic.place.path):
             yield visible(diagnostic.place.path, keep="")
     if diagnostic.address and (diagnostic.severity is Severity.WARNING or diagnostic.place is None):
         yield f"at {visible(diagnostic.address, keep='')}"
+
+
+def _names_path(text: str, path: str) -> bool:
+    """Whether a text names a path of the manifest, or the key above it and then its last key."""
+    above, _, key = path.rpartition(".")
+    return path in text or bool(above and above in text and key in text.partition(above)[2])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -242,9 +242,12 @@ class MeasuringProgress(MeasuringReporter):
         self._say(paragraph(f"{_subject(experiment)} at {_setting(experiment, setting.reserve)}: {done}"))
 
     def setting_disturbed(self, experiment: Experiment, reserve: int, reason: str) -> None:
-        """Say that it is measured again, and why."""
+        """Say that it is measured again, why, and what that adds to the time that was said before."""
         subject = f"{_subject(experiment)} at {_setting(experiment, reserve)}"
-        self._say(paragraph(f"{subject} is measured again, because it was disturbed: {reason}."))
+        now = self._clock()
+        took, self._began = now - self._began, now
+        adds = f" This adds about {show_seconds(took)}." if took >= 1 else ""
+        self._say(paragraph(f"{subject} is measured again, because it was disturbed: {reason}.{adds}"))
 
     def experiment_ended(self) -> None:
         """Leave no half line behind; what came of it stands in the summary."""

@@ -8,6 +8,7 @@ from rarms_iac.app.scripts import PlanScript
 from rarms_iac.model.commands import APPLY, Wording, prose
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import Plan
+from rarms_iac.model.wording import natural_order
 from rarms_iac.powershell.inspection.layout import part_digest, split_script
 from rarms_iac.powershell.outline import Detail, ScriptDifference, StepDifference
 from rarms_iac.powershell.templates import ScriptForm
@@ -53,7 +54,8 @@ def _highlighted(text: str) -> str:
 
 def left_out(plan: Plan, scripts: Sequence[PlanScript], selected: Sequence[PlanScript]) -> Iterator[Wording]:
     """Yield what is to be said of the scripts of a plan that are not shown."""
-    guests = sorted({script.guest for script in scripts if script.guest} - {script.guest for script in selected})
+    others = {script.guest for script in scripts if script.guest} - {script.guest for script in selected}
+    guests = sorted(others, key=natural_order)
     linux = [part.host.name for part in plan.hosts if part.facts.provider is ProviderKind.LINUX and part.steps]
     if linux:
         yield prose(

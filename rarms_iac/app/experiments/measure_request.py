@@ -33,7 +33,7 @@ from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.weak_loads import advice_on_weak_loads
-from rarms_iac.model.wording import in_a_row, quoted, suggestion
+from rarms_iac.model.wording import in_a_row, natural_order, quoted, suggestion
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.error_probability import ERROR
 
@@ -431,5 +431,5 @@ def refuse_unknown(names: Sequence[str], existing: Mapping[str, object], kind: s
         if name not in existing:
             raise RequestError(
                 f"The manifest has no {kind} {quoted(name)}.{suggestion(name, tuple(existing))} "
-                f"It has: {', '.join(sorted(existing)) or 'none'}."
+                f"It has: {', '.join(sorted(existing, key=natural_order)) or 'none'}."
             )

@@ -19,6 +19,7 @@ from rarms_iac.app.options import flag, load_host_option, lock_timeout_option, o
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.partitions import MeasuringBudget, host_budget
 from rarms_iac.measuring.prove import (
+    STARTS,
     AppliedLayout,
     IndexVerdict,
     LayoutProof,
@@ -40,7 +41,7 @@ from rarms_iac.model.series import Series
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, System
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import in_a_row
+from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, append_entry
 from rarms_iac.storage.datalog.files import configuration_path
@@ -172,8 +173,12 @@ def _announce(
     loads = [each.interference for each in conditions if each.interference]
     least = least_duration_ms(layout, session.held[name].scheduler_memory_ms) * len(conditions)
     most = max(least, float(session.hosts.system.policy.measuring.proof))
-    takes = f"{show_duration(least)} to {show_duration(most)}"
     with_load = f"beside {in_a_row(loads)}, and uses all idle time of {name}" if loads else f"on {name} beside no load"
+    if session.hosts.system.hosts[name].provider is ProviderKind.SIMULATED:  # its clock is not the user's
+        starts = counted(STARTS * len(conditions), "time")
+        session.control.reporter.message(f"The proof starts all components {starts} {with_load} (simulated).")
+        return
+    takes = f"{show_duration(least)} to {show_duration(most)}"
     session.control.reporter.message(f"The proof takes {takes} {with_load}.")
 
 

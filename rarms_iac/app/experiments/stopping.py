@@ -20,6 +20,7 @@ from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.journal import Journal, ScriptRun
 from rarms_iac.model.plan import Purpose
 from rarms_iac.model.state import Partition, State, StoppedBy
+from rarms_iac.model.wording import natural_order
 from rarms_iac.providers.measuring import MeasuringHost
 
 
@@ -76,7 +77,12 @@ def own_running(state: State, application: str) -> tuple[str, ...]:
         Their names in the manifest, sorted.
     """
     own = state.of(application).partitions
-    return tuple(sorted(partition.mark.name for partition in own if partition.mark and partition.settings.running))
+    return tuple(
+        sorted(
+            (partition.mark.name for partition in own if partition.mark and partition.settings.running),
+            key=natural_order,
+        )
+    )
 
 
 def stopped_by_measurement(state: State, application: str) -> tuple[str, ...]:
@@ -90,7 +96,9 @@ def stopped_by_measurement(state: State, application: str) -> tuple[str, ...]:
         Their names in the manifest, sorted.
     """
     marks = (partition.mark for partition in state.of(application).partitions)
-    return tuple(sorted(mark.name for mark in marks if mark and mark.stopped_by is StoppedBy.MEASUREMENT))
+    return tuple(
+        sorted((mark.name for mark in marks if mark and mark.stopped_by is StoppedBy.MEASUREMENT), key=natural_order)
+    )
 
 
 def stopped_to_measure(state: State, application: str) -> State:

@@ -47,6 +47,7 @@ def _of_a_log(component: str, measurement: Measurement) -> Row:
 
 LEVELS = (
     Column(field="component", title="Component", short="component"),
+    Column(field="platform", title="Platform", short="platform"),
     Column(field="index", title="Index"),
     Column(field="direction"),
     Column(field="threshold", title="Threshold (APT)"),
@@ -78,10 +79,13 @@ def _levels(report: Report) -> Iterator[tuple[Sequence[str], Row]]:
                     yield (curve.component,), _level(measurement, curve)
     for capacity in report.capacities:
         for part in capacity.fixed:
-            yield part.components, _without_curve(part.name, part.reserved_lp, "fixed by the manifest")
+            yield (
+                part.components,
+                _without_curve(part.name, capacity.platform, part.reserved_lp, "fixed by the manifest"),
+            )
     for names in report.unmeasured:
         run = command("measure", *names, together=len(names) > 1)
-        yield names, _without_curve(" + ".join(names), None, str(prose("not measured: run ", run)))
+        yield names, _without_curve(" + ".join(names), None, None, str(prose("not measured: run ", run)))
 
 
 def _level(measurement: Measurement, curve: IndexCurve) -> Row:
@@ -90,6 +94,7 @@ def _level(measurement: Measurement, curve: IndexCurve) -> Row:
     point = None if reserve is None else curve.curve.value_at(reserve)
     return (
         curve.component,
+        measurement.platform,
         curve.index.name,
         curve.index.direction,
         Cell(text=show_threshold(curve.index, curve.threshold), value=curve.threshold.value),
@@ -105,8 +110,8 @@ def _level(measurement: Measurement, curve: IndexCurve) -> Row:
     )
 
 
-def _without_curve(name: str, reserved: Fraction | None, verdict: str) -> Row:
-    return name, None, None, None, verdict, None, None, reserved, None, verdict
+def _without_curve(name: str, platform: str | None, reserved: Fraction | None, verdict: str) -> Row:
+    return name, platform, None, None, None, verdict, None, None, reserved, None, verdict
 
 
 def _reserved_for(measurement: Measurement, curve: IndexCurve) -> int | None:

@@ -177,6 +177,19 @@ def test_a_pipe_is_told_of_a_setting_where_the_last_line_is_long_ago() -> None:
     ]
 
 
+def test_a_setting_that_is_measured_again_says_what_that_adds() -> None:
+    lines: list[str] = []
+    times = iter([0.0, 0.0, 12.0, 12.4])
+    progress = MeasuringProgress(lambda line: lines.append(render(line, 200)), lambda: next(times))
+
+    progress.setting_started(ONE_EXPERIMENT, 62, 1)
+    for _ in range(2):
+        progress.setting_disturbed(ONE_EXPERIMENT, 62, "the load got less")
+
+    again = "vision beside busy-loop at 1.24 LP is measured again, because it was disturbed: the load got less."
+    assert lines == [f"{again} This adds about 12 s.\n", f"{again}\n"]
+
+
 def test_a_terminal_sees_the_running_setting_and_how_long_it_may_take() -> None:
     screen = StringIO()
     times = iter([0.0, 0.0, 4.0])
