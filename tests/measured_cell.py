@@ -21,6 +21,7 @@ components:
     criticality: 30
     apt: { mean_response_time: { at_most: 41 ms } }
     memory: 512 MiB
+    processors: 2
     cpu: { reserve: measured }
     simulation: { work: 20 ms, varies: 2 % }
 
@@ -28,6 +29,7 @@ components:
     criticality: 20
     apt: { mean_response_time: { at_most: 65 ms } }
     memory: 512 MiB
+    processors: 2
     cpu: { reserve: measured }
     simulation: { work: 20 ms, varies: 2 % }
 
@@ -35,6 +37,7 @@ components:
     criticality: 10
     apt: { mean_response_time: { at_most: 75 ms } }
     memory: 512 MiB
+    processors: 2
     cpu: { reserve: measured }
     simulation: { work: 20 ms, varies: 2 % }
 """

@@ -98,7 +98,8 @@ def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, 
         error: The probability, 0..1, that the truth is beyond the band, on each side, at a look at a measured point.
 
     Returns:
-        The curve, its points by ascending reserve, made monotone for indexes that cannot get worse with more CPU; without points where no setting gave an estimate.
+        The curve, its points by ascending reserve, made monotone for indexes that cannot get worse with more CPU;
+        without points where no setting gave an estimate.
     """
     found = {
         setting.reserve: _estimate(series, index, run, error)
