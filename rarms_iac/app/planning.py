@@ -13,6 +13,7 @@ from rarms_iac.applying.preconditions import NO_RIGHTS
 from rarms_iac.applying.prepare import prepare
 from rarms_iac.diff.compare_partitions import NOT_AT_REST
 from rarms_iac.diff.drift import partitions_after_last_run
+from rarms_iac.manifest.checks.measurement import TOO_FEW_SAMPLES
 from rarms_iac.model.diagnostics import Diagnostic, Severity
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.state import State
@@ -30,7 +31,7 @@ def plan_request(hosts: Hosts, limits: PlanLimits = NO_LIMITS) -> PlanRequest:
         limits: how far the plan may go.
 
     Returns:
-        The request; nothing is looked at yet.
+        The request; nothing is looked at yet. How many samples thresholds need is said by `rarms validate`, not here.
     """
     return PlanRequest(
         system=hosts.system,
@@ -42,7 +43,10 @@ def plan_request(hosts: Hosts, limits: PlanLimits = NO_LIMITS) -> PlanRequest:
         hosts=hosts.chosen,
         targets=limits.targets,
         state_paths={name: hosts.state_path(name) for name in hosts.system.hosts},
-        findings=(*hosts.manifest.loaded.diagnostics, *hosts.snapshots.findings),
+        findings=(
+            *(finding for finding in hosts.manifest.loaded.diagnostics if finding.code != TOO_FEW_SAMPLES.code),
+            *hosts.snapshots.findings,
+        ),
     )
 
 

@@ -100,7 +100,7 @@ def _sureness(proofs: Sequence[LayoutProof]) -> str:
         for proof in proofs
         for each in proof.verdicts
     )
-    return f"This is {describe_error()}, all of it together." if judged else ""
+    return f"All verdicts together are {describe_error()}." if judged else ""
 
 
 def sample_counts(host: str, load: str | None, seen: Mapping[str, Series]) -> tuple[str, str]:

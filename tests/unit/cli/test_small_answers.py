@@ -82,6 +82,19 @@ def test_an_unused_load_is_told_by_validate_and_plan_alone(tmp_path: Path) -> No
     assert [words for words, is_told in told.items() if is_told] == ["validate", "plan"]
 
 
+def test_how_many_samples_a_threshold_needs_is_told_by_validate_and_by_no_plan(tmp_path: Path) -> None:
+    assert rarms("init", str(tmp_path), "--name", "robot").code == 0
+    few = "components: { control: { run: { command: [control], until: { samples: 20 } } } }\n"
+    (tmp_path / "more.yaml").write_text(few, encoding="utf-8")
+    with chdir(tmp_path):
+        told = {
+            words: "RARMS074" in (answer := rarms(*words.split(), "--overlay", "more.yaml")).out + answer.err
+            for words in ("validate", "plan", "apply --auto-approve")
+        }
+
+    assert told == {"validate": True, "plan": False, "apply --auto-approve": False}
+
+
 def test_help_lists_what_is_for_simulated_hosts_last() -> None:
     before, _, after = rarms("--help").out.partition("On simulated hosts:")
 

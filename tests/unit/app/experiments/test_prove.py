@@ -116,7 +116,7 @@ def test_every_verdict_says_how_likely_it_is_wrong_in_each_place_where_it_is_tol
     assert indexes["speech throughput"]["verdict_error"] == 0.01, "one error for all that is said together"
     assert row_of(text, "vision")[1:] == ["mean_response_time <= 70 ms", "42.2 ms", "met"]
     assert "8 times anew: all thresholds met." in text
-    assert "This is 99 % sure, all of it together." in text
+    assert "All verdicts together are 99 % sure." in text
     assert "met so far\n" in text, "of a maximum no sample can say what the next job does"
     entry = read_entries(configuration_path(here, "onboard", "vision"))[-1]
     assert isinstance(entry, Proven)
