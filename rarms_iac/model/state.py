@@ -294,6 +294,8 @@ class State:
         None  # names of its virtual switches; None: not known, or there are no such things
     )
     disks: tuple[Disk, ...] = ()  # those that are attached to a machine, and what else is known, by path
+    # Bytes of its largest NUMA node, where no machine may lie on two of them; None: any may, or it is not known.
+    largest_node: int | None = None
 
     def holds_nothing(self, machine: str) -> bool:
         """Tell whether a machine of this host can be removed and made again as it was.

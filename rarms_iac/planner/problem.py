@@ -31,6 +31,7 @@ class HostView:
     taken_names: frozenset[str] = frozenset()  # of unmanaged machines, which none of our partitions has there
     pinned: frozenset[str] = frozenset()  # our partitions there that may not be removed as they are
     switches: tuple[str, ...] | None = None  # None: not known
+    largest_node: int | None = None  # `State.largest_node`
 
     def sharing(self, partition: str) -> CoreSharing:
         """Return how a partition takes cores there: as its machine does, or as one that is made.
@@ -68,6 +69,7 @@ def host_view(state: State, application: str) -> HostView:
             if partition.mark and (partition.ties or partition.state in {RunState.BUSY, RunState.CRITICAL})
         ),
         switches=state.switches,
+        largest_node=state.largest_node,
     )
 
 
@@ -206,7 +208,14 @@ def _checked_claims(group: Group, problem: Problem) -> Mapping[str, Claim]:
         host, view = hosts[name], problem.views.get(name, HostView())
         is_there = name == current
         refused = (not is_there and group.name in view.taken_names) or would_be_refused(
-            sizes[name], group, host, view.facts, problem.system.policy, switches=view.switches, is_there=is_there
+            sizes[name],
+            group,
+            host,
+            view.facts,
+            problem.system.policy,
+            switches=view.switches,
+            largest_node=view.largest_node,
+            is_there=is_there,
         )
         if not refused:
             allowed[name] = claim

@@ -67,6 +67,19 @@ def has_switch(switches: Collection[str] | None, switch: str) -> bool:
     return not switch or switches is None or switch.lower() in {name.lower() for name in switches}
 
 
+def is_larger_than_node(memory: int, largest_node: int | None) -> bool:
+    """Whether a machine lies on no single NUMA node of a host where none may lie on two.
+
+    Args:
+        memory: of the machine, bytes.
+        largest_node: `State.largest_node` of the host.
+
+    Returns:
+        Whether Hyper-V would not start it.
+    """
+    return largest_node is not None and memory > largest_node
+
+
 def would_be_refused(
     partition: PlacedPartition,
     group: Group,
@@ -75,6 +88,7 @@ def would_be_refused(
     policy: Policy,
     *,
     switches: Collection[str] | None,
+    largest_node: int | None,
     is_there: bool,
 ) -> bool:
     """Whether a check refuses a partition on a host, with other partitions or without.
@@ -86,6 +100,7 @@ def would_be_refused(
         facts: what was observed of the host; None: not looked at.
         policy: of the manifest; an acceptance of RARMS159 at the host counts.
         switches: names of the host's virtual switches; None: not known.
+        largest_node: `State.largest_node` of the host.
         is_there: whether the partition is on the host already, and so not made.
 
     Returns:
@@ -93,6 +108,8 @@ def would_be_refused(
     """
     making, settings = partition.making, partition.settings
     if not is_there and not (takes_image(settings.generation, making.image) and has_switch(switches, making.switch)):
+        return True
+    if not is_there and is_larger_than_node(settings.memory, largest_node):
         return True
     is_deadline = bool(settings.reserve) and mechanism_of(group, host)[0] is Mechanism.DEADLINE
     if is_deadline and (is_no_deadline(group) or (facts is not None and facts.deadline_percent == 0)):

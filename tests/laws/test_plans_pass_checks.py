@@ -54,6 +54,7 @@ def situations(draw: st.DrawFn) -> Situation:
             partitions=tuple(_foreign(number) for number in NAMES if draw(st.integers(0, 5)) == 0),
             tasks=(),
             switches=draw(st.sampled_from((("cell",), ()))) if kind is ProviderKind.HYPERV else None,
+            largest_node=draw(st.sampled_from((None, 2**25))) if kind is ProviderKind.HYPERV else None,
         )
     components = [
         a_component(

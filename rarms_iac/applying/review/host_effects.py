@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.applying.state_after import partitions_after
+from rarms_iac.applying.state_after import partition_after_change, partitions_after
 from rarms_iac.model.capacity import capacity_of, foreign_claims, packs_by_size
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.commands import command, prose
@@ -12,14 +12,16 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import HostPlan, Purpose
-from rarms_iac.model.quantities import show_processors
-from rarms_iac.model.state import PartitionSettings, RegistryValue, TaskClass, ValueKind
+from rarms_iac.model.quantities import show_bytes, show_processors
+from rarms_iac.model.state import Partition, PartitionSettings, RegistryValue, TaskClass, ValueKind
 from rarms_iac.model.system import TaskCategory
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.desired import Desired
+from rarms_iac.planner.refusals import is_larger_than_node
 
 UNMANAGED_GETS_LESS = Finding.warning("RARMS223", "A machine that is not managed gets less")
 CLASSES_ABOVE = Finding.note("RARMS226", "Other task classes run above a robotic one")
+LARGER_THAN_NODE = Finding.error("RARMS382", "A partition is larger than each NUMA node of its host")
 NO_SCRIPT_PLACEMENT = Finding.error("RARMS259", "A script would find no place for its promises")
 
 SMT_COSTS = Finding.note("RARMS231", "Logical processors stand idle beside partitions with a reserve")
@@ -49,6 +51,27 @@ def review_smt(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterat
                 "idle_lp": float(load_of(costs.values()).idle_processors),
             },
         )
+
+
+def review_numa_nodes(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
+    """Where NUMA spanning is off, Hyper-V starts no machine that lies on no single node, and its script refuses it."""
+    node = desired.observed.largest_node
+    for change in plan.changes:
+        partition = partition_after_change(change)
+        before = change.before.settings.memory if isinstance(change.before, Partition) else 0
+        if node is None or partition is None or (memory := partition.settings.memory) <= before:
+            continue
+        if is_larger_than_node(memory, node):
+            name = partition.settings.name
+            yield LARGER_THAN_NODE.at(
+                change.reason.place,
+                f'"{name}" is to have {show_bytes(memory)}, and the largest NUMA node of {desired.host} has '
+                f"{show_bytes(node)}: NUMA spanning is off there, so that no machine may lie on two nodes.",
+                "Give it less `memory`, or allow spanning (`Set-VMHost -NumaSpanningEnabled $true`, then restart the "
+                "service vmms) and plan again.",
+                address=str(change.address),
+                values={"partition": name, "memory": memory, "node": node, "host": desired.host},
+            )
 
 
 def review_script_placement(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:

@@ -87,7 +87,16 @@ def to_state(observation: HostObservation, name: str) -> State:
         responsiveness=responsiveness_of(observation),
         switches=or_else(observation.switches, None) if facts.rights is Rights.PROVEN else None,
         disks=disks_of(observation) if facts.rights is Rights.PROVEN else (),
+        largest_node=_largest_node(observation),
     )
+
+
+def _largest_node(observation: HostObservation) -> int | None:
+    """How much a machine can have where NUMA spanning is off; WMI knows no node's memory."""
+    hypervisor, nodes = or_else(observation.hypervisor, None), or_else(observation.numa, ())
+    if hypervisor is None or hypervisor.numa_spanning:
+        return None
+    return max((node.memory for node in nodes), default=0) * 2**20 or None
 
 
 def facts_of(observation: HostObservation, name: str) -> HostFacts:

@@ -10,7 +10,7 @@ import pytest
 from rarms_iac.applying.review import review_plan
 from rarms_iac.applying.review.host_effects import busy_share
 from rarms_iac.model.changes import Adopt, Change, Release
-from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.diagnostics import Diagnostic, Severity
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.operations import CreatePartition, StartPartition, StopPartition
@@ -36,11 +36,14 @@ def findings(
     system: System | None = None,
     disks: tuple[Disk, ...] = (),
     switches: tuple[str, ...] | None = None,
+    largest_node: int | None = None,
 ) -> list[Diagnostic]:
     plan = build.host_plan(changes=changes, steps=steps)
     named = system or a_system(components=[a_component()])
     request = a_request(replace(named, application=replace(named.application, name="robot")))
-    observed = State(facts=of or facts(), partitions=tuple(machines), disks=disks, switches=switches)
+    observed = State(
+        facts=of or facts(), partitions=tuple(machines), disks=disks, switches=switches, largest_node=largest_node
+    )
     desired = Desired(observed=observed, state=observed, layout=layout)
     return list(review_plan(replace(request, purpose=purpose), desired, plan))
 
@@ -95,6 +98,33 @@ def test_what_no_machine_can_be_made_from_is_an_error(making: dict[str, Any], ex
     found = findings(steps=[step], switches=("lab",) if known else None)
 
     assert [diagnostic.code for diagnostic in found] == (expected if known or expected != ["RARMS258"] else [])
+
+
+GROWN = replace(build.settings("vision"), memory=5 * 2**30)
+
+
+@pytest.mark.parametrize(
+    ("before", "node", "expected"),
+    [
+        (None, 5 * 2**30 - 1, ["RARMS382"]),
+        (None, 5 * 2**30, []),
+        (None, None, []),
+        (partition(settings("vision")), 5 * 2**30 - 1, ["RARMS382"]),
+        (partition(GROWN), 5 * 2**30 - 1, []),
+    ],
+    ids=["made", "it fits", "spanning", "grows", "was as large before"],
+)
+def test_a_partition_that_gets_larger_than_a_node_is_an_error(
+    before: Partition | None, node: int | None, expected: list[str]
+) -> None:
+    after = partition(replace(GROWN, limit=90))
+    change = build.update(before, after) if before else build.create(after)
+
+    found = findings(change, machines=[before] if before else [], largest_node=node)
+
+    errors = [finding for finding in found if finding.severity is Severity.ERROR]
+    assert [finding.code for finding in errors] == expected
+    assert all("5 GiB" in finding.detail for finding in errors)
 
 
 class TestUnmanaged:

@@ -176,3 +176,18 @@ def test_a_journal_that_is_not_believed_is_told() -> None:
     assert (told.code, told.address) == ("RARMS163", "host/cell")
     assert "S-1-5-21-3623811015-3361044348-30300820-1013" in told.detail
     assert findings_of(recorded("empty-host"), "cell") == ()
+
+
+def test_the_largest_node_counts_only_where_no_machine_may_lie_on_two() -> None:
+    read = recorded("server-2022-with-strangers").hypervisor
+    assert isinstance(read, ReadProbe)
+    facts = {name: getattr(read.value, name) for name in read.value.__dataclass_fields__} | {"numa_spanning": False}
+    nodes = [{"node": number, "memory_available": 1, "memory": 16000 + number} for number in range(2)]
+    of_wmi = [{**node, "memory": 0} for node in nodes]
+
+    def largest(**probes: object) -> int | None:
+        return to_state(recorded("server-2022-with-strangers", **probes), "cell").largest_node
+
+    assert largest(hypervisor=facts, numa=nodes) == 16001 * 2**20
+    assert largest(numa=nodes) is None
+    assert largest(hypervisor=facts, numa=of_wmi) is None
