@@ -189,6 +189,19 @@ class HostPlan:
         return None if self.totals is None else host_totals(self.host, self.facts, self.totals)
 
 
+_SEEN = ("can_be_asked", "checkpoints", "foreign_mark", "guest_build", "id", "mark", "other_notes", "sharing", "ties")
+FILE_WORDS = (
+    *("accepted", "findings", "needs_key", "placement", "today"),
+    *(f"hosts.*.changes.*.{side}.*.{name}" for side in ("after", "before") for name in _SEEN),
+    "hosts.*.changes.*.reason",
+    *(f"hosts.*.{name}" for name in ("components", "held_back", "mechanisms", "serial", "stopped", "threads")),
+    *(f"hosts.*.steps.*.{name}" for name in ("claim_after", "claim_before", "place")),
+    *(f"hosts.*.totals.{name}" for name in ("others_lp", "others_memory")),
+    *("hosts.*.unchanged", "hosts.*.unused"),
+)
+"""Of `Plan.file_words`."""
+
+
 class Purpose(StrEnum):
     """What a plan is for: the whole manifest, removing everything, taking a partition in or out, stopping some."""
 
@@ -232,6 +245,15 @@ class Plan:
         """How many changes of each kind there are, as the last line of a plan has them, and how many are held back."""
         held_back = sum(len(host.held_back) for host in self.hosts)
         return {**count(change for host in self.hosts for change in host.changes), "held_back": held_back}
+
+    @property
+    @output
+    def file_words(self) -> tuple[str, ...]:
+        """What is the words of a plan file where the plan was read from one, since no change says it.
+
+        Keys behind points; `*` stands for any host, change, step or type.
+        """
+        return FILE_WORDS
 
     @property
     @output

@@ -92,6 +92,8 @@ def _words_of_file(plan: Plan, sources: Sources, *, verbose: bool) -> "Iterator[
         own = [*_members(part), *_stated(part, plan, verbose=verbose)]
         own += _reasons(part) if verbose else []
         own += _details(part) if verbose else []
+        if part.host_totals is not None:
+            own.append(paragraph(_afterwards(_totals_beside(part.host_totals)), indent=2))
         words += [f"Host {part.host.name}:", *own] if own else []
     if verbose and plan.placement is not None:
         words.append(paragraph(describe_placement(plan.placement)))
@@ -154,7 +156,8 @@ def _planned_host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[Ren
         yield from _details(part)
         yield from _steps(part)
     if part.host_totals is not None:
-        yield paragraph(_totals(part.host_totals, part.name), indent=2)
+        own, others = _own_totals(part.host_totals, part.name), _totals_beside(part.host_totals)
+        yield paragraph(_afterwards([*own, *others]), indent=2)
 
 
 def _read_host(part: HostPlan, _: Plan, *, verbose: bool) -> "Iterator[RenderableType]":
@@ -168,7 +171,7 @@ def _read_host(part: HostPlan, _: Plan, *, verbose: bool) -> "Iterator[Renderabl
     if verbose:
         yield from _steps(part)
     if part.host_totals is not None:
-        yield paragraph(_totals(part.host_totals, part.name), indent=2)
+        yield paragraph(_afterwards(_own_totals(part.host_totals, part.name)), indent=2)
 
 
 def _whereabouts(part: HostPlan) -> Iterator[str]:
@@ -424,21 +427,30 @@ def _steps(part: HostPlan) -> "Iterator[RenderableType]":
         yield paragraph(step.comment, indent=len(start))
 
 
-def _totals(totals: HostTotals, host: str) -> str:
-    """What the host has promised once the plan is done, in one sentence."""
+def _afterwards(parts: Sequence[str]) -> str:
+    return f"Afterwards: {'; '.join(parts)}."
+
+
+def _own_totals(totals: HostTotals, host: str) -> list[str]:
+    """What the host has promised to this application once the plan is done, as parts of a sentence."""
     promised, whole = totals.promised, totals.host_lp
     share = share_of_host(totals.reserved_lp, whole, host)
     reserved = f"{show_processors(totals.reserved_lp)} of {show_processors(whole)}"
-    sentences = [f"{reserved} ({share}) and {show_bytes(promised.memory)} reserved"]
+    parts = [f"{reserved} ({share}) and {show_bytes(promised.memory)} reserved"]
     if promised.idle_percent or promised.idle_memory:
         idle = _amount(Fraction(promised.idle_percent, 100), promised.idle_memory)
-        sentences.append(f"of these, {idle} by partitions that do not run")
+        parts.append(f"of these, {idle} by partitions that do not run")
+    return parts
+
+
+def _totals_beside(totals: HostTotals) -> list[str]:
+    """What other machines and the host itself have, and what is free, which no change of the plan says."""
+    promised, parts = totals.promised, list[str]()
     if promised.others_percent or promised.others_memory:
-        sentences.append(f"unmanaged machines have {_amount(totals.unmanaged_lp, promised.others_memory)}")
+        parts.append(f"unmanaged machines have {_amount(totals.unmanaged_lp, promised.others_memory)}")
     if totals.kept_lp or totals.kept_memory:
-        sentences.append(f"{_amount(totals.kept_lp, totals.kept_memory)} kept for the host")
-    sentences.append(f"{show_processors(totals.free_lp)} and {show_bytes(totals.free_memory)} free")
-    return f"Afterwards: {'; '.join(sentences)}."
+        parts.append(f"{_amount(totals.kept_lp, totals.kept_memory)} kept for the host")
+    return [*parts, f"{show_processors(totals.free_lp)} and {show_bytes(totals.free_memory)} free"]
 
 
 def _amount(processors: Fraction, memory: int) -> str:

@@ -4,8 +4,9 @@ What is shown above the line of the file's own words follows from what is done, 
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import chdir
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,14 @@ import pytest
 from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.files import plan_in
 from rarms_iac.model.host import LinuxHost
+from rarms_iac.model.plan import FILE_WORDS as JSON_WORDS
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.storage.codec import NotDecodable, decode
 from rarms_iac.storage.digest import digest
 from rarms_iac.storage.plan_file import plan_id, write_plan
 from rarms_iac.storage.shipped import shipped
 from rarms_iac.views.console import render
+from rarms_iac.views.json_output import json_of
 from rarms_iac.views.plan import FILE_WORDS, plan_text
 from tests.cases.situations import CASES, made
 from tests.effort import Attempt, every_few, tried
@@ -137,6 +140,27 @@ def done(plan: Plan) -> object:
     return plan.application, plan.robot, plan.purpose, plan.manifest, plan.max_disruption, parts
 
 
+def places_that_differ(one: Any, other: Any, place: str = "") -> Iterator[str]:
+    """Places in two answers, as `file_words` writes them: the shortest that hold all that differs."""
+    if isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
+        for key in one:
+            yield from places_that_differ(one[key], other[key], f"{place}.{key}" if place else key)
+    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        for left, right in zip(one, other, strict=True):
+            yield from places_that_differ(left, right, f"{place}.*")
+    elif one != other:
+        yield place
+
+
+def is_word_of_file(place: str) -> bool:
+    return place == "id" or any(fnmatchcase(f"{place}.", f"{words}.*") for words in JSON_WORDS)
+
+
+@pytest.mark.parametrize("place", ["hosts.*.steps.*.operation", "hosts.*.changes.*.after.Partition.settings", "counts"])
+def test_what_is_done_is_no_word_of_the_file(place: str) -> None:
+    assert not is_word_of_file(place)
+
+
 @pytest.mark.parametrize("name", PLANS)
 def test_what_is_shown_and_what_is_done_change_together_or_not_at_all(tmp_path: Path, name: str) -> None:
     plan = PLANS[name](tmp_path)
@@ -158,6 +182,9 @@ def test_what_is_shown_and_what_is_done_change_together_or_not_at_all(tmp_path: 
             continue
         if (shown(other) != own_text) is not (done(other) != own_effect):
             bad.append((path, value_at(document, path)))
+        if done(other) == own_effect:
+            answers = (json.loads(json_of(each)) for each in (plan, other))
+            bad += [(path, place) for place in places_that_differ(*answers) if not is_word_of_file(place)]
 
     assert bad == []
     assert refused > tried_here / 3
