@@ -140,15 +140,15 @@ def done(plan: Plan) -> object:
     return plan.application, plan.robot, plan.purpose, plan.manifest, plan.max_disruption, parts
 
 
-def places_that_differ(one: Any, other: Any, place: str = "") -> Iterator[str]:
+def places_that_differ(own: Any, forgery: Any, place: str = "") -> Iterator[str]:
     """Places in two answers, as `file_words` writes them: the shortest that hold all that differs."""
-    if isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
-        for key in one:
-            yield from places_that_differ(one[key], other[key], f"{place}.{key}" if place else key)
-    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
-        for left, right in zip(one, other, strict=True):
+    if isinstance(own, dict) and isinstance(forgery, dict) and own.keys() == forgery.keys():
+        for key in own:
+            yield from places_that_differ(own[key], forgery[key], f"{place}.{key}" if place else key)
+    elif isinstance(own, list) and isinstance(forgery, list) and len(own) == len(forgery):
+        for left, right in zip(own, forgery, strict=True):
             yield from places_that_differ(left, right, f"{place}.*")
-    elif one != other:
+    elif own != forgery:
         yield place
 
 
