@@ -160,7 +160,7 @@ def test_twenty_robots_are_planned_and_applied_and_broken_ones_fail_alone(fleet:
     planned = {name: checked.results[name]["plan"]["id"] for name in whole}
     assert {name: applied.results[name]["plan"]["id"] for name in whole} == planned, "check is what apply does"
     assert "w-full" not in planned
-    assert "RARMS" in applied.results["w-full"]["msg"]
+    assert "RARMS061" in applied.results["w-full"]["msg"], "the error, and not a note that comes before it"
 
     again = fleet.play(APPLY, options=("--limit", "r-*"))
     assert (again.code, again.with_status("ok"), again.changed) == (0, whole, [])
@@ -179,6 +179,34 @@ def test_a_reviewed_plan_is_applied_once_and_a_plan_that_cannot_be_made_leaves_n
     fleet.add("r-1", "components: { vision: { cpu: { reserve: 3 LP } } }\n")
     assert fleet.play(plan).with_status("failed") == ["r-1"]
     assert not file.exists()
+
+
+def test_a_run_that_did_not_end_is_finished_first(fleet: Fleet) -> None:
+    fleet.add("r-1", REFUSES)
+    assert fleet.play(APPLY).with_status("failed") == ["r-1"]
+    fleet.add("r-1")
+
+    finished = fleet.play(APPLY)
+
+    assert (finished.code, finished.changed) == (0, ["r-1"]), finished.out
+    assert fleet.play(APPLY).changed == []
+
+
+def test_a_plan_of_another_robot_is_refused_and_a_check_or_a_file_that_is_no_plan_stays(fleet: Fleet) -> None:
+    fleet.add("r-1")
+    fleet.add("r-2")
+    plan: Task = {"rarms.fleet.apply": {"state": "planned", "plan": "plan.json"}}
+    assert fleet.play(plan, options=("--limit", "r-1")).code == 0
+
+    refused = fleet.play({"rarms.fleet.apply": {"plan": "plan.json"}}, options=("--limit", "r-2"))
+    assert "is a plan of robot on onboard of r-1, not of this robot" in refused.results["r-2"]["msg"]
+
+    fleet.add("r-1", "components: { vision: { cpu: { reserve: 3 LP } } }\n")
+    assert fleet.play(plan, options=("--limit", "r-1", "--check")).with_status("failed") == ["r-1"]
+    assert (fleet.folder / "plan.json").exists()
+    other: Task = {"rarms.fleet.apply": {"state": "planned", "plan": "rarms.yaml", "lock_timeout": "soon"}}
+    assert fleet.play(other, options=("--limit", "r-2")).with_status("failed") == ["r-2"]
+    assert (fleet.folder / "rarms.yaml").exists()
 
 
 def test_what_was_applied_in_a_terminal_is_absent_afterwards(fleet: Fleet) -> None:

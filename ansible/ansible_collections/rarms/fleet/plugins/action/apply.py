@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from ansible_collections.rarms.fleet.plugins.plugin_utils.robot import (
 
 if not RARMS_MISSING:
     from rarms_iac.app.applying import abandon_runs, apply, finish_runs, last_applies, undo_applies
-    from rarms_iac.app.errors import RequestError
+    from rarms_iac.app.errors import RequestError, UseCaseError
     from rarms_iac.app.files import make_folder, read_plan_file, write_plan_file
     from rarms_iac.app.hosts import refuse_unfinished, unfinished_runs
     from rarms_iac.app.options import read_time
@@ -45,11 +46,11 @@ class ActionModule(RobotAction):
     }
 
     def act(self, robot: Robot, arguments: Mapping[str, Any]) -> Result:
-        """See `RobotAction.act`: settle what is unfinished, plan, and do it."""
+        """Settle what is unfinished, plan, and do it."""
         state, file = arguments["state"], arguments["plan"] and self._below(arguments["plan"])
         if state == "absent" and file:
             raise RequestError("`state: absent` makes its own plan: it takes no `plan`.")
-        waits = WaitLimits(lock_ms=read_time(arguments["lock_timeout"]))
+        waits = _waits(arguments["lock_timeout"])
         is_preview = state == "planned" or self._task.check_mode
         settled = None
         if is_preview or arguments["unfinished"] == "fail":
@@ -73,9 +74,13 @@ class ActionModule(RobotAction):
         return {**result, **ended, "changed": ended["changed"] or settled is not None}
 
     def remove_stale(self, arguments: Mapping[str, Any]) -> None:
-        """Remove the plan file of an earlier run: it must not be reviewed as today's."""
-        if arguments["state"] == "planned" and arguments["plan"]:
-            Path(self._below(arguments["plan"])).unlink(missing_ok=True)
+        """Remove the plan of an earlier run: it must not be reviewed as today's. What is no plan stays."""
+        if arguments["state"] != "planned" or not arguments["plan"] or self._task.check_mode:
+            return
+        file = self._below(arguments["plan"])
+        with suppress(RequestError, UseCaseError, OSError):
+            read_plan_file(file)
+            Path(file).unlink()
 
     def _planned(self, plan: Plan) -> Result:
         result: Result = {"plan": json_value(plan), "has_changes": plan.has_changes}
@@ -98,6 +103,13 @@ def _request(robot: Robot, arguments: Mapping[str, Any]) -> Any:
     return replace(request, purpose=Purpose.DESTROY) if arguments["state"] == "absent" else request
 
 
+def _waits(lock_timeout: str) -> WaitLimits:
+    try:
+        return WaitLimits(lock_ms=read_time(lock_timeout))
+    except ValueError as error:
+        raise RequestError(f"`lock_timeout`: {error}") from error
+
+
 def _settle(robot: Robot, how: str, waits: WaitLimits) -> RunReport | None:
     """End the run that an earlier task or person left; None: there is none."""
     if not list(unfinished_runs(robot.hosts)):
@@ -105,7 +117,9 @@ def _settle(robot: Robot, how: str, waits: WaitLimits) -> RunReport | None:
     host = robot.hosts.open(robot.host)
     match how:
         case "finish":
-            return finish_runs([host], waits=waits)
+            needs_key = robot.hosts.system.policy.signed_plans
+            finished = finish_runs([host], waits=waits, needs_key=needs_key)
+            return finished and finished.report
         case "undo":
             return undo_applies(last_applies(robot.hosts), waits=waits)
         case _:
@@ -115,8 +129,10 @@ def _settle(robot: Robot, how: str, waits: WaitLimits) -> RunReport | None:
 def _reviewed(robot: Robot, file: str) -> Plan:
     plan = read_plan_file(file)
     names = [part.host.name for part in plan.hosts]
-    if names != [robot.host] or plan.application != robot.hosts.system.application.name:
-        raise RequestError(f"{file} is a plan of {plan.application} on {', '.join(names)}, not of this robot.")
+    own = robot.hosts.system.application
+    if names != [robot.host] or (plan.application, plan.robot) != (own.name, own.robot):
+        whose = f"{plan.application} on {', '.join(names)}" + (f" of {plan.robot}" if plan.robot else "")
+        raise RequestError(f"{file} is a plan of {whose}, not of this robot.")
     return plan
 
 

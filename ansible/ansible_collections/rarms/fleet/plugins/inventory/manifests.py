@@ -59,6 +59,7 @@ from ansible.template import trust_as_template
 try:
     from rarms_iac.app.errors import RequestError, UseCaseError
     from rarms_iac.app.hosts import load
+    from rarms_iac.model.diagnostics import Severity
     from rarms_iac.model.host import Host, ProviderKind, WinRmConnect
 except ImportError as error:
     RARMS_MISSING = str(error)
@@ -98,7 +99,10 @@ class InventoryModule(BaseInventoryPlugin, Constructable):
             raise AnsibleParserError(f"{path}: no overlay matches {', '.join(self.get_option('overlays'))}")
         if not files:
             self._add_hosts(manifest, common, "")
+        named: dict[str, str] = {}
         for file in files:
+            if (other := named.setdefault(Path(file).stem, file)) != file:
+                raise AnsibleParserError(f"{path}: {other} and {file} describe robots of one name; rename one.")
             self._add_hosts(manifest, [*common, file], Path(file).stem)
 
     def _add_hosts(self, manifest: str, overlays: Sequence[str], robot: str) -> None:
@@ -108,8 +112,14 @@ class InventoryModule(BaseInventoryPlugin, Constructable):
         except (UseCaseError, RequestError) as error:
             if not robot:
                 raise AnsibleParserError(f"{manifest}: {_reason(error)}") from error
-            self.display.warning(f"{robot} is left out of rarms tasks, its overlay is broken: {_reason(error)}")
-            self._add_robot(robot, {"rarms_invalid": _reason(error)}, ["rarms_invalid"])
+            self.display.warning(f"{robot} fails its rarms tasks, since it cannot be read: {_reason(error)}")
+            variables = {
+                "rarms_invalid": _reason(error),
+                "rarms_robot": robot,
+                "rarms_manifest": manifest,
+                "rarms_overlays": list(overlays),
+            }
+            self._add_robot(robot, variables, ["rarms_invalid"], strict=False)
             return
         names = sorted(hosts.system.hosts)
         for name in names:
@@ -119,22 +129,22 @@ class InventoryModule(BaseInventoryPlugin, Constructable):
                 "rarms_manifest": manifest,
                 "rarms_overlays": list(overlays),
                 "rarms_host": name,
-                "rarms_robot": robot or name,
+                "rarms_robot": hosts.system.application.robot or name,
                 "rarms_platform": host.platform,
                 "rarms_provider": host.provider.value,
                 "rarms_application": hosts.system.application.name,
                 **_connection(host),
             }
             kinds = ("platform", "provider", "application")
-            self._add_robot(robot_name, variables, [f"rarms_{kind}_{variables[f'rarms_{kind}']}" for kind in kinds])
+            groups = [f"rarms_{kind}_{variables[f'rarms_{kind}']}" for kind in kinds]
+            self._add_robot(robot_name, variables, groups, strict=self.get_option("strict"))
 
-    def _add_robot(self, name: str, variables: dict[str, Any], groups: Sequence[str]) -> None:
+    def _add_robot(self, name: str, variables: dict[str, Any], groups: Sequence[str], *, strict: bool) -> None:
         self.inventory.add_host(name)
         for key, value in variables.items():
             self.inventory.set_variable(name, key, value)
         for group in groups:
             self.inventory.add_child(self.inventory.add_group(self._sanitize_group_name(group)), name)
-        strict = self.get_option("strict")
         self._set_composite_vars(self.get_option("compose"), variables, name, strict=strict)
         self._add_host_to_composed_groups(self.get_option("groups"), variables, name, strict=strict)
         self._add_host_to_keyed_groups(self.get_option("keyed_groups"), variables, name, strict=strict)
@@ -164,7 +174,7 @@ def _connection(host: Host) -> dict[str, Any]:
 def _reason(error: UseCaseError | RequestError) -> str:
     if isinstance(error, RequestError):
         return str(error)
-    first = error.findings[0]
+    first = next((each for each in error.findings if each.severity is Severity.ERROR), error.findings[0])
     return f"{f'{first.place}: ' if first.place else ''}{first.summary} ({first.code}): {first.detail}"
 
 

@@ -16,7 +16,7 @@ extends_documentation_fragment: rarms.fleet.robot
 options:
   state:
     description:
-      - V(planned) shows what would change, and writes it to O(plan).
+      - V(planned) writes what would change to O(plan); C(--check --diff) with V(applied) shows it.
       - V(applied) does what the manifest asks for, or exactly what O(plan) says.
       - V(absent) removes everything that carries the application's mark; disks of Hyper-V machines are kept.
     type: str

@@ -25,8 +25,8 @@ if not RARMS_MISSING:
 SILENCE_S = 3600.0
 HERE = ".rarms/here"
 """Folder of the overlays, in the robot's copy, by which it is reached without `connect`."""
-LOG = re.compile(r"[a-z0-9][a-z0-9-]*/[a-z0-9][a-z0-9+-]*(?:/[a-z0-9][a-z0-9-]*)?\.(?:jsonl|json)")
-"""A file below `measurements/`, as rarms names them."""
+LOG = re.compile(r"[a-z0-9][a-z0-9-]*/[a-z0-9][a-z0-9+-]*(?:\.configuration|/[a-z0-9][a-z0-9-]*)?\.(?:jsonl|json)")
+"""A file below `measurements/`, as rarms names them: its platform first."""
 
 RUN_ON_ROBOT = {
     "folder": {"type": "str"},
@@ -90,7 +90,7 @@ def _here(robot: Robot) -> str:
 
 
 def fetch_measurements(channel: ConnectionChannel, robot: Robot, folder: str) -> list[str]:
-    """Bring the robot's data logs back, beside the manifest here.
+    """Bring the data logs of the robot's platform back, beside the manifest here.
 
     Args:
         channel: to the robot.
@@ -110,7 +110,8 @@ def fetch_measurements(channel: ConnectionChannel, robot: Robot, folder: str) ->
         data = base64.b64decode(answer.output)
         with tarfile.open(fileobj=io.BytesIO(data)) as archive:
             files = {member.name.removeprefix("measurements/"): member for member in archive if member.isfile()}
-            logs = {name: member for name, member in files.items() if LOG.fullmatch(name)}
+            own = f"{robot.platform}/"
+            logs = {name: member for name, member in files.items() if LOG.fullmatch(name) and name.startswith(own)}
             contents = {name: archive.extractfile(member).read() for name, member in logs.items()}
     except (binascii.Error, tarfile.TarError) as error:
         raise RequestError(f"The robot's measurements cannot be read ({error}): {answer.error[-500:]}") from error

@@ -27,7 +27,7 @@ try:
     from rarms_iac.model.diagnostics import Findings
     from rarms_iac.model.host import Connect, ProviderKind
     from rarms_iac.providers.channel import CommandResult
-    from rarms_iac.providers.interface import HostUnreachable
+    from rarms_iac.providers.interface import HostFailed, HostUnreachable
     from rarms_iac.views.json_output import json_of
 except ImportError as error:
     RARMS_MISSING = str(error)
@@ -72,6 +72,11 @@ class Robot:
         """How the manifest says that the robot is reached; None: it is this machine."""
         return self.hosts.system.hosts[self.host].connect
 
+    @property
+    def platform(self) -> str:
+        """What its data logs are kept under."""
+        return self.hosts.system.hosts[self.host].platform
+
 
 class ConnectionChannel:
     """A `CommandChannel` of rarms: Ansible's own connection to the robot, with its `become`."""
@@ -79,6 +84,7 @@ class ConnectionChannel:
     def __init__(self, action: ActionBase, host: str) -> None:
         self._action = action
         self._host = host
+        self._was_reached = False
 
     @property
     def target(self) -> str:
@@ -94,7 +100,10 @@ class ConnectionChannel:
             result = self._action._low_level_execute_command(command, in_data=data or b"\n")
         except AnsibleConnectionFailure as failure:
             advice = "Try `ansible -m ansible.builtin.raw -a true` on it."
+            if self._was_reached:
+                raise HostFailed(self._host, f"the connection to {self.target} broke: {failure}", advice) from failure
             raise HostUnreachable(self._host, f"{self.target} cannot be reached: {failure}", advice) from failure
+        self._was_reached = True
         return CommandResult(code=result["rc"], output=result["stdout"], error=result["stderr"][-LAST_CHARACTERS:])
 
 
@@ -122,6 +131,8 @@ class RobotAction(ActionBase):
             result = failure(str(error))
         except UseCaseError as error:
             result = failure(findings=json_value(Findings(findings=tuple(error.findings)))["findings"])
+        except OSError as error:
+            result = failure(str(error))
         if result.get("failed"):
             self.remove_stale(arguments)
         if result.get("rarms_unreachable") and arguments["unreachable"] == "unreachable":
@@ -152,7 +163,7 @@ class RobotAction(ActionBase):
 
     def _robot(self, arguments: Mapping[str, Any], variables: Mapping[str, Any]) -> Robot:
         if invalid := variables.get("rarms_invalid"):
-            raise RequestError(f"The robot's overlay is broken: {invalid}")
+            raise RequestError(f"The robot cannot be read: {invalid}")
         manifest = arguments["manifest"] or variables.get("rarms_manifest")
         if not manifest:
             raise RequestError(
@@ -203,7 +214,8 @@ def failure(message: str = "", findings: Sequence[Result] = ()) -> Result:
         message: for people; empty: the findings say it.
         findings: the reasons, as rarms writes them in JSON.
     """
-    reasons = (f"{each['summary']} ({each['code']}): {each['detail']}" for each in findings[:MOST_REASONS])
+    errors = [each for each in findings if each["severity"] == "error"] or findings
+    reasons = (f"{each['summary']} ({each['code']}): {each['detail']}" for each in errors[:MOST_REASONS])
     return {
         "failed": True,
         "changed": False,
