@@ -43,6 +43,16 @@ def _nothing() -> None:
     """Not done here."""
 
 
+class UnflushedDisk(disk.RealFileEffects):
+    """The real disk without flushes, which take long: a process that goes on reads what was written without them."""
+
+    def flush(self, path: Path) -> None:
+        pass
+
+    def flush_folder(self, folder: Path) -> None:
+        pass
+
+
 class CrashingDisk:
     """The real disk, up to the effect of this number (from 1; 0: never).
 
