@@ -196,9 +196,8 @@ def _try_setting(
 
     def so_far(seen: Mapping[str, Series], elapsed_ms: float) -> Setting:
         """As the log records it, so that a run that goes on from the log decides by the same numbers."""
-        series = tuple(seen[name] for name in sorted(seen))
-        spent_ms = empty.host_ms + elapsed_ms
-        return as_recorded(replace(empty, series=series, spent_ms=spent_ms, used_processors=used()))
+        measured, spent_ms = tuple(seen[name] for name in sorted(seen)), empty.host_ms + elapsed_ms
+        return as_recorded(replace(empty, series=measured, spent_ms=spent_ms, used_processors=used()))
 
     def is_enough(seen: Mapping[str, Series]) -> bool:
         context.reporter.samples_came(experiment, step.reserve, seen)
@@ -210,11 +209,10 @@ def _try_setting(
         joined = known.joined_with(step.reserve, setting)
         return is_clear(joined, goal, precision=step.precision)
 
-    settling = Settling(
-        memory_ms=context.host.scheduler_memory_ms, contenders=_contenders(experiment, partitions.budget, step.reserve)
-    )
+    contenders = _contenders(experiment, partitions.budget, step.reserve)
+    settling = Settling(memory_ms=context.host.scheduler_memory_ms, contenders=contenders)
     work = replace(_work(experiment, context, step), least_ms=settling.least_ms)
-    limit_ms = goal.budget_ms - known.spent_ms(step.reserve, context.seed) - empty.host_ms
+    left_ms = goal.budget_ms - known.spent_ms(step.reserve, context.seed) - empty.host_ms
     with context.host.run(work) as running:
         series = watch(
             running,
@@ -222,7 +220,7 @@ def _try_setting(
             settling,
             is_enough,
             context.should_stop,
-            limit_ms=max(0.0, limit_ms) if step.until_clear else inf,
+            limit_ms=max(0.0, left_ms) if step.until_clear else inf,
             restarts=step.until_clear and not step.within_until,
             needs_starts=lambda: other_processors(experiment, used()) is None,
         )

@@ -3,7 +3,7 @@
 Begin at `measure_components`. A single experiment is `run_experiment`'s.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
@@ -146,11 +146,7 @@ def _measure_all(
                 further = partial(_measure_further, held, loads, request)
                 answered, ended = _with_levels(hosts, decisive(of_loads), prompt, further)
                 of_loads = (*(each for each in of_loads if each.log != answered.log), answered)
-            answer = decisive(of_loads)
-            if answer.reserve is not None and not request.weak_load and leave_idle(of_loads):
-                interferences = tuple(each.interference for each in of_loads)
-                findings.append(weak_answer(hosts, answer.components, interferences, answer.experiment.host))
-            findings += findings_of(answer.experiment, answer.conclusion, answer.settings, hosts.manifest.places)
+            findings += _answer_findings(hosts, request, of_loads)
             results += of_loads
             begun += 1
             if isinstance(of_loads[-1].conclusion, Stopped) or ended:
@@ -168,6 +164,17 @@ def _measure_all(
         ended=ended,
     )
     return outcome, complete
+
+
+def _answer_findings(
+    hosts: Hosts, request: MeasureRequest, of_loads: Sequence[ExperimentResult]
+) -> Iterator[Diagnostic]:
+    """What a person must hear of the answer of some components, by its results beside each load."""
+    answer = decisive(of_loads)
+    if answer.reserve is not None and not request.weak_load and leave_idle(of_loads):
+        interferences = tuple(each.interference for each in of_loads)
+        yield weak_answer(hosts, answer.components, interferences, answer.experiment.host)
+    yield from findings_of(answer.experiment, answer.conclusion, answer.settings, hosts.manifest.places)
 
 
 def _real_components(hosts: Hosts, experiments: Sequence[Experiment]) -> Sequence[Component]:
