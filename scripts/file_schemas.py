@@ -5,8 +5,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rarms_iac.model.measurement import SettingEvidence
 from rarms_iac.model.plan import Plan
+from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.state import State
 from rarms_iac.storage.datalog.files import REMEASUREMENT_FIELD
 from rarms_iac.storage.datalog.log import FORMAT, Header, Provenance, Remeasurement

@@ -4,8 +4,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.loads import BusyLoop, Interference
-from rarms_iac.model.measurement import EnvironmentSetup, PlatformFacts, Setting
+from rarms_iac.model.measurement import EnvironmentSetup, PlatformFacts
 from rarms_iac.model.series import Sample, Series
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component, TaskRequest
 from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of
 from rarms_iac.storage.datalog.log import DataLog, Header, Provenance, Recorded

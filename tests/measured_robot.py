@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from random import Random
 
 from rarms_iac.app.report_measurements import ReportedLog
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.series import Sample, Series
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component, System
 from tests.builders import a_component, a_host, a_run, a_system, at_least, at_most
 from tests.builders_measured import a_log, a_subject

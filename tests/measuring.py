@@ -7,8 +7,8 @@ from pathlib import Path
 
 from rarms_iac.app.data_logs import path_of, subject_of
 from rarms_iac.manifest.load import load
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.series import Series
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import System
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import depends_on_a_log, names_of

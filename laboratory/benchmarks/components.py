@@ -15,9 +15,9 @@ from statistics import NormalDist
 
 from rarms_iac.measuring.loop import Strategy
 from rarms_iac.measuring.search.trials import Goal, Member, is_clear
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Conclusion, Measure
 from rarms_iac.model.series import Sample, Series
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import AtLeast, AtMost
 from rarms_iac.statistics.error_probability import next_look
 from rarms_iac.storage.datalog.columns import DIGITS

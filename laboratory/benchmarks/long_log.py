@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from laboratory.benchmarks.timing import Figure, consumed, report
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.series import SampleColumns, Series
+from rarms_iac.model.setting import Setting
 from rarms_iac.storage.datalog.files import append_setting, log_path, read_log
 from rarms_iac.storage.datalog.log import Recorded
 

@@ -31,9 +31,9 @@ from rarms_iac.measuring.settings_log import SettingsLog
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.model.indexes import percentile_of
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import ExperimentStep, Measure, NotAchievable, Sufficient, Swept
 from rarms_iac.model.run import SampleCount
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component, MeasuringLimits, run_of
 from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.simulation import simulate

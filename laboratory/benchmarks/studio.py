@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from laboratory.benchmarks.timing import Figure, report
 from rarms_iac.app.report_measurements import ReportedLog, report_of
 from rarms_iac.app.requests import ManifestSource
-from rarms_iac.model.measurement import Setting
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component
 from rarms_iac.studio.knowledge import Knowledge, Watch
 from rarms_iac.studio.server import StudioSettings, serve

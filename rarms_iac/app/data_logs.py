@@ -16,9 +16,10 @@ from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
-from rarms_iac.model.measurement import CONFINEMENT, GROUP_CONFINEMENT, Setting, most_used
+from rarms_iac.model.measurement import CONFINEMENT, GROUP_CONFINEMENT
 from rarms_iac.model.processor_number import ProcessorNumber, Used, processor_number
 from rarms_iac.model.quantities import Bytes, show_bytes
+from rarms_iac.model.setting import Setting, most_used
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Component, System, run_of
 from rarms_iac.model.weak_loads import advice_on_weak_loads

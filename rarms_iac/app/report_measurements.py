@@ -18,7 +18,6 @@ from rarms_iac.app.totals import partitions_without_log
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.layout import Cause
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
     Met,
     Missed,
@@ -41,6 +40,7 @@ from rarms_iac.model.quantities import (
 )
 from rarms_iac.model.run import Run
 from rarms_iac.model.series import Series
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component, System, Threshold, run_of
 from rarms_iac.model.totals import sum_of
 from rarms_iac.model.wording import natural_order

@@ -13,10 +13,10 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import APPLY, PLAN, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import PerformanceIndex
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import VerdictWord
 from rarms_iac.model.output import Internal, OpenBound, output
 from rarms_iac.model.quantities import guaranteed
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Threshold
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.statistics.curves import Curve, least_reserve

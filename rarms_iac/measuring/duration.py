@@ -12,9 +12,9 @@ from rarms_iac.measuring.search.bracketing import MOST
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import Sweep
 from rarms_iac.model.indexes import index_named
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.quantities import Unit
 from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import AtLeast, AtMost, Component, run_of
 from rarms_iac.statistics.error_probability import FIRST_LOOK, samples_needed
 

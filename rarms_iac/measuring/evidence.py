@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from rarms_iac.model.loads import Interference, could_take_all, is_steady
-from rarms_iac.model.measurement import P1, P2, Setting, SettingEvidence
+from rarms_iac.model.measurement import P1, P2
+from rarms_iac.model.setting import Setting, SettingEvidence
 
 TRIES = 3
 """So often a disturbed setting is measured at most."""

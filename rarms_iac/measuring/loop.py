@@ -18,8 +18,8 @@ from rarms_iac.measuring.setting_run import (
 )
 from rarms_iac.measuring.settings_log import KnownSettings, SettingsLog
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Conclusion, ExperimentStep, Measure, Stopped
+from rarms_iac.model.setting import Setting
 
 
 class Strategy(Protocol):

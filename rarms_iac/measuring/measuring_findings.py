@@ -11,7 +11,6 @@ from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding, Places
 from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value
-from rarms_iac.model.measurement import Setting, most_used
 from rarms_iac.model.outcomes import (
     Conclusion,
     NotAchievable,
@@ -25,6 +24,7 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.quantities import guaranteed, show_amount, show_duration, show_processors, show_reserve
 from rarms_iac.model.run import FromEnvironment
 from rarms_iac.model.series import MOST_SAMPLES
+from rarms_iac.model.setting import Setting, most_used
 from rarms_iac.model.system import Component, Measured
 from rarms_iac.model.wording import in_a_row, quoted
 from rarms_iac.running.secrets import LEAST

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.indexes import index_named
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Overload, Unsteady, Verdict
 from rarms_iac.model.output import output
 from rarms_iac.model.series import Series
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import AtLeast, AtMost, Component, Threshold, run_of
 from rarms_iac.statistics.overload import estimate_of_setting
 from rarms_iac.statistics.steady_state import steady_part

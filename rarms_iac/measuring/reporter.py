@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.series import Series
+from rarms_iac.model.setting import Setting
 
 
 class MeasuringReporter:

@@ -25,11 +25,12 @@ from rarms_iac.measuring.settings_log import KnownSettings
 from rarms_iac.measuring.settling import Contender, Settling, wants_all_processors
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import goal_of
-from rarms_iac.model.measurement import P1, P2, Setting, SettingEvidence
+from rarms_iac.model.measurement import P1, P2
 from rarms_iac.model.outcomes import Measure, SettingFailed, Stopped, TooManyFailures
 from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.run import Run, SampleCount
 from rarms_iac.model.series import MOST_SAMPLES, Series
+from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 from rarms_iac.providers.measuring import MeasuringHost, PartitionShape, PartitionWork, Work
 from rarms_iac.statistics.verdicts import until_share

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.measurement import Setting, join_settings
+from rarms_iac.model.setting import Setting, join_settings
 from rarms_iac.storage.datalog.files import append_setting, begin_log, read_log
 from rarms_iac.storage.datalog.log import Header, Provenance, Recorded
 from rarms_iac.storage.disk import make_folders

@@ -14,8 +14,8 @@ from rarms_iac.measuring.search.trials import (
     trials_of,
 )
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import ExperimentStep, Measure, SearchStep, Sufficient, Swept
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.curves import curves_of, least_reserve
 

@@ -1,10 +1,8 @@
-"""What measuring yields: a setting for each reservation, beside how P1 and P2 were and what the host counted."""
+"""Where settings are measured: the test partitions P1 and P2, their setup, and the platform below them."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 from rarms_iac.model.host import ProviderKind, SchedulerType
-from rarms_iac.model.series import Series, join_series
 
 P1 = "rarms-p1"
 """The test partition of the components; what its mark calls it. No partition of a manifest may be called so."""
@@ -22,122 +20,6 @@ CONFINEMENT = f"P2 reserves all the rest, and has the weight {P2_WEIGHT}"
 
 GROUP_CONFINEMENT = "control groups P1 and P2 weigh what they reserve, and P2 reserves all the rest"
 """How P1 is held to CR on Linux, where weight beside a reserve has no meaning."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SettingEvidence:
-    """What a host's kernel counted while samples were taken: whether the setting was what it says."""
-
-    elapsed_ms: float = 0.0
-    cpu_ms: Mapping[str, float] = field(default_factory=dict)  # processor time by partition
-    throttled_ms: Mapping[str, float] = field(default_factory=dict)  # how long its quota held a partition back
-    stolen_ms: float = 0.0  # of all processors, by the machine below this one
-    waiting_ms: float | None = None  # how long something waited for a processor (PSI); None: not counted
-    # By partition, how long a ready virtual processor waits for a logical one; None: not counted.
-    dispatch_wait_ns: Mapping[str, float] | None = None
-    # By Hyper-V's names of counter set and counter, run times summed over processors; None: not counted.
-    hypervisor_ms: Mapping[str, float] | None = None
-    disturbances: tuple[str, ...] = ()  # of each try that was disturbed, this one included where it is the last
-
-    def since(self, before: "SettingEvidence") -> "SettingEvidence":
-        """Return what was counted since then.
-
-        Args:
-            before: the counters at some earlier moment.
-
-        Returns:
-            The differences.
-        """
-        waited = self.waiting_ms is not None and before.waiting_ms is not None
-        return replace(
-            self,
-            elapsed_ms=self.elapsed_ms - before.elapsed_ms,
-            cpu_ms={name: time - before.cpu_ms.get(name, 0.0) for name, time in self.cpu_ms.items()},
-            throttled_ms={name: time - before.throttled_ms.get(name, 0.0) for name, time in self.throttled_ms.items()},
-            stolen_ms=self.stolen_ms - before.stolen_ms,
-            waiting_ms=(self.waiting_ms or 0.0) - (before.waiting_ms or 0.0) if waited else None,
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Setting:
-    """One reservation of the test partition P1 with what was measured there."""
-
-    reserve: int  # CR: per cent of P1's own processors, 1..100
-    series: tuple[Series, ...]  # by component name
-    beside: int = 0  # what P2 reserved meanwhile: per cent of each of its processors
-    seed: int = 0  # that chance was drawn from, where the host draws it
-    evidence: SettingEvidence | None = None  # None: the host counts nothing
-    spent_ms: float | None = None  # of the host's time, with what was no sample; None: not recorded
-    processors: int = 0  # virtual ones of P1 meanwhile; 0: not recorded, so those of the log's `EnvironmentSetup`
-    used_processors: int | None = None  # the most that P1 was seen to use at once; None: that was not seen
-
-    @property
-    def host_ms(self) -> float:
-        """The host's time that was spent on it; where that was not recorded, the time of its samples."""
-        return self.spent_ms if self.spent_ms is not None else max(each.elapsed_ms for each in self.series)
-
-    @property
-    def has_verdict(self) -> bool:
-        """Whether its samples count: its host had settled, and nothing disturbed it in each of its tries."""
-        return not any(each.unsettled for each in self.series)
-
-
-def join_settings(settings: Iterable[Setting], *, simulated: bool) -> tuple[Setting, ...]:
-    """Join all that was measured at each reservation to one setting: one series of each component, in several runs.
-
-    Args:
-        settings: beside one load, in the order in which they were measured.
-        simulated: whether the host draws its samples from a seed: of those of one seed the longest run has all others.
-
-    Returns:
-        One setting a reservation, in the order in which these were first measured. What was disturbed or had not
-        settled is left out, where anything else is there.
-    """
-    by_reserve: dict[int, list[Setting]] = {}
-    for setting in settings:
-        by_reserve.setdefault(setting.reserve, []).append(setting)
-    return tuple(_join(_without_shorter(known) if simulated else known) for known in by_reserve.values())
-
-
-def _without_shorter(settings: Sequence[Setting]) -> list[Setting]:
-    longest: dict[int, Setting] = {}
-    for setting in settings:
-        known = longest.get(setting.seed)
-        if known is None or _length(setting) >= _length(known):
-            longest[setting.seed] = setting
-    return list(longest.values())
-
-
-def _length(setting: Setting) -> tuple[bool, int]:
-    return setting.has_verdict, min(len(series.samples) for series in setting.series)
-
-
-def _join(settings: Sequence[Setting]) -> Setting:
-    if len(settings) == 1:
-        return settings[0]
-    valid = [setting for setting in settings if setting.has_verdict] or settings[-1:]
-    parts: dict[str, list[Series]] = {}
-    for series in (series for setting in valid for series in setting.series):
-        parts.setdefault(series.component, []).append(series)
-    return replace(
-        valid[-1],
-        series=tuple(map(join_series, parts.values())),
-        spent_ms=sum(setting.host_ms for setting in settings),
-        used_processors=most_used(settings),
-    )
-
-
-def most_used(settings: Iterable[Setting]) -> int | None:
-    """Find the most processors that P1 was seen to use at once.
-
-    Args:
-        settings: in any order, of one log or several.
-
-    Returns:
-        None where no setting says it.
-    """
-    return max((setting.used_processors for setting in settings if setting.used_processors is not None), default=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,9 +10,10 @@ from typing import Protocol, runtime_checkable
 
 from rarms_iac.model.commands import Wording
 from rarms_iac.model.loads import Interference
-from rarms_iac.model.measurement import PlatformFacts, SettingEvidence
+from rarms_iac.model.measurement import PlatformFacts
 from rarms_iac.model.run import Elapsed, SampleCount
 from rarms_iac.model.series import Sample
+from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Component
 from rarms_iac.planner.task_classes import ClassValues

@@ -13,11 +13,11 @@ from itertools import accumulate
 from math import ceil, floor, inf, isfinite
 
 from rarms_iac.model.indexes import index_named
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.output import OpenBound
 from rarms_iac.model.run import Run
 from rarms_iac.model.series import Series
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.error_probability import LOOK_ERROR
 from rarms_iac.statistics.overload import estimate_of_setting

@@ -12,7 +12,6 @@ from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, me
 from rarms_iac.measuring.reporter import MeasuringReporter
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.indexes import index_named, show_bound, show_range, show_value
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
     Estimate,
     Missed,
@@ -26,6 +25,7 @@ from rarms_iac.model.outcomes import (
 )
 from rarms_iac.model.quantities import guaranteed, share_of_processors, show_processors
 from rarms_iac.model.series import MOST_SAMPLES, Series
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.error_probability import describe_error, describe_extreme
 from rarms_iac.statistics.verdicts import until_share

@@ -9,8 +9,8 @@ from typing import Any, NewType, get_args, get_type_hints
 import pytest
 
 from rarms_iac.model.journal import RunClosed, RunStarted, ScriptStarted, StepRecorded
-from rarms_iac.model.measurement import Setting, SettingEvidence
 from rarms_iac.model.plan import Plan
+from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.model.state import State
 from rarms_iac.providers.hyperv.observation import HostObservation
 from rarms_iac.providers.simulated.content import Content

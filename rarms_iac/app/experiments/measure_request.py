@@ -17,7 +17,6 @@ from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Host
 from rarms_iac.model.loads import BUSY_LOOP, Browser, could_take_all
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
     Conclusion,
     Missed,
@@ -31,6 +30,7 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import guaranteed
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.model.wording import in_a_row, natural_order, quoted, suggestion

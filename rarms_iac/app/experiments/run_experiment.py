@@ -34,9 +34,9 @@ from rarms_iac.measuring.strategies import Sweep, ThresholdCheck, apts_of, goal_
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.measurement import most_used
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource, processor_number
 from rarms_iac.model.quantities import show_duration
+from rarms_iac.model.setting import most_used
 from rarms_iac.model.state import Partition
 from rarms_iac.model.wording import counted
 from rarms_iac.planner.groups import groups_of

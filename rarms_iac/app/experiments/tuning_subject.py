@@ -15,9 +15,9 @@ from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import ThresholdCheck, apts_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import SettingFailed, Stopped, TooManyFailures
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
 from rarms_iac.planner import planning_findings

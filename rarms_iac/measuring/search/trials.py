@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, inf
 
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
     Missed,
     NoEstimate,
@@ -21,6 +20,7 @@ from rarms_iac.model.outcomes import (
 )
 from rarms_iac.model.run import Periodic, Run
 from rarms_iac.model.series import MOST_SAMPLES, Series
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import MeasuringLimits, Threshold
 from rarms_iac.statistics.curves import curves_of, holds
 from rarms_iac.statistics.error_probability import FIRST_LOOK

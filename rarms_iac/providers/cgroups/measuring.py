@@ -16,12 +16,13 @@ from rarms_iac.diff.readings import resolve
 from rarms_iac.model.commands import APPLY, PLAN, command, prose
 from rarms_iac.model.host import Host, SchedulerType
 from rarms_iac.model.loads import Interference, is_steady
-from rarms_iac.model.measurement import PlatformFacts, SettingEvidence
+from rarms_iac.model.measurement import PlatformFacts
 from rarms_iac.model.operations import Operation, WriteTaskClass
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Elapsed, SampleCount
 from rarms_iac.model.series import Sample
+from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
 from rarms_iac.model.system import Component, run_of
 from rarms_iac.planner.task_classes import ClassValues

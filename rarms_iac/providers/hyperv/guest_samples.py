@@ -4,10 +4,10 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
-from rarms_iac.model.measurement import SettingEvidence
 from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.run import Elapsed, Run, SampleCount
 from rarms_iac.model.series import Sample
+from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.system import run_of
 from rarms_iac.providers.measuring import Work
 from rarms_iac.running.reading import JobAnswer, Unreadable, answer_reader

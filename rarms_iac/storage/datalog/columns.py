@@ -11,8 +11,8 @@ from math import isnan, nan
 from types import NoneType
 from typing import cast
 
-from rarms_iac.model.measurement import Setting, SettingEvidence
 from rarms_iac.model.series import LARGEST_SAMPLE, SampleColumns, Series, columns_of
+from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode, in_range
 from rarms_iac.storage.datalog.log import Provenance, Recorded
 from rarms_iac.storage.ranges import range_of

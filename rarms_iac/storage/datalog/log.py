@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.measurement import EnvironmentSetup, PlatformFacts, Setting, join_settings
+from rarms_iac.model.measurement import EnvironmentSetup, PlatformFacts
+from rarms_iac.model.setting import Setting, join_settings
 
 FORMAT = "rarms-datalog/1"
 

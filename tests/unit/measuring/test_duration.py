@@ -9,9 +9,9 @@ from rarms_iac.measuring.duration import DurationBounds, expected_duration, sett
 from rarms_iac.measuring.methods import Method, Search
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Sweep
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.run import Elapsed, Run, SampleCount
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Threshold
 from tests.builders import a_component, a_run, a_simulation, a_system, at_least, at_most, milliseconds
 from tests.builders_measured import a_series, a_setting

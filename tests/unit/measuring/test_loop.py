@@ -9,9 +9,10 @@ import pytest
 from rarms_iac.measuring.search.trials import is_clear
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Sweep, goal_of
-from rarms_iac.model.measurement import P1, P2, Setting, SettingEvidence
+from rarms_iac.model.measurement import P1, P2
 from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SettingFailed, Stopped, Sufficient
 from rarms_iac.model.run import SampleCount
+from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.model.system import Threshold
 from rarms_iac.providers.simulated.measuring import Simulated
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine

@@ -14,8 +14,8 @@ from rarms_iac.measuring.loop import LoopResult
 from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.performance import shortfall_at, why_unsteady
 from rarms_iac.measuring.setup import Experiment, experiment_of
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Missed, Sufficient, Unsteady
+from rarms_iac.model.setting import Setting
 from rarms_iac.providers.simulated.measuring import Simulate
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 from rarms_iac.providers.simulated.scheduling.simulation import simulate as scheduled

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.model.measurement import Setting, join_settings
+from rarms_iac.model.setting import Setting, join_settings
 from rarms_iac.statistics.curves import Curve, components_not_shown, curve_of, highest_missed, holds, least_reserve
 from tests.builders import a_run, at_least, at_most
 from tests.measured import a_series, noisy

@@ -6,11 +6,11 @@ from fractions import Fraction
 
 import pytest
 
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Estimate, Met, Missed, NoEstimate, Overload, Unsteady
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Periodic, SampleCount
 from rarms_iac.model.series import Sample, Series
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.curves import curve_of, highest_missed
 from rarms_iac.statistics.error_probability import ERROR, LOOK_ERROR

@@ -9,10 +9,10 @@ import pytest
 from rarms_iac.app.experiments.measure import MeasureOutcome
 from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.measuring.setup import Experiment, experiment_of
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Stopped, Sufficient
 from rarms_iac.model.run import SampleCount
 from rarms_iac.model.series import Sample, Series
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import System
 from rarms_iac.views.console import LiveTable, live_console, render
 from rarms_iac.views.json_output import json_of

@@ -10,9 +10,9 @@ from rarms_iac.measuring.methods import Search, strategy_of
 from rarms_iac.measuring.search.bracketing import MOST, WIDTH
 from rarms_iac.measuring.search.crossings import crossings_of
 from rarms_iac.measuring.search.trials import Goal, Member, trials_of
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Conclusion, Measure, NotAchievable, NotResolved, Sufficient
 from rarms_iac.model.series import Sample, Series
+from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Threshold
 from tests.builders import a_run, at_least, at_most
 from tests.effort import examples

@@ -19,10 +19,10 @@ from rarms_iac.measuring.search.trials import (
     settings_below,
     trials_of,
 )
-from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Measure, Missed, NotAchievable, NotResolved, SearchStep, Sufficient
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Periodic, SampleCount
+from rarms_iac.model.setting import Setting
 from rarms_iac.statistics.error_probability import ERROR
 from tests.builders import a_run, at_most
 from tests.effort import examples
