@@ -19,7 +19,7 @@ from rarms_iac.app.select import BeyondMeasured, Selection
 from rarms_iac.cli.ending import Interrupted
 from rarms_iac.cli.messages import TerminalReporter, stopped, tell
 from rarms_iac.cli.session import Session
-from rarms_iac.model.commands import command, prose
+from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.planner.combining.oracle import Members
 from rarms_iac.storage.reading import STANDARD_INPUT
 from rarms_iac.views import questions
@@ -30,21 +30,19 @@ from rarms_iac.views.select import selection_text
 from rarms_iac.views.tune import TuningProgress, tuned_text
 
 
-def refuse_without_terminal(session: Session, source: ManifestSource) -> None:
+def refuse_without_terminal(session: Session, source: ManifestSource, advice: Wording) -> None:
     """Refuse to ask where there is no user to answer, or where the answer cannot be written into a file.
+
+    Args:
+        session: of the command.
+        source: the manifest that the answers change.
+        advice: what to do without a terminal.
 
     Raises:
         RequestError: There is no terminal, or the manifest is standard input.
     """
     if not session.terminal.answers:
-        raise RequestError(
-            "There is no terminal to ask at.",
-            prose(
-                "Leave --interactive out, and choose with ",
-                command("select", "COMPONENT", at="LEVEL"),
-                ".",
-            ),
-        )
+        raise RequestError("There is no terminal to ask at.", advice)
     refuse_standard_input(source)
 
 

@@ -75,7 +75,8 @@ def measure_command(
     if options.out is not None:
         raise RequestError("--out is for scripts: add --script.")
     if options.interactive:
-        refuse_without_terminal(session, source)
+        choose = prose("Leave --interactive out, and choose with ", command("select", "COMPONENT", at="LEVEL"), ".")
+        refuse_without_terminal(session, source, choose)
         request = replace(request, coarse=not (request.reserves or request.strategy != "default"))
     control = measuring_control(session, stop_partitions=stops)
     prompt = TerminalLevelPrompt(session) if options.interactive else None

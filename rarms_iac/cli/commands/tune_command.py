@@ -45,7 +45,7 @@ def tune_command(
         refuse_standard_input(source)
     stops = options.stops(on_busy_host=request.on_busy_host)
     if options.interactive:
-        refuse_without_terminal(session, source)
+        refuse_without_terminal(session, source, "Leave --interactive out: then each combination is measured unasked.")
     hosts = select_hosts(load_manifest(source), host_selection)
     prompt = TerminalTuningPrompt(session, asks=options.interactive)
     try:

@@ -60,6 +60,16 @@ def test_an_unknown_name_is_refused_before_a_missing_terminal(tmp_path: Path) ->
     assert all("nosuch" in answer.err and "terminal" not in answer.err for answer in answers)
 
 
+@pytest.mark.parametrize(("command", "advice"), [("measure", "rarms select COMPONENT"), ("tune", "measured unasked")])
+def test_without_a_terminal_interactive_says_what_to_do_instead(tmp_path: Path, command: str, advice: str) -> None:
+    assert rarms("init", str(tmp_path), "--name", "robot").code == 0
+    with chdir(tmp_path):
+        refused = rarms(command, "--interactive")
+
+    assert refused.code == ExitCode.USAGE
+    assert advice in " ".join(refused.err.split())
+
+
 def test_the_answer_q_ends_with_0(tmp_path: Path) -> None:
     assert rarms("init", str(tmp_path), "--name", "robot").code == 0
     with chdir(tmp_path):
