@@ -16,16 +16,18 @@ from rarms_iac.app.report_model import Report
 from rarms_iac.app.scripts import ScriptSince
 from rarms_iac.app.status import HostOverview, NextCommand, PartitionStatus
 from rarms_iac.model.commands import plain_text, sentences
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import index_named, show_threshold
+from rarms_iac.model.plan import Plan
 from rarms_iac.model.quantities import share_of_processors, show_processors
 from rarms_iac.model.wording import natural_order
 from rarms_iac.studio.actions import Workspace
 from rarms_iac.studio.knowledge import Knowledge
 from rarms_iac.views.console import UNLIMITED, render
-from rarms_iac.views.plan import plan_text
+from rarms_iac.views.plan import differences_of, disruption_of, plan_text, summary
 from rarms_iac.views.reports.html import render_page
 from rarms_iac.views.reports.page import on_page
-from rarms_iac.views.reports.table import show_cell
+from rarms_iac.views.reports.table import Column, Table, show_cell
 from rarms_iac.views.reports.tables import levels_of_component
 from rarms_iac.views.scripts import difference_text
 from rarms_iac.views.status import describe_partition, history_rows
@@ -78,7 +80,10 @@ class PlanOnPage:
     """The plan that was made last on the page."""
 
     id: str
-    text: str
+    text: str  # all of it, as a terminal shows it
+    summary: str
+    changes: Table
+    steps: Table  # in this order
     scripts: tuple[tuple[str, str, str, str], ...]  # name, text, plan that was applied last, difference to it
     has_steps: bool
     changed: tuple[str, ...]  # that the manifest has changed since
@@ -141,12 +146,7 @@ def page_of(known: Knowledge, workspace: Workspace, *, version: str, manifest_op
     Returns:
         HTML in UTF-8.
     """
-    report = known.report or Report(
-        application=known.manifest.system.application.name if known.manifest else "",
-        description="",
-        measurements=(),
-        capacities=(),
-    )
+    report = _report(known)
     overview = known.overview
     studio = StudioOnPage(
         version=version,
@@ -163,7 +163,24 @@ def page_of(known: Knowledge, workspace: Workspace, *, version: str, manifest_op
         history=tuple(_history(known)),
         has_manifest=known.manifest is not None,
     )
-    return render_page(report, findings=known.findings, style="", script="", policy="", studio=studio)
+    return render_studio(report, known.findings, studio)
+
+
+def render_studio(report: Report, findings: Sequence[Diagnostic], studio: StudioOnPage) -> bytes:
+    """Fill the template in: HTML in UTF-8.
+
+    Args:
+        report: what was measured.
+        findings: of the application.
+        studio: what the server adds.
+    """
+    return render_page(report, findings=findings, style="", script="", policy="", studio=studio)
+
+
+def _report(known: Knowledge) -> Report:
+    """An empty one where nothing could be read."""
+    name = known.manifest.system.application.name if known.manifest else ""
+    return known.report or Report(application=name, description="", measurements=(), capacities=())
 
 
 def _host(host: HostOverview) -> HostOnPage:
@@ -237,11 +254,37 @@ def _plan(known: Knowledge, workspace: Workspace, manifest_options: str) -> Plan
     notes = changed_manifest(plan, workspace.source)
     return PlanOnPage(
         id=plan.id,
+        summary=summary(plan),
+        changes=Table(columns=CHANGES, rows=tuple(_changes(plan))),
+        steps=Table(columns=STEPS, rows=tuple(_steps(plan))),
         text=render(plan_text(plan, sources=known.sources, verbose=True), UNLIMITED, manifest=manifest_options),
         scripts=tuple(_script(since) for since in workspace.scripts),
         has_steps=any(part.steps for part in plan.hosts),
         changed=tuple(plain_text(sentences(note.detail, note.advice), manifest_options) for note in notes),
     )
+
+
+CHANGES = tuple(Column(title=title) for title in ("Change", "Host", "Kind", "What differs", "What it disturbs", "Why"))
+STEPS = tuple(Column(title=title) for title in ("Step", "Host", "Of", "What is done"))
+
+
+def _changes(plan: Plan) -> Iterator[tuple[str, ...]]:
+    for part in plan.hosts:
+        for change in part.changes:
+            yield (
+                str(change.address),
+                part.name,
+                change.action,
+                differences_of(change, part),
+                disruption_of(change, part) or "nothing: it is live",
+                change.reason.message,
+            )
+
+
+def _steps(plan: Plan) -> Iterator[tuple[str, ...]]:
+    for part in plan.hosts:
+        for number, step in enumerate(part.steps, 1):
+            yield f"{number} of {len(part.steps)}", part.name, str(step.address), step.title
 
 
 def _script(since: ScriptSince) -> tuple[str, str, str, str]:

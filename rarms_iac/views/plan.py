@@ -287,7 +287,7 @@ def _row(change: Create | Delete, part: HostPlan, classes: Mapping[str, Sequence
         _name(change, part),
         show_processors(reserved),
         show_bytes(settings.memory),
-        note if isinstance(change, Create) else _note(change, part),
+        note if isinstance(change, Create) else disruption_of(change, part),
     )
 
 
@@ -299,16 +299,18 @@ def _name(change: Change, part: HostPlan) -> "Text":
 
 def _line(change: Change, part: HostPlan) -> "RenderableType":
     """`~ vision  reserve 0.7 LP -> 0.4 LP; stopped for up to 60 s to shut down, then for its start`."""
-    differing = [attribute for attribute in attributes_of(change, part.facts) if attribute.differs]
-    differences = ", ".join(f"{attribute.name} {_value(attribute)}" for attribute in differing)
-    if isinstance(change, Create | Delete):
-        differences = ""
-    note = _note(change, part)
-    text = "; ".join(words for words in (differences, note) if words)
+    differences = "" if isinstance(change, Create | Delete) else differences_of(change, part)
+    text = "; ".join(words for words in (differences, disruption_of(change, part)) if words)
     return paragraph(styled(_name(change, part), "  ", text), indent=2, more=4)
 
 
-def _note(change: Change, part: HostPlan) -> str:
+def differences_of(change: Change, part: HostPlan) -> str:
+    """The attributes that a change of this host makes different: `reserve 0.7 LP -> 0.4 LP`, after commas."""
+    differing = [attribute for attribute in attributes_of(change, part.facts) if attribute.differs]
+    return ", ".join(f"{attribute.name} {_value(attribute)}" for attribute in differing)
+
+
+def disruption_of(change: Change, part: HostPlan) -> str:
     """What the change disturbs on this host, and for how long."""
     if change.address.task:
         created = any(
@@ -351,7 +353,7 @@ def is_part_of(step: Step, change: Change) -> bool:
 
 
 def _full_change(change: Change, part: HostPlan) -> "Iterator[RenderableType]":
-    note = _note(change, part)
+    note = disruption_of(change, part)
     yield paragraph(
         styled(_name(change, part), f", {note}" if note else "", _at(change.reason.place)), indent=2, more=4
     )

@@ -153,7 +153,7 @@ def test_a_session_from_an_empty_folder_to_a_proven_plan(browser: "WebDriver", t
     with studio(folder) as served:
         looks(browser, width=1200)
         browser.get(served.address)
-        waits_for(browser, "return location.pathname.endsWith('/') && document.getElementById('components')")
+        waits_for(browser, ALIVE)
 
         browser.find_element("css selector", "[data-measure=control]").click()
         assert waits_for_end(browser, "rarms measure control") == "ended."
@@ -204,6 +204,165 @@ def test_a_session_from_an_empty_folder_to_a_proven_plan(browser: "WebDriver", t
     assert messages_of_errors(browser) == []
 
 
+FOCUSED = "const {id, dataset, className} = document.activeElement; return {id, className, ...dataset}"
+
+
+def tabs_to(page: "WebDriver", within: str = "", **wanted: str) -> None:
+    """Tab by Tab, as without a mouse, until such an element has the focus."""
+    from selenium.webdriver import ActionChains, Keys
+
+    inside = "return document.activeElement.closest(arguments[0]) !== null"
+    for _ in range(400):
+        focused = page.execute_script(FOCUSED)
+        if wanted.items() <= focused.items() and (not within or page.execute_script(inside, within)):
+            return
+        ActionChains(page).send_keys(Keys.TAB).perform()
+    raise AssertionError(f"no Tab reaches {wanted} {within}")
+
+
+def test_a_session_by_keys_alone(browser: "WebDriver", tmp_path: Path) -> None:
+    from selenium.webdriver import ActionChains, Keys
+
+    def presses(*keys: str) -> None:
+        ActionChains(browser).send_keys(*keys).perform()
+
+    rarms(tmp_path, "init")
+    manifest = tmp_path / "rarms.yaml"
+    before = manifest.read_text(encoding="utf-8")
+    name = json.loads(rarms(tmp_path, "status", "--json"))["application"]
+    with studio(tmp_path) as served:
+        opens(browser, served)
+        tabs_to(browser, measure="control")
+        presses(Keys.ENTER)
+        assert waits_for_end(browser, "rarms measure control") == "ended."
+        waits_for(browser, "return document.getElementById('m1-1-line')")
+
+        tabs_to(browser, id="m1-1-line")
+        presses(Keys.ARROW_DOWN * 3, Keys.PAGE_DOWN)
+        level = browser.execute_script("return document.activeElement.getAttribute('aria-valuenow')")
+        assert 0 < float(level) < 50
+        tabs_to(browser, preview="m1")
+        presses(Keys.ENTER)
+        waits_for(browser, "return document.querySelector('#m1 .edit:not([hidden]) .write:not([hidden])')")
+        tabs_to(browser, "#m1 .edit", className="write")
+        presses(Keys.ENTER)
+        waits_for(
+            browser, "return document.getElementById('components').textContent.includes(arguments[0])", f"{level} ms"
+        )
+        assert manifest.read_text(encoding="utf-8") == before.replace("at_most: 50 ms", f"at_most: {level} ms")
+
+        tabs_to(browser, "#plan button")
+        presses(Keys.ENTER)
+        assert waits_for_end(browser, "rarms plan") == "ended."
+        waits_for(browser, "return document.getElementById('apply-application')")
+        tabs_to(browser, id="apply-application")
+        presses(name, Keys.ENTER)
+        assert waits_for_end(browser, "rarms apply") == "ended."
+        tabs_to(browser, id="prove-load_host")
+        presses(Keys.SPACE)
+        tabs_to(browser, "#prove button")
+        presses(Keys.ENTER)
+        assert waits_for_end(browser, "rarms prove --load-host") == "ended."
+        waits_for(browser, "return document.getElementById('proof')")
+        tabs_to(browser, "#m1 summary")
+        presses(Keys.ENTER)
+        tabs_to(browser, setting="0")
+        presses(Keys.ENTER)
+        assert "response times at a reserve of" in shown(browser, "m1-1-samples")
+    status = json.loads(rarms(tmp_path, "status", "--json"))
+    assert {proof["met"] for proof in status["proofs"]} == {True}
+
+
+def test_a_setting_is_measured_and_its_samples_and_the_scripts_difference_are_shown(
+    browser: "WebDriver", tmp_path: Path
+) -> None:
+    rarms(tmp_path, "init")
+    rarms(tmp_path, "measure", "control")
+    rarms(tmp_path, "apply", "--auto-approve")
+    manifest = tmp_path / "rarms.yaml"
+    text = manifest.read_text(encoding="utf-8")
+    manifest.write_text("memory: 768 MiB".join(text.rsplit("memory: 512 MiB", 1)), encoding="utf-8", newline="\n")
+    with studio(tmp_path) as served:
+        opens(browser, served)
+        waits_for(browser, "return document.getElementById('m1-setting') !== null")
+        browser.find_element("id", "measure-stop_partitions").click()
+        types(browser, "m1-setting", "77")
+        assert waits_for_end(browser, "rarms measure control --from 77% --to 77% --stop-partitions") == "ended."
+        row = (
+            "return [...document.querySelectorAll('#m1 [data-setting]')].find((each) => /77 %/.test(each.textContent))"
+        )
+        waits_for(browser, row)
+        browser.execute_script("document.querySelectorAll('#m1 details').forEach((each) => (each.open = true))")
+        browser.execute_script(row).click()
+        assert "at a reserve of 77 %" in shown(browser, "m1-1-samples")
+        bars = browser.find_elements("css selector", "#m1-1-samples rect")
+        assert any(bar.size["height"] > 0 for bar in bars)
+        browser.find_element("css selector", "#m1 .dot").click()
+        assert "at a reserve of 77 %" not in shown(browser, "m1-1-samples")
+
+        button(browser, "plan").click()
+        assert waits_for_end(browser, "rarms plan") == "ended."
+        waits_for(browser, "return document.getElementById('the-plan') !== null")
+        rows = browser.find_elements("css selector", "#the-plan tbody tr")
+        assert any("display" in row.text and "memory 512 MiB -> 768 MiB" in row.text for row in rows)
+        assert any(row.text.startswith("1 of ") for row in rows), "the steps in their order"
+        browser.find_element("css selector", "#the-plan details:nth-of-type(2) summary").click()
+        script = browser.find_element("css selector", "#the-plan details[open]").text
+        assert "which was applied last" in script
+        assert "- partition/display, step 4: start it" in script
+        keeps(browser, "script")
+
+
+NASTY = "</pre><img src=x onerror='window.hit=1'><script>window.hit=1</script>"
+
+
+def test_hostile_text_that_comes_by_script_is_text(browser: "WebDriver", tmp_path: Path) -> None:
+    rarms(tmp_path, "init")
+    rarms(tmp_path, "measure", "control")
+    manifest = tmp_path / "rarms.yaml"
+    text = manifest.read_text(encoding="utf-8").replace("      mean_response", f"      # {NASTY}\n      mean_response")
+    text = text.replace("# description: What it is for, in a sentence.", f'description: "{NASTY}"')
+    manifest.write_text(text, encoding="utf-8", newline="\n")
+    elements = "return [window.hit ?? 0, document.querySelectorAll('img, script:not([type])').length]"
+    with studio(tmp_path) as served:
+        opens(browser, served)
+        assert NASTY in browser.find_element("tag name", "header").text
+        browser.find_element("id", "m1-1-line").send_keys("\ue015")  # arrow down
+        browser.find_element("css selector", "[data-preview=m1]").click()
+        waits_for(browser, "return document.querySelector('#m1 .edit:not([hidden])')")
+        assert NASTY in browser.find_element("css selector", "#m1 .difference").text
+        button(browser, "plan").click()
+        assert waits_for_end(browser, "rarms plan") == "ended."
+        waits_for(browser, "return document.getElementById('apply-application')")
+        types(browser, "apply-application", NASTY)
+        assert waits_for_end(browser, "rarms apply") == "ended with problems."
+        assert "window.hit=1" in shown(browser, "work-lines")
+        assert browser.execute_script(elements) == [0, 0]
+
+
+def test_a_browser_that_is_closed_and_opened_again_finds_what_runs(slow: Path, tmp_path: Path) -> None:
+    with studio(slow) as served:
+        with chromium(tmp_path / "profile") as first:
+            opens(first, served)
+            button(first, "measure").click()
+            waits_for(first, "return document.getElementById('work-rows').textContent.includes('samples')")
+        recorded = settings_in(slow)
+        until = time.monotonic() + LONGEST
+        while settings_in(slow) <= recorded + 1:
+            assert time.monotonic() < until, "the run goes on"
+            time.sleep(0.1)
+        with chromium(tmp_path / "profile") as again:
+            opens(again, served)  # by the first address, whose token was used
+            waits_for(again, "return document.getElementById('work-status').textContent === 'runs.'")
+            assert shown(again, "work-command") == "rarms measure"
+            again.find_element("id", "work-stop").click()
+            assert waits_for_end(again, "rarms measure") == "was stopped."
+        with chromium(tmp_path / "another") as another:
+            for address in (served.address, served.page):
+                another.get(address)
+                waits_for(another, "return document.body.textContent.includes('403')")
+
+
 def messages_of_errors(page: "WebDriver") -> list[str]:
     """What the browser complained of, but for the server that was closed, and answers that say no."""
     return [text for text in messages(page, "browser") if not re.search(r"ERR_|status of 409", text)]
@@ -224,10 +383,14 @@ def settings_in(folder: Path) -> int:
     return sum(path.read_text(encoding="utf-8").count('\n{"reserve"') for path in logs)
 
 
+ALIVE = "return document.getElementById('components') !== null && document.readyState === 'complete'"
+"""Its scripts have run: what is pressed before that is lost."""
+
+
 def opens(page: "WebDriver", served: Studio) -> None:
     looks(page, width=1200)
     page.get(served.address)
-    waits_for(page, "return location.pathname.endsWith('/') && document.getElementById('components')")
+    waits_for(page, ALIVE)
 
 
 def test_a_measurement_is_stopped_in_the_middle_and_goes_on(browser: "WebDriver", slow: Path) -> None:

@@ -1,0 +1,106 @@
+"""What a server adds to the page: no text in any of its fields becomes markup."""
+
+from dataclasses import dataclass, fields, is_dataclass, replace
+from html.parser import HTMLParser
+from typing import Any
+
+from rarms_iac.app.status import NextCommand
+from rarms_iac.model.commands import command
+from rarms_iac.model.diagnostics import Finding
+from rarms_iac.studio.page import (
+    CHANGES,
+    STEPS,
+    BarPart,
+    ComponentOnPage,
+    HostOnPage,
+    PlanOnPage,
+    StudioOnPage,
+    render_studio,
+)
+from rarms_iac.views.reports.table import Table
+from tests.unit.views.reports.test_html import REPORT
+
+NASTY = "</script></textarea></pre><script>alert(1)</script><img src=x onerror=alert(1)> \" ' & \u2028 {{ 7 * 7 }}"
+
+PLAN = PlanOnPage(
+    id="x",
+    text="x",
+    summary="x",
+    changes=Table(columns=CHANGES, rows=(("x",) * len(CHANGES),)),
+    steps=Table(columns=STEPS, rows=(("x",) * len(STEPS),)),
+    scripts=(("x", "x", "x", "x"),),
+    has_steps=True,
+    changed=("x",),
+)
+STUDIO = StudioOnPage(
+    version="x",
+    application="x",
+    read_only=False,
+    manifest_options="x",
+    hosts=(
+        HostOnPage(
+            name="x",
+            sentence="x",
+            parts=(BarPart(kind="x", start="x", width="x", title="x"),),
+            partitions=(("x", "x", "x", "x"),),
+            problems=("x",),
+        ),
+    ),
+    components=(
+        ComponentOnPage(name="x", criticality=1, apt=("x",), reserve="x", share="x", verdicts=("x",)),
+    ),
+    next_command=NextCommand(command=command("x"), reason="x"),
+    unfinished=True,
+    plan=PLAN,
+    history=(("x",) * 7,),
+    has_manifest=True,
+)  # fmt: skip
+
+
+def with_texts(value: Any, text: str) -> Any:
+    """The value with this text in the place of each text in it."""
+    if isinstance(value, str):
+        return text
+    if isinstance(value, tuple):
+        return tuple(with_texts(each, text) for each in value)
+    if is_dataclass(value) and not isinstance(value, type):
+        return replace(value, **{each.name: with_texts(getattr(value, each.name), text) for each in fields(value)})
+    return value
+
+
+@dataclass(slots=True)
+class Content:
+    """Elements with the names of their attributes, and all text."""
+
+    elements: list[tuple[str, list[str]]]
+    texts: list[str]
+
+
+class Reader(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.content = Content([], [])
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.content.elements.append((tag, [name for name, _ in attrs]))
+        self.content.texts += [value for _, value in attrs if value]
+
+    def handle_data(self, data: str) -> None:
+        self.content.texts.append(data)
+
+
+def content(text: str) -> Content:
+    finding = Finding.error("RARMS999", "x").at(None, text, text, values={"x": text})
+    reader = Reader()
+    reader.feed(render_studio(REPORT, (finding,), with_texts(STUDIO, text)).decode())
+    reader.close()
+    return reader.content
+
+
+def test_text_in_any_field_becomes_neither_element_nor_attribute() -> None:
+    plain, nasty = content("x"), content(NASTY)
+
+    assert nasty.elements == plain.elements
+    shown = NASTY.replace("\u2028", "<U+2028>")
+    assert sum(shown in text for text in nasty.texts) > 60, "all of it is there to be read"
+    assert not any("\u2028" in text for text in nasty.texts)
