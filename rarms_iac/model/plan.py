@@ -191,7 +191,7 @@ class HostPlan:
 
 _SEEN = ("can_be_asked", "checkpoints", "foreign_mark", "guest_build", "id", "mark", "other_notes", "sharing", "ties")
 FILE_WORDS = (
-    *("accepted", "findings", "needs_key", "placement", "today"),
+    *("accepted", "counts.held_back", "findings", "needs_key", "placement", "today"),
     *(f"hosts.*.changes.*.{side}.*.{name}" for side in ("after", "before") for name in _SEEN),
     "hosts.*.changes.*.reason",
     *(f"hosts.*.{name}" for name in ("components", "held_back", "mechanisms", "serial", "stopped", "threads")),

@@ -95,7 +95,7 @@ class RealFileEffects:
     """The file system of this machine."""
 
     def make_folder(self, folder: Path) -> None:
-        folder.mkdir(exist_ok=True)
+        folder.mkdir(mode=0o775, exist_ok=True)  # under any umask: what others may write, rarms would believe
         give(folder, folder.parent.stat())
 
     def write(self, path: Path, data: bytes) -> None:
@@ -190,7 +190,7 @@ def open_to_write(path: Path, flags: int = 0) -> int:
     """
     check_target(path)
     safe = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-    handle = os.open(path, os.O_RDWR | safe | flags, 0o666)
+    handle = os.open(path, os.O_RDWR | safe | flags, 0o664)
     if not stat.S_ISREG(os.fstat(handle).st_mode):  # it came between the check and the opening
         os.close(handle)
         raise NotOurFile(path, "not a regular file")

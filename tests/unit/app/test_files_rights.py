@@ -7,6 +7,7 @@ import pytest
 
 from rarms_iac.app.files import write_file
 from tests.needs import require
+from tests.unit.cli.running import rarms
 
 NOBODY = 65534
 
@@ -21,6 +22,26 @@ def test_a_file_that_is_replaced_keeps_its_rights(tmp_path: Path, mode: int) -> 
     write_file(str(file), b"new")
 
     assert file.stat().st_mode & 0o777 == mode
+
+
+@pytest.mark.needs("posix")
+@pytest.mark.parametrize("mask", [0, 0o002, 0o022, 0o077])
+def test_others_may_write_nothing_that_is_kept_below_a_checkout_under_any_umask(tmp_path: Path, mask: int) -> None:
+    manifest = "schema: rarms/v1\napplication: { name: cell }\n"
+    manifest += "hosts: { onboard: { logical_processors: 2, memory: 4 GiB } }\n"
+    Path(tmp_path, "rarms.yaml").write_text(
+        manifest + "components: { vision: { criticality: 1, memory: 64 MiB, cpu: { reserve: 10 % } } }\n", "utf-8"
+    )
+    before = os.umask(mask)
+    try:
+        answer = rarms("apply", "-f", str(tmp_path / "rarms.yaml"), "--auto-approve")
+    finally:
+        os.umask(before)
+
+    made = [path for path in tmp_path.rglob("*") if path.name != "rarms.yaml"]
+    assert answer.code == 0, answer.err
+    assert {"onboard.json", "onboard.journal.jsonl"} <= {path.name for path in made}
+    assert [path for path in made if path.stat().st_mode & 0o002] == []
 
 
 @pytest.mark.needs("posix")
