@@ -9,9 +9,10 @@ from dataclasses import replace
 
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.diff.compare_partitions import neither_off_nor_running
-from rarms_iac.model.changes import Address, Adopt, Reason, Release, Update
+from rarms_iac.model.changes import Address, Adopt, Delete, Reason, Release, Update
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
+from rarms_iac.model.measurement import TEST_PARTITIONS
 from rarms_iac.model.state import Mark, Partition, RunState, StartAction, State, StoppedBy
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import natural_order, quoted, suggestion
@@ -53,8 +54,10 @@ def stop_changes(
 
 def start_changes(
     state: State, request: PlanRequest, locate: Locator
-) -> tuple[tuple[Update, ...], tuple[Diagnostic, ...]]:
+) -> tuple[tuple[Update | Delete, ...], tuple[Diagnostic, ...]]:
     """Find what has to change so that partitions run that rarms stopped.
+
+    Test partitions that a killed measurement left hold what these need: they are removed.
 
     Args:
         state: the host as observed.
@@ -64,7 +67,7 @@ def start_changes(
     Returns:
         As `stop_changes`.
     """
-    changes: list[Update] = []
+    changes: list[Update | Delete] = list(_left_test_partitions(state, request))
     findings: list[Diagnostic] = []
     for address, before in _partitions(state, request):
         assert before.mark is not None
@@ -80,6 +83,17 @@ def start_changes(
         else:
             changes.append(_update(address, before, _started(before), "rarms start", locate))
     return tuple(changes), tuple(findings)
+
+
+def _left_test_partitions(state: State, request: PlanRequest) -> Iterator[Delete]:
+    for partition in state.of(request.application).partitions:
+        if partition.mark is not None and partition.mark.name in TEST_PARTITIONS:
+            yield Delete(
+                address=Address(partition=partition.mark.name, machine=partition.id),
+                before=partition,
+                reason=Reason(message="a measurement that was killed left it"),
+                disruption=Disruption.PARTITION_STOP,
+            )
 
 
 def _partitions(state: State, request: PlanRequest) -> Iterator[tuple[Address, Partition]]:
