@@ -104,7 +104,7 @@ MEMBERS = READING_MEMBERS | words(
     Robot Set SetLength
     SetSecurityDescriptorSddlForm ShouldProcess Sort Status Step Substring ThreadsPerCore ToString Undo
     UndoDigest Undoes UserName UtcNow WaitOne Write WriteAllText closing data kind number plan record run
-    application history serials set started_at started_by status touched
+    application history robot serials set started_at started_by status touched
     CPUWaitTimePerDispatch CPUWaitTimePerDispatch_Base Combine Elapsed ElapsedMilliseconds EnvironmentVariables
     Exists ExitCode Folder FromBase64String GetDirectoryName GetTempPath HasExited Image Job Kill Limit Machine
     Partition PercentGuestRunTime PercentHypervisorRunTime PercentTotalRunTime

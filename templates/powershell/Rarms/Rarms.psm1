@@ -687,10 +687,11 @@ function Clear-Journal {
     $last = $script:Started
     if ($null -eq $last) { return }
     $closing = if ($script:Closing) { $script:Closing } else { $null }
+    $robot = if ($null -eq $last.PSObject.Properties['robot']) { '' } else { $last.robot } # an early version wrote none
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $script:StartedAt; closing = $closing; robot = $last.robot
+        started_at = $script:StartedAt; closing = $closing; robot = $robot
     }
     $script:Touched.Clear()
     foreach ($number in @(if ($script:Plan.Run -ceq 'undo') { $script:Recorded.Keys })) {

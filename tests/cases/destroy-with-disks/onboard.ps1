@@ -26,7 +26,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 5e0288e3b0a44e1adbd9d3a1fbd15296a864729394e7dc2158f0e444af5473eb, Rarms.psm1 B3853F66DC604260EBE76B99F398883FC291559A09AD0B124D3F088162E272E3.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo b2b3b191bf4957079c0876e781e177131c4fa75e464efb26ffd2403755a6afe2, Rarms.psm1 B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6.
 #>
 
 #Requires -Version 5.1
@@ -43,7 +43,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'e02322927e52'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '5e0288e3b0a44e1adbd9d3a1fbd15296a864729394e7dc2158f0e444af5473eb'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'b2b3b191bf4957079c0876e781e177131c4fa75e464efb26ffd2403755a6afe2'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -105,7 +105,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'B3853F66DC604260EBE76B99F398883FC291559A09AD0B124D3F088162E272E3'
+    'Rarms.psm1' = 'B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 4e484b4a1c9a9425859f2f220c7cd071dc385b9a4f29d0cef198be0a2a2dc3ca, Rarms.psm1 B3853F66DC604260EBE76B99F398883FC291559A09AD0B124D3F088162E272E3.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 1e5f2537598c0f0a879b3ea4fc69103efb105523c8b0a9ea24a6255ea03a8f6b, Rarms.psm1 B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '292111dc5a6d'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '4e484b4a1c9a9425859f2f220c7cd071dc385b9a4f29d0cef198be0a2a2dc3ca'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '1e5f2537598c0f0a879b3ea4fc69103efb105523c8b0a9ea24a6255ea03a8f6b'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -68,7 +68,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'B3853F66DC604260EBE76B99F398883FC291559A09AD0B124D3F088162E272E3'
+    'Rarms.psm1' = 'B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

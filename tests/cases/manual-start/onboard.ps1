@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e325b8ae00e7, rarms 0.1.0. SHA-256: the undo 4e0fb6fe114cb35035b2711eea7f4756addbce4c64a9df7563f35f56e5009994, Rarms.psm1 B3853F66DC604260EBE76B99F398883FC291559A09AD0B124D3F088162E272E3.
+    Manifest e325b8ae00e7, rarms 0.1.0. SHA-256: the undo f55d3c982d88882481a004c135e69f50c7b170ed6e819fd8eea55c9558f75ae5, Rarms.psm1 B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ae29dab6d115'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '4e0fb6fe114cb35035b2711eea7f4756addbce4c64a9df7563f35f56e5009994'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'f55d3c982d88882481a004c135e69f50c7b170ed6e819fd8eea55c9558f75ae5'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -87,7 +87,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'B3853F66DC604260EBE76B99F398883FC291559A09AD0B124D3F088162E272E3'
+    'Rarms.psm1' = 'B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 62828619c61e, rarms 0.1.0. SHA-256: the undo a01b2d2c283dfa67f962c3fd7bdd82c759a46cf382a1592a047e2e98838ec935, Rarms.psm1 B3853F66DC604260EBE76B99F398883FC291559A09AD0B124D3F088162E272E3.
+    Manifest 62828619c61e, rarms 0.1.0. SHA-256: the undo f276940453b8794a30dbd4e8b45ff59f576d4514f370bf8ea08ad67872551698, Rarms.psm1 B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6.
     Accepted: RARMS159 The host's scheduler does not honour reserves, onboard runs the root scheduler: reserve, limit and weight of vision would be stored without effect.
 #>
 
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'dc81d5d49dc0'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'a01b2d2c283dfa67f962c3fd7bdd82c759a46cf382a1592a047e2e98838ec935'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'f276940453b8794a30dbd4e8b45ff59f576d4514f370bf8ea08ad67872551698'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $true
     }
@@ -69,7 +69,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'B3853F66DC604260EBE76B99F398883FC291559A09AD0B124D3F088162E272E3'
+    'Rarms.psm1' = 'B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

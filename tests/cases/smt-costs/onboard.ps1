@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 79525f5cadc23762a4c06fe691000d4ada05403b7cb2333e9216168f73e81f33, Rarms.psm1 B3853F66DC604260EBE76B99F398883FC291559A09AD0B124D3F088162E272E3.
+    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 47fa15ce444a6729c124d46fcbda1ac96dfddf3b6e8efcb6726f0d6749384aaa, Rarms.psm1 B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6.
 #>
 
 #Requires -Version 5.1
@@ -41,7 +41,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '91988e6a8f9d'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '79525f5cadc23762a4c06fe691000d4ada05403b7cb2333e9216168f73e81f33'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '47fa15ce444a6729c124d46fcbda1ac96dfddf3b6e8efcb6726f0d6749384aaa'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 8; Cores = 4; ThreadsPerCore = 2; Percent = 800; Memory = 17179869184; AcceptScheduler = $false
     }
@@ -114,7 +114,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'B3853F66DC604260EBE76B99F398883FC291559A09AD0B124D3F088162E272E3'
+    'Rarms.psm1' = 'B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

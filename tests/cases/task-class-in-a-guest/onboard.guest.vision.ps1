@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.guest.vision.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 219030c29ae5bf6ac54e3ec5a3824f2f6efcbc4980926f3f54e8ecac140bb38f, Rarms.psm1 B3853F66DC604260EBE76B99F398883FC291559A09AD0B124D3F088162E272E3.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo d55eead946c10f6b7ebe6192475e4cc61b85ce904e96e17caf3936105c958fd9, Rarms.psm1 B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1fe5fc6a41cd'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '219030c29ae5bf6ac54e3ec5a3824f2f6efcbc4980926f3f54e8ecac140bb38f'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = 'd55eead946c10f6b7ebe6192475e4cc61b85ce904e96e17caf3936105c958fd9'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: what the guest holds is not known here: its own record decides; threads see it when it restarts (rarms.yaml:12:65)
@@ -65,7 +65,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'B3853F66DC604260EBE76B99F398883FC291559A09AD0B124D3F088162E272E3'
+    'Rarms.psm1' = 'B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
