@@ -151,7 +151,7 @@ def test_twenty_robots_are_planned_and_applied_and_broken_ones_fail_alone(fleet:
     checked = fleet.play(APPLY, options=("--check", "--diff"))
     assert checked.with_status("failed") == ["w-damaged", "w-full", "w-key"]
     assert checked.changed == [*whole, "w-fault"]
-    assert [entry["before_header"] for entry in checked.results["r-00"]["diff"]] == ["partition/vision"]
+    assert [entry["before_header"] for entry in checked.results["r-00"]["diff"]] == ["r-00 partition/vision"]
     assert "reserve: 0.5 LP\n" in checked.results["r-00"]["diff"][0]["after"]
 
     applied = fleet.play(APPLY)

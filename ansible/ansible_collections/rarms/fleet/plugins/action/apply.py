@@ -85,7 +85,9 @@ class ActionModule(RobotAction):
     def _planned(self, plan: Plan) -> Result:
         result: Result = {"plan": json_value(plan), "has_changes": plan.has_changes}
         if self._task.diff:
-            result["diff"] = [_difference(change, part.facts) for part in plan.hosts for change in part.changes]
+            result["diff"] = [
+                _difference(change, part.facts, plan.robot) for part in plan.hosts for change in part.changes
+            ]
         return result
 
     def _ended(self, report: RunReport) -> Result:
@@ -136,9 +138,9 @@ def _reviewed(robot: Robot, file: str) -> Plan:
     return plan
 
 
-def _difference(change: Any, facts: Any) -> Result:
+def _difference(change: Any, facts: Any, robot: str) -> Result:
     """A change in the words of `rarms plan`."""
-    header = str(change.address)
+    header = f"{robot} {change.address}".strip()
     texts = attributes_of(change, facts)
     before, after = (
         "".join(f"{text.name}: {value}\n" for text in texts if (value := getattr(text, side)) is not None)
