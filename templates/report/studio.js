@@ -8,6 +8,7 @@ let version = null; // the last that the server told of
 let refreshing = false;
 
 const send = async (address, body) => {
+  element("work-message").textContent = "";
   const response = await fetch(address, {
     method: "POST",
     headers: { "Content-Type": "application/json" },
@@ -21,7 +22,7 @@ const send = async (address, body) => {
 
 const say = (message) => {
   element("work").hidden = false;
-  element("work-status").textContent = message;
+  element("work-message").textContent = message; // until something else is sent
 };
 
 // --- forms

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from importlib.resources import files
 from pathlib import Path
@@ -25,7 +25,6 @@ from tests.system.test_report_page import LEAST_CONTRAST
 
 if TYPE_CHECKING:
     from selenium.webdriver.chrome.webdriver import WebDriver
-    from selenium.webdriver.remote.webelement import WebElement
 
 pytestmark = pytest.mark.needs("chromium")
 
@@ -124,8 +123,15 @@ def shown(page: "WebDriver", name: str) -> str:
     return str(page.execute_script("return document.getElementById(arguments[0])?.textContent ?? ''", name))
 
 
-def button(page: "WebDriver", form: str) -> "WebElement":
-    return page.find_element("css selector", f"#{form} button:last-of-type")
+def press(page: "WebDriver", form: str) -> None:
+    """Click a form's button; a page that is made anew between looking and clicking is looked at again."""
+    from selenium.common.exceptions import StaleElementReferenceException
+
+    for _ in range(20):
+        with suppress(StaleElementReferenceException):
+            page.find_element("css selector", f"#{form} button:last-of-type").click()
+            return
+    raise AssertionError(f"#{form} does not hold still")
 
 
 def types(page: "WebDriver", field: str, text: str) -> None:
@@ -179,7 +185,7 @@ def test_a_session_from_an_empty_folder_to_a_proven_plan(browser: "WebDriver", t
         after = manifest.read_text(encoding="utf-8")
         assert after == before.replace("at_most: 50 ms", f"at_most: {level} ms")
 
-        button(browser, "plan").send_keys(Keys.ENTER)
+        browser.find_element("css selector", "#plan button:last-of-type").send_keys(Keys.ENTER)
         assert waits_for_end(browser, "rarms plan") == "ended."
         waits_for(browser, "return document.getElementById('apply-application')")
         types(browser, "apply-application", "another")
@@ -190,11 +196,11 @@ def test_a_session_from_an_empty_folder_to_a_proven_plan(browser: "WebDriver", t
         assert "1 of " in shown(browser, "work-rows")
         waits_for(browser, "return document.getElementById('hosts').textContent.includes('running')")
 
-        button(browser, "prove").click()
+        press(browser, "prove")
         assert waits_for_end(browser, "rarms prove") == "ended with problems."
         browser.find_element("id", "prove-load_host").send_keys(Keys.SPACE)
         assert "rarms prove --load-host" in browser.find_element("id", "prove").text
-        button(browser, "prove").click()
+        press(browser, "prove")
         assert waits_for_end(browser, "rarms prove --load-host") == "ended."
         waits_for(browser, "return document.getElementById('proof')")
         keeps(browser, "proven")
@@ -300,7 +306,7 @@ def test_a_setting_is_measured_and_its_samples_and_the_scripts_difference_are_sh
         browser.find_element("css selector", "#m1 .dot").click()
         assert "at a reserve of 77 %" not in shown(browser, "m1-1-samples")
 
-        button(browser, "plan").click()
+        press(browser, "plan")
         assert waits_for_end(browser, "rarms plan") == "ended."
         waits_for(browser, "return document.getElementById('the-plan') !== null")
         rows = browser.find_elements("css selector", "#the-plan tbody tr")
@@ -331,7 +337,7 @@ def test_hostile_text_that_comes_by_script_is_text(browser: "WebDriver", tmp_pat
         browser.find_element("css selector", "[data-preview=m1]").click()
         waits_for(browser, "return document.querySelector('#m1 .edit:not([hidden])')")
         assert NASTY in browser.find_element("css selector", "#m1 .difference").text
-        button(browser, "plan").click()
+        press(browser, "plan")
         assert waits_for_end(browser, "rarms plan") == "ended."
         waits_for(browser, "return document.getElementById('apply-application')")
         types(browser, "apply-application", NASTY)
@@ -344,7 +350,7 @@ def test_a_browser_that_is_closed_and_opened_again_finds_what_runs(slow: Path, t
     with studio(slow) as served:
         with chromium(tmp_path / "profile") as first:
             opens(first, served)
-            button(first, "measure").click()
+            press(first, "measure")
             waits_for(first, "return document.getElementById('work-rows').textContent.includes('samples')")
         recorded = settings_in(slow)
         until = time.monotonic() + LONGEST
@@ -396,17 +402,17 @@ def opens(page: "WebDriver", served: Studio) -> None:
 def test_a_measurement_is_stopped_in_the_middle_and_goes_on(browser: "WebDriver", slow: Path) -> None:
     with studio(slow) as served:
         opens(browser, served)
-        button(browser, "measure").click()
+        press(browser, "measure")
         waits_for(browser, "return document.getElementById('work-rows').textContent.includes('samples')")
         browser.find_element("css selector", "[data-measure=vision]").click()
-        waits_for(browser, "return document.getElementById('work-status').textContent.startsWith('Something runs')")
+        waits_for(browser, "return document.getElementById('work-message').textContent.startsWith('Something runs')")
         keeps(browser, "measuring")
         browser.find_element("id", "work-stop").click()
         assert waits_for_end(browser, "rarms measure") == "was stopped."
         assert "the same command goes on" in shown(browser, "work-lines")
         recorded = settings_in(slow)
 
-        button(browser, "measure").click()
+        press(browser, "measure")
         waits_for(browser, "return document.getElementById('work-status').textContent === 'runs.'")
         until = time.monotonic() + LONGEST
         while settings_in(slow) <= recorded:
@@ -432,7 +438,7 @@ def test_a_second_tab_and_a_terminal_beside_it_show_the_same(browser: "WebDriver
         for tab in (first, second):
             browser.switch_to.window(tab)
             waits_for(browser, "return document.getElementById('m1-1-line') !== null")
-        button(browser, "plan").click()
+        press(browser, "plan")
         for tab in (second, first):
             browser.switch_to.window(tab)
             waits_for(browser, "return document.getElementById('the-plan') !== null")
@@ -467,7 +473,7 @@ def test_an_apply_that_was_killed_is_finished_and_the_page_says_so(browser: "Web
 def test_a_killed_server_is_told_and_another_one_goes_on(browser: "WebDriver", slow: Path) -> None:
     with studio(slow) as served:
         opens(browser, served)
-        button(browser, "measure").click()
+        press(browser, "measure")
         waits_for(browser, "return document.getElementById('work-rows').textContent.includes('samples')")
         served.process.kill()
         served.process.wait(timeout=LONGEST)
@@ -475,7 +481,7 @@ def test_a_killed_server_is_told_and_another_one_goes_on(browser: "WebDriver", s
         assert "start rarms studio again" in shown(browser, "connection")
     with studio(slow) as again:
         opens(browser, again)
-        button(browser, "measure").click()
+        press(browser, "measure")
         waits_for(browser, "return document.querySelector('#m1 .dot') !== null")
         assert "removed" in shown(browser, "work-lines"), "what the killed one left on the host"
 
@@ -548,7 +554,7 @@ def test_it_is_for_people(browser: "WebDriver", tmp_path: Path) -> None:
     rarms(tmp_path, "measure", "control")
     with studio(tmp_path) as served:
         opens(browser, served)
-        button(browser, "plan").click()
+        press(browser, "plan")
         waits_for(browser, "return document.getElementById('the-plan') !== null")
         browser.find_element("css selector", "[data-preview=m1]").click()
         waits_for(browser, "return document.querySelector('#m1 .edit:not([hidden])')")
@@ -619,7 +625,7 @@ def test_where_it_does_not_fit_each_way_out_shows_its_edit(browser: "WebDriver",
         finding.find_element("css selector", "[data-way=tune]").click()
         assert browser.execute_script("return document.activeElement.closest('form')?.id") == "tune"
 
-        button(browser, "tune").click()
+        press(browser, "tune")
         assert waits_for_end(browser, "rarms tune") == "ended with problems.", "no combination is enough here"
         assert "% of its VPs" in shown(browser, "work-rows"), "the questions of the search are shown"
         assert "onboard" in shown(browser, "work-lines")
@@ -650,7 +656,7 @@ def test_read_only_shows_everything_and_changes_nothing(browser: "WebDriver", tm
         opens(browser, served)
         disabled = "return [...document.querySelectorAll(arguments[0])].map((each) => each.disabled)"
         assert set(browser.execute_script(disabled, "#measure button, #prove button, [data-measure], .write")) == {True}
-        button(browser, "plan").click()
+        press(browser, "plan")
         waits_for(browser, "return document.getElementById('the-plan') !== null")
         assert browser.execute_script(disabled, "#apply button") == [True]
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
