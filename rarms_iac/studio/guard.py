@@ -137,7 +137,7 @@ class Guard:
         if "origin" not in headers or headers.get("content-type") != "application/json":
             return _refused()
         length = headers.get("content-length", "")
-        if not length.isdecimal():
+        if not length.isdecimal() or "transfer-encoding" in headers:  # with both, chunks count and not the length
             return PlainTextResponse("The length of the body is not told.\n", 411)
         if int(length) > MOST_BYTES:
             return PlainTextResponse(f"A body has at most {MOST_BYTES} bytes.\n", 413)

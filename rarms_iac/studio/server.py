@@ -271,6 +271,7 @@ def serve(
     keys, studio = Keys(), Studio(settings, stop, watch)
     config = uvicorn.Config(
         guarded(studio, port, keys), log_config=None, access_log=False, server_header=False, lifespan="off",
+        http="h11", ws="none", proxy_headers=False,
         timeout_graceful_shutdown=2,
     )  # fmt: skip
     server = StudioServer(config)

@@ -104,6 +104,7 @@ def test_bodies_are_bounded_and_their_length_is_told(client: Client) -> None:
     assert client.send("POST", address, own, b" " * MOST_BYTES).status == 200
     assert client.send("POST", address, {**own, "Content-Length": str(MOST_BYTES + 1)}).status == 413
     assert client.send("POST", address, {**own, "Transfer-Encoding": "chunked"}).status == 411
+    assert client.send("POST", address, {**own, "Transfer-Encoding": "chunked", "Content-Length": "2"}).status == 411
 
 
 @pytest.mark.parametrize("name", ["stop", "level", "do/plan", "do/apply", "do/measure"])
