@@ -28,7 +28,7 @@ from rarms_iac.views.plan import differences_of, disruption_of, plan_text, summa
 from rarms_iac.views.reports.html import render_page
 from rarms_iac.views.reports.page import on_page
 from rarms_iac.views.reports.table import Column, Table, show_cell
-from rarms_iac.views.reports.tables import levels_of_component
+from rarms_iac.views.reports.tables import RESERVE, levels_of_component
 from rarms_iac.views.scripts import difference_text
 from rarms_iac.views.status import describe_partition, history_rows
 
@@ -234,8 +234,12 @@ def _components(known: Knowledge, report: Report) -> Iterator[ComponentOnPage]:
     """The most critical first."""
     components = known.manifest.system.components.values() if known.manifest else ()
     for component in sorted(components, key=lambda each: (-each.criticality, natural_order(each.name))):
-        rows = on_page(levels_of_component(report, component.name)).rows
-        reserves, shares, verdicts = (tuple(dict.fromkeys(show_cell(row[at]) for row in rows)) for at in (4, 5, 6))
+        table = on_page(levels_of_component(report, component.name))
+        at = {column.field: number for number, column in enumerate(table.columns)}
+        reserves, shares, verdicts = (
+            tuple(dict.fromkeys(show_cell(row[at[field]]) for row in table.rows))
+            for field in ("reserve (LP)", RESERVE, "verdict")
+        )
         apt = (f"{name} {show_threshold(index_named(name), threshold)}" for name, threshold in component.apt.items())
         yield ComponentOnPage(
             name=component.name,
