@@ -105,6 +105,7 @@ def is_refused_by_all_layouts(situation: Situation) -> bool:
     )
 
 
+@pytest.mark.needs("highspy")  # without the solver a layout is looked for in so many steps, and may not be found
 @settings(deadline=None, max_examples=150)
 @given(situations())
 def test_a_plan_is_refused_only_where_each_layout_would_be(situation: Situation) -> None:
