@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from rarms_iac.app.errors import RequestError
 from rarms_iac.app.files import write_file
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.manifest.edit.values import remove_value, set_value
@@ -44,8 +45,11 @@ class FileEdit:
 
         Raises:
             UseCaseError: It cannot be written (failed).
+            RequestError: It was changed since it was read; that change stays.
         """
         if self.after != self.before:
+            if _read(self.file) != self.before:
+                raise RequestError(f"{self.file} was changed meanwhile: nothing was written. Do it again.")
             write_file(self.file, self.after.encode("utf-8"))
 
 

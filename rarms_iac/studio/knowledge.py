@@ -10,6 +10,7 @@ from threading import Lock
 
 from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.files import folder_of
+from rarms_iac.app.general_findings import system_finding
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import Manifest, load_manifest
 from rarms_iac.app.report import measured_report
@@ -80,6 +81,8 @@ def look(source: ManifestSource) -> Knowledge:
     except UseCaseError as error:
         findings = first_of_each_kind(in_order((*known.findings, *error.findings)))
         return replace(known, findings=findings, sources=error.sources or known.sources)
+    except OSError as error:  # a log that is no regular file, or that may not be read
+        return replace(known, findings=first_of_each_kind(in_order((*known.findings, system_finding(error)))))
 
 
 class Watch:

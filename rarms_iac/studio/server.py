@@ -11,6 +11,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from http import HTTPStatus
+from threading import Lock
 from typing import TYPE_CHECKING, TypeVar
 
 import uvicorn
@@ -30,7 +31,7 @@ from rarms_iac.storage.shipped import shipped_text
 from rarms_iac.studio.actions import ACTIONS, Action, Workspace
 from rarms_iac.studio.guard import Guard, Keys
 from rarms_iac.studio.knowledge import Watch, files_version
-from rarms_iac.studio.levels import LevelBody, answer_level
+from rarms_iac.studio.levels import LevelAnswer, LevelBody, answer_level
 from rarms_iac.studio.page import page_of
 from rarms_iac.studio.work import Ending, TaskRunner, Transcript, WorkRefused, WorkState
 from rarms_iac.views.console import UNLIMITED, render
@@ -76,6 +77,7 @@ class Studio:
         self._stop = stop
         self._watch = watch or Watch(settings.source)
         self._workspace = Workspace(source=settings.source)
+        self._writing = Lock()  # of the manifest
         self.work = TaskRunner(stop, settings.manifest_options, self._watch.forget)
 
     def routes(self) -> list[Route]:
@@ -152,10 +154,15 @@ class Studio:
         if self._settings.read_only and body.digest:
             return _read_only()
         try:
-            answer = await run_in_threadpool(answer_level, self._settings.source, body)
+            answer = await run_in_threadpool(self._answer_level, body)
         except (RequestError, UseCaseError) as error:
             return _refusal(self._describe(error))
         return JSONResponse({**asdict(answer), "command": self._words(body.command())})
+
+    def _answer_level(self, body: LevelBody) -> LevelAnswer:
+        """One at a time: of two that were shown the same text the second is refused."""
+        with self._writing:
+            return answer_level(self._settings.source, body)
 
     async def _do(self, request: Request) -> Response:
         kind = ACTIONS.get(request.path_params["action"])

@@ -4,7 +4,10 @@ from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
-from rarms_iac.app.manifest_edits import PartitionEdits, edit_partitions
+import pytest
+
+from rarms_iac.app.errors import RequestError
+from rarms_iac.app.manifest_edits import FileEdit, PartitionEdits, edit_partitions
 from rarms_iac.app.manifests import Manifest, load_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.planner.combining.oracle import Coi
@@ -115,3 +118,13 @@ def test_what_an_overlay_says_is_changed_there(tmp_path: Path) -> None:
 def test_nothing_new_writes_nothing(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST + PARTITIONS)
     assert write_partitions(manifest(tmp_path), []) == PartitionEdits()
+
+
+def test_what_was_changed_since_it_was_read_is_not_written_over(tmp_path: Path) -> None:
+    file = tmp_path / "rarms.yaml"
+    file.write_text("by another hand\n", encoding="utf-8", newline="\n")
+
+    with pytest.raises(RequestError, match="was changed meanwhile: nothing was written"):
+        FileEdit(file=str(file), before="as it was read\n", after="as it is to be\n").write()
+
+    assert file.read_text(encoding="utf-8") == "by another hand\n"

@@ -2,6 +2,8 @@
 
 import json
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from http.client import HTTPConnection
 from pathlib import Path
 
@@ -92,6 +94,30 @@ def test_a_level_is_shown_as_a_difference_and_written_onto_the_text_that_was_sho
     assert written.status == 200
     assert text(folder) == MANIFEST.replace("at_most: 50 ms", "at_most: 45 ms") + "# another hand\n"
     assert client.post("level", LEVEL).data["difference"] == ""
+
+
+def test_of_two_levels_that_are_written_at_once_onto_one_text_the_second_is_refused(
+    client: Client, folder: Path
+) -> None:
+    for at in range(5):
+        shown = {**LEVEL, "digest": client.post("level", LEVEL).data["digest"]}
+        levels = [{**shown, "level": f"{40 - at} ms"}, {**shown, "level": f"{30 - at} ms"}]
+        with ThreadPoolExecutor(2) as pool:
+            answers = list(pool.map(partial(client.post, "level"), levels))
+
+        assert sorted(answer.status for answer in answers) == [200, 409]
+        written = next(level for level, answer in zip(levels, answers, strict=True) if answer.status == 200)
+        assert f"at_most: {written['level']}" in text(folder)
+
+
+def test_a_log_that_is_no_regular_file_is_a_finding_on_the_page(client: Client, folder: Path) -> None:
+    log = folder / "measurements" / "onboard" / "control" / "busy-loop.jsonl"
+    log.mkdir(parents=True)
+
+    page = client.get()
+
+    assert page.status == 200
+    assert "not a regular file" in page.text
 
 
 def test_a_level_that_cannot_be_meant_is_refused_with_the_reason(client: Client, folder: Path) -> None:
