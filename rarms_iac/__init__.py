@@ -12,7 +12,6 @@ TYPE_CHECKING = False  # type checkers know this name; to import typing would do
 if TYPE_CHECKING:
     from rarms_iac.app.applying import apply
     from rarms_iac.app.control import Control, Reporter, StopSignal
-    from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
     from rarms_iac.app.experiments.measure import MeasureOutcome
     from rarms_iac.app.experiments.measure import measure_components as measure
     from rarms_iac.app.experiments.measure_request import ExperimentResult, MeasureRequest
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     from rarms_iac.app.experiments.tune import tune_components as tune
     from rarms_iac.app.hosts import Hosts, load
     from rarms_iac.app.planning import plan, plan_request
+    from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
     from rarms_iac.applying.plan_request import PlanRequest
     from rarms_iac.applying.run_report import RunEnding, RunReport
     from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Update

@@ -6,7 +6,8 @@ from textwrap import dedent
 from typing import Any
 
 from rarms_iac.manifest.document.schema import manifest_schema
-from rarms_iac.model.names import NAME_PATTERN, TASK_PATTERN
+from rarms_iac.model.names import NAME_PATTERN
+from rarms_iac.model.task_names import TASK_PATTERN
 
 Schema = dict[str, Any]
 

@@ -8,15 +8,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
+from rarms_iac.applying.make_plan import PlanningResult, make_plan
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.applying.prepare import PlanningResult, prepare
 from rarms_iac.applying.run_report import RunReport, RunReporter
 from rarms_iac.applying.undo import undo
 from rarms_iac.model.operations import CreatePartition, RenamePartition, SetCpu, StartPartition
 from rarms_iac.model.plan import Plan, Scope
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
-from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from tests.builders import ORIGIN, PathPlaces
 from tests.strategies import Strangers
 
@@ -63,7 +63,7 @@ class Lab:
         request = PlanRequest(
             system=self.system, places=PathPlaces(), manifest="rarms.yaml", manifest_digest="0", today=TODAY
         )
-        return prepare(replace(request, **asked), self.observe())  # type: ignore[arg-type]  # fields, said by tests
+        return make_plan(replace(request, **asked), self.observe())  # type: ignore[arg-type]  # fields, said by tests
 
     def plan(self, **asked: object) -> Plan:
         prepared = self.prepare(**asked)

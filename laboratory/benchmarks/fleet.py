@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from laboratory.benchmarks.timing import Figure, report
-from rarms_iac.providers.cgroups.run import STATE_FOLDER
+from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from tests.needs import NEEDS
 from tests.standin.remote import a_server
 

@@ -22,7 +22,7 @@ from rarms_iac.model.system import Component, Measured, RunsOn, System
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group
-from rarms_iac.planner.infeasibility.explain import evident_causes
+from rarms_iac.planner.infeasibility.causes import evident_causes
 from rarms_iac.planner.layout import causes_as_findings, remarks_as_findings
 from rarms_iac.planner.problem import Problem, problem_of
 from rarms_iac.planner.reservations import FixedReservations, NotMeasured, ReservationSource, depends_on_a_log, fixed

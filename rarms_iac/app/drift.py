@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import Hosts, last_runs, observe_hosts
 from rarms_iac.app.planning import outcome_of, plan_request, with_reservations
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.desired_hosts import desired_hosts
+from rarms_iac.applying.make_plan import make_plan
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.applying.prepare import prepare
 from rarms_iac.diff.drift import DriftKind, ResourceDrift, drift, drift_of_marks, partitions_after_last_run
 from rarms_iac.model.commands import APPLY, PLAN, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
@@ -118,7 +118,7 @@ def look_for_drift(hosts: Hosts) -> DriftReport:
     if outcome_of(problems) is Outcome.FAILED:
         raise UseCaseError(Outcome.FAILED, problems, hosts.manifest.sources)
     # Nothing is held back, so that every difference has the change that shows it attribute by attribute.
-    plan = prepare(replace(request, max_disruption=Disruption.REMOVAL), states).plan
+    plan = make_plan(replace(request, max_disruption=Disruption.REMOVAL), states).plan
     parts = {part.host.name: part for part in plan.hosts} if plan else {}
     return DriftReport(
         application=system.application.name,

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rarms_iac.app.data_logs import Measurements, measured_reservations
-from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Cause, Layout, PlacedPartition
 from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime

@@ -4,8 +4,8 @@ import stat
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.general_findings import conflict_finding, read_finding, write_finding
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.model.commands import PLAN_OUT, RecommendedCommand, prose
 from rarms_iac.storage.reading import STANDARD_INPUT, read_input

@@ -6,8 +6,8 @@ from fractions import Fraction
 from typing import Literal
 
 from rarms_iac.app.data_logs import Measurements, logs_of, measured_reservations, measurements_of
-from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import Layout

@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from rarms_iac.app.errors import RequestError
 from rarms_iac.app.files import write_file
 from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.manifest.edit.values import remove_value, set_value
 from rarms_iac.manifest.text.reading import MAX_BYTES
 from rarms_iac.model.indexes import PerformanceIndex

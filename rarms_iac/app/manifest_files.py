@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.files import make_folder, write_file
 from rarms_iac.app.general_findings import conflict_finding
+from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.manifest.edit.formatting import CannotFormat, format_tree
 from rarms_iac.manifest.edit.values import set_value
 from rarms_iac.manifest.load import DEFAULT_NAME, manifest_path

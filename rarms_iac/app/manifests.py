@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.requests import ManifestSource
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
 from rarms_iac.manifest.load import Loaded, load, manifest_path

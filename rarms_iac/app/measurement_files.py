@@ -8,8 +8,8 @@ from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
-from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import owner
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring.measuring_findings import MEASURED_ELSEWHERE
 from rarms_iac.model.diagnostics import Facts
 from rarms_iac.planner.planning_findings import UNREADABLE

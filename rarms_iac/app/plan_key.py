@@ -5,7 +5,7 @@ import stat
 from collections.abc import Mapping
 from pathlib import Path
 
-from rarms_iac.app.errors import RequestError
+from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.storage.reading import read_file
 
 VARIABLE, FILE_VARIABLE = "RARMS_PLAN_KEY", "RARMS_PLAN_KEY_FILE"

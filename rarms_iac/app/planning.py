@@ -4,13 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
-from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.hosts import Hosts, last_run, observe_hosts, refuse_unfinished
 from rarms_iac.app.plan_key import plan_key
 from rarms_iac.app.requests import HostSelection, PlanLimits
+from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
+from rarms_iac.applying.make_plan import make_plan
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.preconditions import NO_RIGHTS
-from rarms_iac.applying.prepare import prepare
 from rarms_iac.diff.compare_partitions import NOT_AT_REST
 from rarms_iac.diff.drift import partitions_after_last_run
 from rarms_iac.manifest.checks.measurement import TOO_FEW_SAMPLES
@@ -74,10 +74,10 @@ def plan(hosts: Hosts, request: PlanRequest | None = None) -> Plan:
         is_live = host not in hosts.snapshots.hosts
         return partitions_after_last_run(last_run(hosts, host), application) if is_live else None
 
-    return make_plan(hosts, replace(request or plan_request(hosts), after_last_run=after_last_run), states)
+    return plan_from_states(hosts, replace(request or plan_request(hosts), after_last_run=after_last_run), states)
 
 
-def make_plan(hosts: Hosts, request: PlanRequest, states: Mapping[str, State]) -> Plan:
+def plan_from_states(hosts: Hosts, request: PlanRequest, states: Mapping[str, State]) -> Plan:
     """Make the plan for hosts that were looked at.
 
     Args:
@@ -93,7 +93,7 @@ def make_plan(hosts: Hosts, request: PlanRequest, states: Mapping[str, State]) -
         RequestError: the key is not as it must be.
     """
     key = plan_key()
-    prepared = prepare(with_reservations(hosts, request, states), states)
+    prepared = make_plan(with_reservations(hosts, request, states), states)
     if prepared.plan is None:
         raise UseCaseError(outcome_of(prepared.findings), prepared.findings, hosts.manifest.sources)
     return prepared.plan if key is None else signed(prepared.plan, key)

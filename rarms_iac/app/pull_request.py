@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Literal
 
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
-from rarms_iac.app.errors import RequestError, UseCaseError
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import Manifest, load_manifest
 from rarms_iac.app.planning import plan, plan_request
 from rarms_iac.app.requests import ManifestSource, PlanLimits
 from rarms_iac.app.scripts import PlanScript, compare_scripts, plan_scripts
+from rarms_iac.app.use_case_errors import RequestError, UseCaseError
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.plan import Plan

@@ -14,7 +14,6 @@ from rarms_iac.app.data_logs import (
 )
 from rarms_iac.app.decision_logs import tunings_of
 from rarms_iac.app.drift import drift_of_hosts
-from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments.measure_request import refuse_unknown
 from rarms_iac.app.graph import candidate_graph
 from rarms_iac.app.hosts import Hosts, last_runs, observe_host, select_hosts
@@ -25,6 +24,7 @@ from rarms_iac.app.report_measurements import ReportedLog, report_of
 from rarms_iac.app.report_model import ComponentProof, HostDifference, HostStatus, Report
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.totals import totals_at_hand
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
 from rarms_iac.measuring.setup import experiment_of
 from rarms_iac.model.commands import command, prose

@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
 from typing import TYPE_CHECKING
 
-from rarms_iac.app.errors import RequestError
 from rarms_iac.app.options import (
     Option,
     auto_approve_option,
@@ -14,6 +13,7 @@ from rarms_iac.app.options import (
     read_host_name,
     read_time,
 )
+from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.model.names import is_name
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import quoted

@@ -20,18 +20,18 @@ from rarms_iac.app.component_results import (
     load_problem,
     nothing_to_run,
 )
-from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.experiments.measure_request import refuse_unknown
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.options import argument, flag, option, read_time
 from rarms_iac.app.process_place import place_of
-from rarms_iac.measuring.measuring_findings import short_secrets
+from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Call, Elapsed, Run, SampleCount
 from rarms_iac.model.series import Sample
 from rarms_iac.model.system import Component, System
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
+from rarms_iac.running.secrets import short_secrets
 from rarms_iac.running.start import CannotStart, ProcessPlace, RunningError, StartContext, become, order_of
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.files import make_folder, plan_in, read_input_file, write_file
+from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.applying.scripts import scripts_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place

@@ -8,11 +8,11 @@ from typing import Literal
 
 from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of
 from rarms_iac.app.decision_logs import record_choices
-from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.manifest_edits import FileEdit, edit_level
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.options import argument, flag, option
 from rarms_iac.app.totals import states_at_hand
+from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring.search.bracketing import WIDTH
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.commands import Wording, prose

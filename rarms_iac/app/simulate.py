@@ -4,11 +4,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from rarms_iac.app.errors import RequestError
 from rarms_iac.app.hosts import Hosts, hold_hosts, host_errors
 from rarms_iac.app.options import argument, flag, option
 from rarms_iac.app.planning import hosts_with_partition, refuse_unknown_partitions
 from rarms_iac.app.requests import HostSelection
+from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.operations import Operation, RemovePartition, SetCpu, StartPartition, StopPartition

@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.files import read_input_file
 from rarms_iac.app.requests import SnapshotFile
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.app.wiring import ScriptObservation, read_script_output
 from rarms_iac.diff.readings import is_marked
 from rarms_iac.model.commands import command, prose

@@ -6,10 +6,10 @@ from fractions import Fraction
 from typing import Literal
 
 from rarms_iac.app.drift import look_for_drift
-from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import Hosts, last_runs, observe_host
 from rarms_iac.app.report import measured_report
 from rarms_iac.app.report_model import ComponentProof, Report
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.preconditions import no_rights
 from rarms_iac.applying.state_after import totals_after
 from rarms_iac.diff.drift import DriftKind, ResourceDrift

@@ -4,10 +4,10 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
-from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.hosts import observe_host, select_hosts
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import HostSelection
+from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.state import State

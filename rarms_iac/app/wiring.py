@@ -43,11 +43,11 @@ def open_host(host: Host, folder: str, state_path: str, channel: CommandChannel 
     """
     match host.provider:
         case ProviderKind.SIMULATED:
-            from rarms_iac.providers.simulated.run import SimulatedHostProvider
+            from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 
             return SimulatedHostProvider(host, Path(folder) / state_path)
         case ProviderKind.HYPERV:
-            from rarms_iac.providers.hyperv.run import open_hyperv
+            from rarms_iac.providers.hyperv.provider import open_hyperv
 
             return open_hyperv(host, Path(folder) / SIGNED, channel)
         case ProviderKind.LINUX if channel is not None:
@@ -61,7 +61,7 @@ def open_host(host: Host, folder: str, state_path: str, channel: CommandChannel 
         case ProviderKind.LINUX if host.connect is not None:
             raise HostFailed(host.name, "WinRM does not reach a Linux host", "Reach it by `connect: {ssh: user@host}`.")
         case ProviderKind.LINUX:
-            from rarms_iac.providers.cgroups.run import LinuxHostProvider
+            from rarms_iac.providers.cgroups.provider import LinuxHostProvider
 
             return LinuxHostProvider(host)
 
@@ -79,7 +79,7 @@ def start_after_boot(owner: str, timeout_ms: int) -> Mapping[str, tuple[str, ...
     Raises:
         HostError: another run holds a slice, or the machine does not start a partition.
     """
-    from rarms_iac.providers.cgroups.run import STATE_FOLDER, LinuxHostProvider
+    from rarms_iac.providers.cgroups.provider import STATE_FOLDER, LinuxHostProvider
     from rarms_iac.providers.journaled import LocalFiles, journal_in
 
     started: dict[str, tuple[str, ...]] = {}
@@ -121,7 +121,7 @@ def open_measuring_host(system: System, name: str, folder: str, state_path: str)
             return LinuxMeasuringHost(host, Path(folder).resolve())
         case ProviderKind.HYPERV:
             from rarms_iac.providers.hyperv.measuring import HypervMeasuringHost
-            from rarms_iac.providers.hyperv.run import transport_to
+            from rarms_iac.providers.hyperv.provider import transport_to
 
             named = {name: request.guest.credential for name, request in system.partitions.items()}
             credentials = {name: credential for name, credential in named.items() if credential}

@@ -16,10 +16,10 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
 from rarms_iac.model.host import HypervHost
 from rarms_iac.model.layout import Layout
-from rarms_iac.model.names import renaming
 from rarms_iac.model.plan import Purpose, ThreadClass
 from rarms_iac.model.plan_basis import HostContext, StepBudget
 from rarms_iac.model.quantities import Milliseconds
+from rarms_iac.model.renaming import renaming
 from rarms_iac.model.state import Disk, Partition, State, TaskClass
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner.desired import Desired, desired_state

@@ -1,4 +1,4 @@
-"""What `prepare` is asked for: a manifest, a purpose, and the limits of the plan."""
+"""What `make_plan` is asked for: a manifest, a purpose, and the limits of the plan."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

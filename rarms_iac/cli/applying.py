@@ -5,12 +5,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from rarms_iac.app.applying import apply, finish_runs
-from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.files import write_plan_file
 from rarms_iac.app.general_findings import declined
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.requests import RunOptions
+from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.cli.ending import ExitCode, Interrupted

@@ -12,9 +12,9 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 import click
 from click.core import ParameterSource
 
-from rarms_iac.app.errors import RequestError
 from rarms_iac.app.options import Option, Reader
 from rarms_iac.app.requests import DEFAULT_MANIFEST, ManifestFile, ManifestSource
+from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.completion import completer_of
 from rarms_iac.cli.ending import ExitCode, WrongRequest
 from rarms_iac.cli.session import Session, common_options, session_flag

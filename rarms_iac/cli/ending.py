@@ -15,7 +15,7 @@ from typing import TextIO
 
 import click
 
-from rarms_iac.app.errors import Outcome, RequestError
+from rarms_iac.app.use_case_errors import Outcome, RequestError
 from rarms_iac.model.commands import Wording
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem
 
-from rarms_iac.app.errors import RequestError
+from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.ending import WrongRequest
 from rarms_iac.cli.session import common_options, session_flag
 from rarms_iac.cli.table import COMMANDS, FOR_SIMULATED_HOSTS, load_command

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from rarms_iac.app.errors import RequestError
 from rarms_iac.app.options import flag, option
+from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.session import Session
 from rarms_iac.views.finding_forms import BadOutput, OutputFormat, OutputTarget, parse_outputs
 

@@ -6,8 +6,9 @@ from rarms_iac.diff.comparison import ManagedMachines, ManifestRules, PartialDif
 from rarms_iac.diff.disruption import disruption_of_task
 from rarms_iac.model.changes import RESPONSIVENESS, Address, Create, Delete, Reason, Update
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
-from rarms_iac.model.names import POWERSHELL_MEMBERS, is_shipped_task
+from rarms_iac.model.names import POWERSHELL_MEMBERS
 from rarms_iac.model.state import RegistryValue, Responsiveness, State, TaskClass
+from rarms_iac.model.task_names import is_shipped_task
 from rarms_iac.model.wording import quoted
 
 FOREIGN_TASK = Finding.error("RARMS153", "A task class that rarms did not write has a wanted name")

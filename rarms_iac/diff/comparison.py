@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
-from rarms_iac.model.names import renaming
+from rarms_iac.model.renaming import renaming
 from rarms_iac.model.state import Partition, State
 from rarms_iac.model.wording import quoted
 

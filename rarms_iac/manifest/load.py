@@ -106,14 +106,14 @@ def load(
         return _loaded(texts, None, places, list(combined.diagnostics))
     # Imported here: pydantic takes 150 ms, and what cannot be read does not need it.
     from rarms_iac.manifest.document.messages import findings_of_structure, not_a_robot
-    from rarms_iac.manifest.document.structure import NotAManifest, read_document
+    from rarms_iac.manifest.document.validate_document import NotAManifest, validate_document
     from rarms_iac.manifest.to_system import to_system
 
     robot = robot_of(overlays)
     if overlays and not is_name(robot):
         return _loaded(texts, None, places, [not_a_robot(texts[-1].source.file, robot)])
     try:
-        system = to_system(read_document(combined.value, places), robot)
+        system = to_system(validate_document(combined.value, places), robot)
     except NotAManifest as problem:
         return _loaded(texts, None, places, findings_of_structure(problem))
     return _loaded(texts, system, places, list(checks(system, places, today)))

@@ -1,6 +1,5 @@
 """The findings of measuring, each with its page in docs/findings, and how the end of an experiment becomes one."""
 
-import os
 from collections.abc import Iterable, Iterator
 from math import ceil, isfinite
 from typing import assert_never
@@ -22,12 +21,10 @@ from rarms_iac.model.outcomes import (
     TooManyFailures,
 )
 from rarms_iac.model.quantities import guaranteed, show_amount, show_duration, show_processors, show_reserve
-from rarms_iac.model.run import FromEnvironment
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.model.setting import Setting, most_used
-from rarms_iac.model.system import Component, Measured
-from rarms_iac.model.wording import in_a_row, quoted
-from rarms_iac.running.secrets import LEAST
+from rarms_iac.model.system import Measured
+from rarms_iac.model.wording import in_a_row
 from rarms_iac.statistics.error_probability import LOOK_ERROR, describe_extreme
 from rarms_iac.statistics.overload import find_overload, more_processors_help
 from rarms_iac.statistics.verdicts import LONG
@@ -51,7 +48,6 @@ NO_THRESHOLD = Finding.error("RARMS264", "There is no threshold to search for")
 WEAK_ANSWER = Finding.error("RARMS326", "What was measured beside weak loads is no answer")
 FIXED_ANYWAY = Finding.note("RARMS266", "The manifest fixes a reservation that was measured")
 LESS_UNKNOWN = Finding.warning("RARMS267", "Less may be enough: settings below have no steady state")
-SHORT_SECRET = Finding.note("RARMS345", "A value from the environment is too short to be hidden")
 WASTED_PROCESSORS = Finding.note("RARMS380", "Fixed virtual processors are not used")
 MORE_PROCESSORS = Finding.note("RARMS381", "More processors are used at once than was seen before")
 
@@ -335,26 +331,3 @@ def more_processors(experiment: Experiment, used: int, places: Places) -> Diagno
             "used_processors": used,
         },
     )
-
-
-def short_secrets(components: Iterable[Component], places: Places) -> Iterator[Diagnostic]:
-    """Find values of rarms' own environment that are too short to be found in what components print.
-
-    Args:
-        components: what is started, as real processes.
-        places: of the manifest.
-
-    Yields:
-        A note for each such variable of a component.
-    """
-    for component in components:
-        for variable, value in (component.run.environment if component.run is not None else {}).items():
-            if isinstance(value, FromEnvironment) and 0 < len(os.environ.get(value.name, "")) < LEAST:
-                yield SHORT_SECRET.at(
-                    places.value("components", component.name, "run", "environment", variable),
-                    f"{value.name} has fewer than {LEAST} characters here: what {quoted(component.name)} prints of it "
-                    "is shown and recorded as it is.",
-                    f"Give it a value of at least {LEAST} characters if it is a secret.",
-                    address=f"component/{component.name}",
-                    values={"component": component.name, "variable": value.name},
-                )

@@ -4,8 +4,10 @@ from collections.abc import Iterable, Iterator
 from itertools import chain
 
 from rarms_iac.model.changes import Address
-from rarms_iac.model.names import BETWEEN, is_name, is_task
+from rarms_iac.model.names import is_name
 from rarms_iac.model.plan import HostPlan, Plan, Step
+from rarms_iac.model.renaming import BETWEEN
+from rarms_iac.model.task_names import is_task
 
 
 def wrong_name_of_plan(plan: Plan) -> str | None:

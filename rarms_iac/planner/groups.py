@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.layout import Cause
-from rarms_iac.model.names import renaming
+from rarms_iac.model.renaming import renaming
 from rarms_iac.model.state import Partition
 from rarms_iac.model.system import Component, Headroom, PartitionRequest, RunsOn, System, bound_together
 from rarms_iac.model.wording import list_others

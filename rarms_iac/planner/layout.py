@@ -70,12 +70,12 @@ def plan_layout(
         notes += _placement(answer, places)
     else:
         if not answer.causes:
+            from rarms_iac.planner.infeasibility.causes import explain_infeasibility
             from rarms_iac.planner.infeasibility.edits import Variant
-            from rarms_iac.planner.infeasibility.explain import explain
 
             may_move = limit is Disruption.REMOVAL
             start = Variant(system=system, views=hosts, reservations=reservations, may_move=may_move)
-            answer = explain(answer, problem.without_checks(), start)
+            answer = explain_infeasibility(answer, problem.without_checks(), start)
         notes += causes_as_findings(answer, system, places, where_room_lacks)
     return Planning(answer=answer, findings=tuple(notes))
 

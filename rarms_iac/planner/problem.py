@@ -7,7 +7,7 @@ from rarms_iac.model.capacity import CheckedCapacity, capacity_of, core_sharing,
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing, DeadlineClaim
 from rarms_iac.model.host import Host, Mechanism, ProviderKind, SimulatedHost
 from rarms_iac.model.layout import Cause, Infeasible, Layout, PlacedPartition, Placement
-from rarms_iac.model.names import renaming
+from rarms_iac.model.renaming import renaming
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts, RunState, State
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.planner import planning_findings

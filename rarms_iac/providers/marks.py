@@ -13,7 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-from rarms_iac.model.names import BETWEEN, NAME_PATTERN
+from rarms_iac.model.names import NAME_PATTERN
+from rarms_iac.model.renaming import BETWEEN
 from rarms_iac.model.state import ID_DIGITS, PROTECTED, Mark, StoppedBy
 
 _NAME = NAME_PATTERN.removeprefix("^").removesuffix("$")

@@ -1,10 +1,13 @@
 """Values that a component gets from rarms' own environment: what it prints is recorded in git, and they are not."""
 
 import json
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from urllib.parse import quote, quote_plus
 
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
 from rarms_iac.model.run import FromEnvironment, Run
+from rarms_iac.model.system import Component
 from rarms_iac.model.wording import quoted
 
 LEAST = 6
@@ -66,3 +69,29 @@ def _forms(value: str) -> tuple[str, ...]:
 def _in_addresses(value: str) -> tuple[str, ...]:
     """The value as addresses write it; bytes that are no text are written as they came."""
     return tuple(write(value, errors="surrogateescape") for write in (quote, quote_plus))
+
+
+SHORT_SECRET = Finding.note("RARMS345", "A value from the environment is too short to be hidden")
+
+
+def short_secrets(components: Iterable[Component], places: Places) -> Iterator[Diagnostic]:
+    """Find values of rarms' own environment that are too short to be found in what components print.
+
+    Args:
+        components: what is started, as real processes.
+        places: of the manifest.
+
+    Yields:
+        A note for each such variable of a component.
+    """
+    for component in components:
+        for variable, value in (component.run.environment if component.run is not None else {}).items():
+            if isinstance(value, FromEnvironment) and 0 < len(os.environ.get(value.name, "")) < LEAST:
+                yield SHORT_SECRET.at(
+                    places.value("components", component.name, "run", "environment", variable),
+                    f"{value.name} has fewer than {LEAST} characters here: what {quoted(component.name)} prints of it "
+                    "is shown and recorded as it is.",
+                    f"Give it a value of at least {LEAST} characters if it is a secret.",
+                    address=f"component/{component.name}",
+                    values={"component": component.name, "variable": value.name},
+                )

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Lock
 
-from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.files import folder_of
 from rarms_iac.app.general_findings import system_finding
 from rarms_iac.app.hosts import select_hosts
@@ -17,6 +16,7 @@ from rarms_iac.app.report import measured_report
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import HostSelection, ManifestSource, today_utc
 from rarms_iac.app.status import History, Overview, history_of_hosts, overview_of
+from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.app.wiring import HOSTS
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.model.diagnostics import Diagnostic, Sources, first_of_each_kind, in_order

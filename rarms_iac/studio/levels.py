@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 from pydantic import BaseModel, ConfigDict
 
-from rarms_iac.app.errors import RequestError
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource, today_utc
 from rarms_iac.app.select import SelectRequest, select_level
+from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.manifest.edit.formatting import diff_text
 from rarms_iac.model.commands import RecommendedCommand, command
 from rarms_iac.views.console import UNLIMITED, render

@@ -23,8 +23,8 @@ from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Mount, Route
 
 from rarms_iac.app.control import StopSignal
-from rarms_iac.app.errors import RequestError, UseCaseError
 from rarms_iac.app.requests import ManifestSource
+from rarms_iac.app.use_case_errors import RequestError, UseCaseError
 from rarms_iac.model.commands import RecommendedCommand, plain_text, sentences
 from rarms_iac.model.diagnostics import in_order
 from rarms_iac.storage.shipped import shipped_text

@@ -10,8 +10,8 @@ from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING, Literal
 
 from rarms_iac.app.control import StopSignal
-from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.general_findings import bug_finding, system_finding
+from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.applying.run_report import ReportedStep, RunReporter
 from rarms_iac.measuring.reporter import MeasuringReporter
 from rarms_iac.model.commands import Wording, plain_text, sentences

@@ -2,7 +2,7 @@
 
 Plans, run reports, results of use cases and findings come in; what rich lays out, text or JSON goes out. Begin with
 `console` (the pieces of every text, and `render`) and with the module of a command: `plan`, `run`, `measure`, `tune`.
-`findings` is for people, `finding_forms` for programs. `terminal` writes to a terminal or pipe without ever breaking a
-command. `output` has the types of all JSON documents, which `output.common` writes; `reports` is the report in all its
-forms. JSON, SARIF and JUnit need no rich.
+`findings_text` is for people, `finding_forms` for programs. `terminal` writes to a terminal or pipe without ever
+breaking a command. `json_output` writes a result as JSON; `reports` is the report in all its forms. JSON, SARIF and
+JUnit need no rich.
 """

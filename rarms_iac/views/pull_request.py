@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.pull_request import AptHeadroom, PlanReview
+from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.model.changes import Change, Create, Delete, Update
 from rarms_iac.model.diagnostics import Diagnostic, Severity, Sources
 from rarms_iac.model.host import ProviderKind

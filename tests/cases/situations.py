@@ -15,8 +15,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
+from rarms_iac.applying.make_plan import make_plan
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.applying.prepare import prepare
 from rarms_iac.manifest.load import load
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.hyperv.parse import to_state
@@ -90,7 +90,7 @@ def _by_library(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
         remove_disks="--remove-disks" in words,
         partitions=tuple(word for word in words[1:2] if not word.startswith("--")),
     )
-    prepared = prepare(request, {name: to_state(read_observation(Path("host.json").read_bytes()), name)})
+    prepared = make_plan(request, {name: to_state(read_observation(Path("host.json").read_bytes()), name)})
     shown = render(plan_text(prepared.plan, sources=loaded.sources)) if prepared.plan else ""
     findings = render(findings_text(prepared.findings, loaded.sources, accepted=prepared.accepted))
     return prepared.plan, {"plan.txt": shown, "findings.txt": findings}

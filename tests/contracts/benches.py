@@ -19,11 +19,11 @@ from rarms_iac.providers.cgroups.effects import LocalEffects
 from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.machine import read_machine
+from rarms_iac.providers.cgroups.provider import LinuxHostProvider
 from rarms_iac.providers.cgroups.remote import through_channel
-from rarms_iac.providers.cgroups.run import LinuxHostProvider
 from rarms_iac.providers.channel import CommandChannel, ProgramChannel
 from rarms_iac.providers.interface import StepwiseHost
-from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage import disk
 from tests.crashing import CrashingDisk
 from tests.effort import LONG

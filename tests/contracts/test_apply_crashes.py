@@ -15,8 +15,8 @@ from typing import NoReturn
 import pytest
 
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
+from rarms_iac.applying.make_plan import make_plan
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.applying.prepare import prepare
 from rarms_iac.applying.run_report import RunEnding, RunReport, RunReporter
 from rarms_iac.applying.undo import undo
 from rarms_iac.model.plan import Plan
@@ -82,7 +82,7 @@ def a_plan(system: System, host: StepwiseHost) -> Plan:
         manifest_digest="0" * 12,
         today=date(2026, 1, 1),
     )
-    prepared = prepare(request, {host.name: host.observe()})
+    prepared = make_plan(request, {host.name: host.observe()})
     assert prepared.plan is not None, prepared.findings
     return prepared.plan
 

@@ -48,7 +48,7 @@ from rarms_iac.model.state import (
 )
 from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked, HostRefused, StepwiseHost
 from rarms_iac.providers.simulated.content import empty
-from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from tests import builders
 from tests.contracts.benches import Bench, bench, windows_bench
 from tests.contracts.runs import a_run

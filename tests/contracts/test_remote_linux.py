@@ -29,8 +29,8 @@ from rarms_iac.providers.cgroups import effects, remote
 from rarms_iac.providers.cgroups.condition import ORPHANS
 from rarms_iac.providers.cgroups.effects import LinuxEffects, LocalEffects
 from rarms_iac.providers.cgroups.machine import read_machine
+from rarms_iac.providers.cgroups.provider import LinuxHostProvider
 from rarms_iac.providers.cgroups.remote import RemoteEffects, through_channel
-from rarms_iac.providers.cgroups.run import LinuxHostProvider
 from rarms_iac.providers.channel import CommandResult, ProgramChannel
 from rarms_iac.providers.interface import (
     HostDamaged,

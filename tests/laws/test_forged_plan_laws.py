@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.files import plan_in
+from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.model.host import LinuxHost
 from rarms_iac.model.plan import FILE_WORDS as JSON_WORDS
 from rarms_iac.model.plan import HostPlan, Plan

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rarms_iac.applying.derivation import find_forgery
-from rarms_iac.applying.prepare import PlanningResult, prepare
+from rarms_iac.applying.make_plan import PlanningResult, make_plan
 from rarms_iac.applying.state_after import partitions_after
 from rarms_iac.model.changes import Create, Delete
 from rarms_iac.model.diagnostics import Severity
@@ -85,7 +85,7 @@ def _foreign(name: str) -> Partition:
 def planned(
     system: System, states: Mapping[str, State], limit: Disruption = Disruption.PARTITION_STOP
 ) -> PlanningResult:
-    return prepare(a_request(system, limit), states)
+    return make_plan(a_request(system, limit), states)
 
 
 def is_refused_by_all_layouts(situation: Situation) -> bool:
@@ -167,7 +167,7 @@ def test_a_refusal_names_the_partition_that_would_have_to_move() -> None:
     system = a_system(hosts=hosts, components=[*small, large])
 
     refused = planned(system, states)
-    moved = prepare(a_request(system, Disruption.REMOVAL), states)
+    moved = make_plan(a_request(system, Disruption.REMOVAL), states)
 
     assert refused.plan is None
     (finding,) = [finding for finding in refused.findings if finding.severity is Severity.ERROR]
@@ -187,7 +187,7 @@ def test_what_stays_on_one_host_is_not_made_on_another(limit: Disruption, hosts:
     assert plan is not None
     moved = Situation(a_system(hosts=both, components=[replace(component, hosts=("right",))]), applied(there, plan))
 
-    held = prepare(replace(a_request(moved.system, limit), hosts=hosts), moved.states).plan
+    held = make_plan(replace(a_request(moved.system, limit), hosts=hosts), moved.states).plan
     allowed = planned(moved.system, moved.states, Disruption.REMOVAL).plan
 
     assert held is not None

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rarms_iac.manifest.document.messages import findings_of_structure
-from rarms_iac.manifest.document.structure import NotAManifest, read_document
+from rarms_iac.manifest.document.validate_document import NotAManifest, validate_document
 from rarms_iac.manifest.load import load
 from rarms_iac.manifest.text.positions import ManifestPlaces
 from rarms_iac.manifest.text.reading import read_text
@@ -71,7 +71,7 @@ def test_every_error_has_words_of_its_own(seed: int) -> None:
         return
 
     try:
-        read_document(read.value, ManifestPlaces(read.source.positions))
+        validate_document(read.value, ManifestPlaces(read.source.positions))
     except NotAManifest as problem:
         told = findings_of_structure(problem)
         assert "RARMS029" not in {diagnostic.code for diagnostic in told}

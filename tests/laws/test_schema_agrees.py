@@ -9,7 +9,7 @@ from hypothesis import given, note, settings
 from hypothesis import strategies as st
 
 from rarms_iac.manifest.document.schema import manifest_schema
-from rarms_iac.manifest.document.structure import NotAManifest, read_document
+from rarms_iac.manifest.document.validate_document import NotAManifest, validate_document
 from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.manifest.text.reading import read_text
 from tests.effort import examples
@@ -85,7 +85,7 @@ def _mutate(document: Any, dice: random.Random) -> None:
 
 def _rarms_takes(document: Any) -> bool:
     try:
-        read_document(document, FirstLine("rarms.yaml"))
+        validate_document(document, FirstLine("rarms.yaml"))
     except NotAManifest as problem:
         # What month has 31 days is beyond JSON Schema, and no matter of structure.
         note(str(problem))

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.providers.cgroups.run import STATE_FOLDER
+from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from tests.needs import CHECKOUT, require
 from tests.standin.remote import a_remote, a_server
 from tests.system.test_remote_host import an_empty_host

@@ -10,7 +10,7 @@ import pytest
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage.shipped import shipped
 from tests.unit.cli.running import Ran, rarms
 from tests.unit.views.test_json import check

@@ -17,7 +17,7 @@ import pytest
 
 from rarms_iac.model.journal import Closing, Journal, PastRun, history_of
 from rarms_iac.providers.journaled import LocalFiles, journal_in
-from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage import disk
 from rarms_iac.storage.append import Damaged
 from rarms_iac.storage.codec import NotDecodable

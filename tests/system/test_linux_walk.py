@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.providers.cgroups.run import STATE_FOLDER
+from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from tests.contracts.benches import forget_groups, groups_of, slice_of
 from tests.unit.cli.running import rarms
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.providers.cgroups.run import STATE_FOLDER
+from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from rarms_iac.providers.channel import ProgramChannel
 from tests.contracts.benches import forget_groups, groups_of, slice_of
 from tests.needs import require

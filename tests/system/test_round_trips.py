@@ -14,7 +14,7 @@ from rarms_iac.app.hosts import Hosts, load
 from rarms_iac.app.planning import plan
 from rarms_iac.app.status import overview_of
 from rarms_iac.applying.run_report import RunEnding
-from rarms_iac.providers.cgroups.run import STATE_FOLDER
+from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from rarms_iac.providers.channel import CommandResult
 from tests.contracts.benches import forget_groups, shell_channel, slice_of
 from tests.system.test_linux_walk import MANIFEST

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import date
 
+from rarms_iac.applying.make_plan import PlanningResult, make_plan
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.applying.prepare import PlanningResult, prepare
 from rarms_iac.applying.scripts import scripts_of as rendered
 from rarms_iac.model.diagnostics import Places
 from rarms_iac.model.plan import Plan
@@ -45,7 +45,7 @@ class Cell:
             system=self.system, places=self.places, manifest="rarms.yaml", manifest_digest="0" * 64, today=TODAY
         )
         state = self.observe()
-        return prepare(replace(request, **asked), {self.name: state})  # type: ignore[arg-type]  # fields, said by tests
+        return make_plan(replace(request, **asked), {self.name: state})  # type: ignore[arg-type]  # fields, said by tests
 
     def plan(self, **asked: object) -> Plan:
         prepared = self.prepare(**asked)

@@ -14,7 +14,7 @@ from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import Rights
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.providers.hyperv.condition import findings_of
-from rarms_iac.providers.hyperv.run import LiveHypervHost
+from rarms_iac.providers.hyperv.provider import LiveHypervHost
 from rarms_iac.providers.interface import (
     NO_WAITING,
     ExaminableHost,

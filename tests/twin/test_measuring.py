@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.app import hosts as app_hosts
-from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.experiments import measure
 from rarms_iac.app.experiments.measure_request import MeasureRequest
+from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.cli.main import main
 from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.templates import MEASURING_ENTRY
-from rarms_iac.providers.hyperv import run as provider
+from rarms_iac.providers.hyperv import provider
 from rarms_iac.providers.hyperv.guest_samples import FORMAT, read_seen
 from tests.twin import guests
 from tests.twin.host import Program, WindowsHost

@@ -9,7 +9,7 @@ from rarms_iac.applying.execute import finish_unfinished
 from rarms_iac.applying.run_report import RunEnding, RunReporter
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.powershell.templates import MODULE_FILES, MODULE_FOLDER, module_digest, module_digests, shipped_module
-from rarms_iac.providers.hyperv.run import LiveHypervHost
+from rarms_iac.providers.hyperv.provider import LiveHypervHost
 from tests.builders import a_host
 from tests.twin.cell import apply, apply_script, files_of, in_one_file, scripts_of, with_module
 from tests.twin.cells import everything, fresh

@@ -14,7 +14,7 @@ from rarms_iac.applying.scripts import edited_script
 from rarms_iac.applying.undo import abandon, steps_undone, undo
 from rarms_iac.model.journal import RunOrigin
 from rarms_iac.model.plan import Plan
-from rarms_iac.providers.hyperv.run import LiveHypervHost
+from rarms_iac.providers.hyperv.provider import LiveHypervHost
 from rarms_iac.storage.append import line_of, records_in
 from tests.builders import a_host
 from tests.twin.cell import apply

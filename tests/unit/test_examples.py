@@ -12,8 +12,8 @@ import pytest
 
 from rarms_iac.app.data_logs import Measurements, measured_reservations
 from rarms_iac.applying.execute import apply_plan
+from rarms_iac.applying.make_plan import PlanningResult, make_plan
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.applying.prepare import PlanningResult, prepare
 from rarms_iac.applying.run_report import RunEnding, RunReporter
 from rarms_iac.applying.run_steps import hold
 from rarms_iac.manifest.checks import run_checks
@@ -25,7 +25,7 @@ from rarms_iac.model.diagnostics import Severity
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import RunState
 from rarms_iac.model.system import Measured
-from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage.shipped import shipped
 from tests.builders import ORIGIN
 from tests.files import copy_files
@@ -132,7 +132,7 @@ def _prepared(result: Loaded, hosts: dict[str, SimulatedHostProvider], folder: P
         today=TODAY,
         reservations=measured_reservations(Measurements(system=result.system, folder=folder), states),
     )
-    return prepare(request, states)
+    return make_plan(request, states)
 
 
 def _plan(result: Loaded, hosts: dict[str, SimulatedHostProvider], folder: Path) -> Plan:

@@ -3,10 +3,10 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 
-from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import Hosts, observe_host
-from rarms_iac.app.planning import make_plan, plan_request
+from rarms_iac.app.planning import plan_from_states, plan_request
 from rarms_iac.app.requests import PlanLimits
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.state_after import totals_after
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.partitions import partition_name
@@ -134,7 +134,7 @@ def refuse_unapplied(hosts: Hosts, states: Mapping[str, State], everywhere: Mapp
         UseCaseError: A plan would change something (refused), or the manifest cannot be planned (as `outcome_of`).
     """
     limits = PlanLimits(max_disruption=Disruption.REMOVAL)  # so that no change is held back and goes unseen
-    plan = make_plan(hosts, plan_request(hosts.only(*sorted(states)), limits), everywhere)
+    plan = plan_from_states(hosts, plan_request(hosts.only(*sorted(states)), limits), everywhere)
     pending = [(str(change.address), part.host.name) for part in plan.hosts for change in part.changes]
     if pending:
         places = tuple(f"{address} on {host}" for address, host in pending)

@@ -14,7 +14,6 @@ from typing import Literal
 from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.data_logs import measurements_of
 from rarms_iac.app.decision_logs import record_choices
-from rarms_iac.app.errors import RequestError
 from rarms_iac.app.experiments.experiment_log import data_log_path, end_remeasurements, remeasurements_for
 from rarms_iac.app.experiments.level_prompt import LevelPrompt, SessionEnded, ask_levels
 from rarms_iac.app.experiments.measure_request import (
@@ -32,7 +31,8 @@ from rarms_iac.app.hosts import Hosts, host_errors
 from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.scripts import PlanScript
 from rarms_iac.app.totals import partitions_without_log, totals_at_hand
-from rarms_iac.measuring.measuring_findings import findings_of, short_secrets
+from rarms_iac.app.use_case_errors import RequestError
+from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.methods import Method
 from rarms_iac.measuring.partitions import host_budget
 from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
@@ -44,6 +44,7 @@ from rarms_iac.model.output import Internal
 from rarms_iac.model.system import Component
 from rarms_iac.model.totals import HostTotals, totals_of
 from rarms_iac.providers.measuring import ScriptedMeasuringHost
+from rarms_iac.running.secrets import short_secrets
 from rarms_iac.storage.datalog.log import Remeasurement
 
 

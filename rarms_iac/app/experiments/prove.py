@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Literal
 
 from rarms_iac.app.control import UNATTENDED, Control
-from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.experiments.applied_layout import applied_layouts, observe_others, refuse_unapplied
 from rarms_iac.app.experiments.measure_request import USUAL_SEED, refuse_unknown
 from rarms_iac.app.experiments.proof_findings import not_met
@@ -16,6 +15,7 @@ from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts, refu
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_configuration_logs, now
 from rarms_iac.app.options import flag, load_host_option, lock_timeout_option, option
+from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.partitions import MeasuringBudget, host_budget
 from rarms_iac.measuring.prove import (
@@ -43,6 +43,7 @@ from rarms_iac.model.system import Component, System
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import groups_of
+from rarms_iac.running.secrets import short_secrets
 from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, append_entry
 from rarms_iac.storage.datalog.files import configuration_path
 
@@ -144,7 +145,7 @@ def prove_layout(
     return ProveOutcome(
         proofs=tuple(proofs),
         findings=(
-            *measuring_findings.short_secrets(_real_components(hosts, layouts), hosts.manifest.places),
+            *short_secrets(_real_components(hosts, layouts), hosts.manifest.places),
             *not_met(hosts, proofs, everywhere),
         ),
         not_proven=_not_proven(hosts, layouts),

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rarms_iac.app.data_logs import used_processors
-from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments.experiment_log import ExperimentLog, data_log_path, read_experiment_log, settings_log_of
 from rarms_iac.app.experiments.measure_request import USUAL_SEED, ExperimentResult
 from rarms_iac.app.experiments.session import MeasuringSession, refuse_what_cannot_run, stop_partitions
 from rarms_iac.app.experiments.stopping import stopped_to_measure
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.duration import DurationBounds, expected_duration, least_samples, settings_to_run
 from rarms_iac.measuring.loop import LoopResult, OtherProcessors, measure

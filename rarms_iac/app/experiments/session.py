@@ -7,7 +7,6 @@ from types import MappingProxyType
 from typing import Literal
 
 from rarms_iac.app.control import UNATTENDED, Control
-from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments.stopping import (
     finish_stop_or_start,
     is_for_measuring,
@@ -16,6 +15,7 @@ from rarms_iac.app.experiments.stopping import (
     stop_to_measure,
 )
 from rarms_iac.app.hosts import Hosts, host_errors, owner, refuse_unfinished
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.measuring.setup import Experiment

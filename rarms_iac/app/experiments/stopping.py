@@ -7,9 +7,9 @@ measurement stopped them, so that after a kill the next `measure`, `start` or `a
 from dataclasses import replace
 
 from rarms_iac.app.control import Reporter
-from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import Hosts, run_origin
-from rarms_iac.app.planning import make_plan, plan_request
+from rarms_iac.app.planning import plan_from_states, plan_request
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.requested_changes import stopped_partition
 from rarms_iac.applying.run_report import RunEnding, RunReporter
@@ -171,7 +171,7 @@ def _run(hosts: Hosts, host: MeasuringHost, purpose: Purpose, names: tuple[str, 
     request = replace(
         plan_request(hosts.only(host.name)), purpose=purpose, partitions=names, stopped_by=StoppedBy.MEASUREMENT
     )
-    plan = make_plan(hosts, request, {host.name: host.observe()})
+    plan = plan_from_states(hosts, request, {host.name: host.observe()})
     report = apply_plan(plan, {host.name: host}, run_origin(), RunReporter(), _never)
     if report.ending not in {RunEnding.DONE, RunEnding.NOTHING}:
         outcome = Outcome.REFUSED if report.ending is RunEnding.REFUSED else Outcome.FAILED

@@ -7,7 +7,6 @@ from typing import Literal, Protocol
 from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.decision_logs import record_tuning
-from rarms_iac.app.errors import RequestError
 from rarms_iac.app.experiments.measure import record_reservations
 from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts, starting_again
 from rarms_iac.app.experiments.stopping import stopped_to_measure
@@ -17,7 +16,7 @@ from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.manifest_edits import PartitionEdits, edit_partitions
 from rarms_iac.app.measurement_files import now
 from rarms_iac.app.options import busy_host_option, flag, lock_timeout_option, option, samples_option
-from rarms_iac.measuring.measuring_findings import short_secrets
+from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.model.commands import PLAN, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.host import ProviderKind
@@ -30,6 +29,7 @@ from rarms_iac.planner.combining.paper import SUCCESSFUL, UNABLE, Inquiry
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import host_view
+from rarms_iac.running.secrets import short_secrets
 from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun, TuningStrategy, UnprovedNeed
 
 

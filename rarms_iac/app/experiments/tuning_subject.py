@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
-from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments.measure_request import loads_for
 from rarms_iac.app.experiments.run_experiment import run_experiment
 from rarms_iac.app.experiments.session import MeasuringSession
 from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring.measuring_findings import CANNOT_MEASURE
 from rarms_iac.measuring.partitions import highest_reserve, host_budget
 from rarms_iac.measuring.setup import Experiment, experiment_of

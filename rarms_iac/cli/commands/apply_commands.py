@@ -18,13 +18,13 @@ from rarms_iac.app.applying import (
     refuse_contradiction,
     undo_applies,
 )
-from rarms_iac.app.errors import RequestError
 from rarms_iac.app.files import folder_of, read_plan_file
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import argument, flag, load_host_option
 from rarms_iac.app.planning import plan_request
 from rarms_iac.app.requests import DatedManifestSource, HostSelection, ManifestSource, PlanLimits, RunOptions
+from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.cli.applying import ask, finish_first, plan_ask_apply, report_end, run
 from rarms_iac.cli.command import rarms_command

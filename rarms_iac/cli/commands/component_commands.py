@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from rarms_iac.app.control import Control
-from rarms_iac.app.errors import RequestError
 from rarms_iac.app.experiments.prove import ProveRequest, prove_layout
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
@@ -11,6 +10,7 @@ from rarms_iac.app.options import flag
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.run_component import RunRequest, become_component, run_components
 from rarms_iac.app.select import SelectRequest, select_level
+from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, tell

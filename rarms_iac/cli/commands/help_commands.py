@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from rarms_iac.app.errors import RequestError
 from rarms_iac.app.options import argument, flag
 from rarms_iac.app.requests import ManifestSource
+from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.completion import completion_script
 from rarms_iac.cli.ending import ExitCode
@@ -44,11 +44,11 @@ def explain_command(session: Session, options: ExplainOptions, source: ManifestS
 
 
 def _component(session: Session, source: ManifestSource, name: str) -> ExitCode:
-    from rarms_iac.app.explain import explain_component
+    from rarms_iac.app.explain_component import explain_component
     from rarms_iac.app.explanation import Explanation
     from rarms_iac.app.manifests import load_manifest
     from rarms_iac.cli.messages import tell
-    from rarms_iac.views.explain import explanation_text
+    from rarms_iac.views.explanation import explanation_text
 
     manifest = load_manifest(source)
     explained = explain_component(manifest, name)

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 from rarms_iac.app.control import Control
-from rarms_iac.app.errors import RequestError
 from rarms_iac.app.experiments.combining import combine_if_wanted
 from rarms_iac.app.experiments.measure import MeasureOutcome, measure_components, measuring_scripts
 from rarms_iac.app.experiments.measure_request import MeasureRequest, reserves_between
@@ -13,6 +12,7 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import flag, option, read_percent
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.scripts import write_scripts
+from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import measured, stopped, tell

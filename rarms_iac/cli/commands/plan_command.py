@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from functools import partial
 
-from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import flag, option, verbose_option
@@ -11,6 +10,7 @@ from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.planning import plan_request
 from rarms_iac.app.pull_request import review_plan
 from rarms_iac.app.requests import DatedManifestSource, PlanLimits, SnapshotSelection
+from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.cli.applying import write_and_advise
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode

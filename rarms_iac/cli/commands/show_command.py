@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rarms_iac.app.errors import RequestError
 from rarms_iac.app.files import read_plan_file
 from rarms_iac.app.options import argument, flag, option, verbose_option
 from rarms_iac.app.requests import ManifestSource, SnapshotSelection
@@ -20,6 +19,7 @@ from rarms_iac.app.scripts import (
     select_scripts,
     write_scripts,
 )
+from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.session import Session

@@ -12,7 +12,7 @@ from itertools import islice
 from rarms_iac.manifest.acceptance import FINDINGS as ABOUT_ACCEPTANCES
 from rarms_iac.manifest.acceptance import check_acceptances
 from rarms_iac.manifest.checks import hosts, measurement, names, partitions, processors, secrets, tasks
-from rarms_iac.manifest.checks.common import Check, of_components, of_hosts, of_partitions
+from rarms_iac.manifest.checks.violation import Check, of_components, of_hosts, of_partitions
 from rarms_iac.model.diagnostics import MOST_OF_A_KIND, Diagnostic, Finding, Places, following, in_order
 from rarms_iac.model.system import System
 

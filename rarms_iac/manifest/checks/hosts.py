@@ -3,7 +3,8 @@
 import re
 from collections.abc import Iterator
 
-from rarms_iac.manifest.checks.common import Violation, may_run_on
+from rarms_iac.manifest.checks.system_lookups import may_run_on
+from rarms_iac.manifest.checks.violation import Violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host, HypervHost, ProviderKind, WinRmConnect
 from rarms_iac.model.mmcss import OFF, is_taken_as_is, taken_for

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from math import ceil
 
-from rarms_iac.manifest.checks.common import Violation
+from rarms_iac.manifest.checks.violation import Violation
 from rarms_iac.model.commands import command
 from rarms_iac.model.diagnostics import Facts, Finding
 from rarms_iac.model.indexes import SampleValue, find_index

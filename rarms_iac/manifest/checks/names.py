@@ -2,7 +2,8 @@
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
-from rarms_iac.manifest.checks.common import Path, Violation, partition_names
+from rarms_iac.manifest.checks.system_lookups import partition_names
+from rarms_iac.manifest.checks.violation import Path, Violation
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY

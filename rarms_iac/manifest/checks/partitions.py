@@ -5,9 +5,7 @@ The first are of `partitions`, `together`, `apart`, `dedicated`, `runs_on` and `
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from rarms_iac.manifest.checks.common import (
-    Path,
-    Violation,
+from rarms_iac.manifest.checks.system_lookups import (
     behaves_like_hyperv,
     bound_groups,
     hosts_for,
@@ -15,6 +13,7 @@ from rarms_iac.manifest.checks.common import (
     members,
     partition_of_component,
 )
+from rarms_iac.manifest.checks.violation import Path, Violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, machine_memory, show_bytes

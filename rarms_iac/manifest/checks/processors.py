@@ -5,8 +5,7 @@ from fractions import Fraction
 from math import ceil
 from typing import assert_never
 
-from rarms_iac.manifest.checks.common import (
-    Violation,
+from rarms_iac.manifest.checks.system_lookups import (
     cpu_settings,
     fixed_reserve,
     hosts_for,
@@ -14,6 +13,7 @@ from rarms_iac.manifest.checks.common import (
     members,
     on_every,
 )
+from rarms_iac.manifest.checks.violation import Violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.quantities import (

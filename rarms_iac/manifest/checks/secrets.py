@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator
 
-from rarms_iac.manifest.checks.common import Violation
+from rarms_iac.manifest.checks.violation import Violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import HypervHost
 from rarms_iac.model.system import Component, System

@@ -4,11 +4,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import permutations
 
-from rarms_iac.manifest.checks.common import Path, Violation, known_tasks, operating_systems, task_entry
+from rarms_iac.manifest.checks.system_lookups import known_tasks, operating_systems, task_entry
+from rarms_iac.manifest.checks.violation import Path, Violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS, values_within
-from rarms_iac.model.names import ROBOTIC_TASKS, is_shipped_task
 from rarms_iac.model.system import Component, System, TaskCategory, TaskRequest
+from rarms_iac.model.task_names import ROBOTIC_TASKS, is_shipped_task
 from rarms_iac.model.wording import did_you_mean, suggested
 
 SHIPPED_TASK = Finding.error("RARMS053", "A task class of Windows would be changed")

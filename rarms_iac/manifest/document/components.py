@@ -14,7 +14,7 @@ from rarms_iac.manifest.document.quantities import (
     Thresholds,
     Time,
 )
-from rarms_iac.manifest.document.texts import VARIABLE_PATTERN, CallTarget, Filled, Name, TaskName, Variable
+from rarms_iac.manifest.document.text_forms import VARIABLE_PATTERN, CallTarget, Filled, Name, TaskName, Variable
 from rarms_iac.model.system import RunsOn
 
 

@@ -8,7 +8,7 @@ from rarms_iac.manifest.document.components import FromEnvironmentBlock
 from rarms_iac.manifest.document.fields import Block, Maybe, by_name, needed, optional
 from rarms_iac.manifest.document.quantities import Amount, Memory, PositiveMemory, Time
 from rarms_iac.manifest.document.rules import BLOCK_OF
-from rarms_iac.manifest.document.texts import Filled, HostName, Name, Operation, SliceName, SshFile, SshTarget
+from rarms_iac.manifest.document.text_forms import Filled, HostName, Name, Operation, SliceName, SshFile, SshTarget
 from rarms_iac.model.host import FaultEffect, Mechanism, ProviderKind, SchedulerType
 
 

@@ -8,10 +8,19 @@ from rarms_iac.manifest.document.components import ComponentBlock, CpuBlock
 from rarms_iac.manifest.document.fields import Block, KeysLike, Maybe, by_name, needed, one_or_several, optional
 from rarms_iac.manifest.document.hosts import MECHANISM, ConnectBlock, HostBlock, MechanismName, SecureBoot
 from rarms_iac.manifest.document.quantities import Duty, PositiveMemory, PositiveTime, Wait
-from rarms_iac.manifest.document.texts import CODE_PATTERN, Code, Day, Filled, LeastVersion, Name, Stressor, TaskName
+from rarms_iac.manifest.document.text_forms import (
+    CODE_PATTERN,
+    Code,
+    Day,
+    Filled,
+    LeastVersion,
+    Name,
+    Stressor,
+    TaskName,
+)
 from rarms_iac.model.loads import DEFAULT_LOADS
-from rarms_iac.model.names import TASK_PATTERN
 from rarms_iac.model.system import Disruption, Headroom, Minimise, StartMode, TaskCategory, Unused
+from rarms_iac.model.task_names import TASK_PATTERN
 from rarms_iac.model.wording import in_a_row
 
 Level = Annotated[int, Field(ge=1, le=8)]

@@ -6,12 +6,13 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from rarms_iac.manifest.document.schema import Path, choices_at, describe, keys_at
-from rarms_iac.manifest.document.structure import NotAManifest, StructureError
-from rarms_iac.manifest.document.texts import FORMS
+from rarms_iac.manifest.document.text_forms import FORMS
+from rarms_iac.manifest.document.validate_document import NotAManifest, StructureError
 from rarms_iac.manifest.text.positions import dotted
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.indexes import INDEXES
-from rarms_iac.model.names import NAME_PATTERN, TASK_PATTERN
+from rarms_iac.model.names import NAME_PATTERN
+from rarms_iac.model.task_names import TASK_PATTERN
 from rarms_iac.model.wording import did_you_mean, in_a_row, question
 
 _OTHER_SPELLINGS = {

@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any, cast
 
 from rarms_iac.manifest.document.manifest import ManifestDocument
-from rarms_iac.manifest.document.texts import FORMS
+from rarms_iac.manifest.document.text_forms import FORMS
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

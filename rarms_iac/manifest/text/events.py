@@ -65,7 +65,7 @@ def read_events(data: bytes, file: str) -> EventValues:
     try:
         return _Pass(file).run(CParser(data))
     except YAMLError as problem:
-        if "nesting depth" in str(getattr(problem, "problem", "")):  # libyaml 0.2.6 stops at 1,000, while it looks ahead
+        if "nesting depth" in str(getattr(problem, "problem", "")):  # libyaml 0.2.6 stops at 1,000, looking ahead
             mark: Any = getattr(problem, "problem_mark", None)
             return read_events(data.decode("utf-8")[: mark.index].encode(), file)  # and here the limit of rarms ends it
         raise UnreadableText(_syntax(problem, data, file)) from None

@@ -30,7 +30,7 @@ from rarms_iac.providers.cgroups.effects import kernel_text
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.processes import consumed_ms, in_ms
 from rarms_iac.providers.cgroups.processor_use import ThreadLooks, looking_at
-from rarms_iac.providers.cgroups.run import STATE_FOLDER, LinuxHostProvider
+from rarms_iac.providers.cgroups.provider import STATE_FOLDER, LinuxHostProvider
 from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.measuring import NO_RUN, Obstacle, PartitionWork, Work
 from rarms_iac.rcss import CLASSES_VARIABLE

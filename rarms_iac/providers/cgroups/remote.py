@@ -18,7 +18,7 @@ from rarms_iac.model.host import Connect, Host, LinuxHost
 from rarms_iac.providers.cgroups.effects import has_ended, open_folder, run_token
 from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, SYSTEMD_FOLDER
 from rarms_iac.providers.cgroups.machine import MACHINE_FILES, LinuxMachine
-from rarms_iac.providers.cgroups.run import STATE_FOLDER, LinuxHostProvider
+from rarms_iac.providers.cgroups.provider import STATE_FOLDER, LinuxHostProvider
 from rarms_iac.providers.cgroups.systemd import UNITS, slice_unit
 from rarms_iac.providers.channel import SSH_FAILED, CommandChannel, CommandResult, ssh_channel
 from rarms_iac.providers.interface import HostError, HostFailed, HostLocked, HostTakenOver, HostUnreachable

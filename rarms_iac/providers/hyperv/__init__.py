@@ -1,7 +1,7 @@
 """Hyper-V hosts, local or over ssh.
 
 In: a host of the manifest. Out: its State, its condition, and events of the scripts that it runs. Begin at
-`run.open_hyperv`: `observation` holds what `observe.ps1` printed, `parse` makes a State of it, `condition` what only
-the doctor asks for; `transport` runs scripts, here or through ssh with the fixed bootstrap, and
-`script_session` talks with them.
+`provider.open_hyperv`: `observation` holds what `observe.ps1` printed, `parse` makes a State of it, `condition` what
+only the doctor asks for; `transport` runs scripts, here or through ssh with the fixed bootstrap, and `script_session`
+talks with them.
 """

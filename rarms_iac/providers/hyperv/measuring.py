@@ -26,7 +26,7 @@ from rarms_iac.powershell.templates import MEASURING_ENTRY
 from rarms_iac.providers.channel import SilenceTimeout
 from rarms_iac.providers.hyperv.bootstrap import STOP, arguments_of
 from rarms_iac.providers.hyperv.guest_samples import TICKS_MS, GuestRun
-from rarms_iac.providers.hyperv.run import LiveHypervHost, read_event
+from rarms_iac.providers.hyperv.provider import LiveHypervHost, read_event
 from rarms_iac.providers.hyperv.script_session import ScriptSession
 from rarms_iac.providers.hyperv.transport import Transport
 from rarms_iac.providers.interface import (

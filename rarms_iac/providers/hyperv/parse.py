@@ -9,7 +9,6 @@ from rarms_iac.model.capacity import core_sharing
 from rarms_iac.model.host import ProviderKind, SchedulerType, host_identity
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
-from rarms_iac.model.names import TASK_VALUES
 from rarms_iac.model.state import (
     SECURE_BOOT_OFF,
     Checkpoints,
@@ -30,6 +29,7 @@ from rarms_iac.model.state import (
     Tie,
     ValueKind,
 )
+from rarms_iac.model.task_names import TASK_VALUES
 from rarms_iac.model.wording import quoted
 from rarms_iac.providers.hyperv.journal import LastRun, NoJournal, last_run
 from rarms_iac.providers.hyperv.observation import (

@@ -24,7 +24,7 @@ from rarms_iac.providers.interface import HostRefused
 from rarms_iac.providers.measuring import Obstacle, PartitionWork, Work
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine
 from rarms_iac.providers.simulated.observation import description
-from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.providers.simulated.scheduling.machine import (
     ORDINARY,
     QUIET_INTERRUPTS,

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.app.errors import RequestError
 from rarms_iac.app.manifest_edits import FileEdit, PartitionEdits, edit_partitions
 from rarms_iac.app.manifests import Manifest, load_manifest
 from rarms_iac.app.requests import ManifestSource
+from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.planner.combining.oracle import Coi
 
 MANIFEST = """\

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from rarms_iac.app.errors import RequestError
 from rarms_iac.app.plan_key import FILE_VARIABLE, VARIABLE, plan_key
+from rarms_iac.app.use_case_errors import RequestError
 from tests.unit.cli.running import rarms
 
 KEY = "0123456789abcdef"

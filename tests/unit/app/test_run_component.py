@@ -14,7 +14,7 @@ import jsonschema
 import pytest
 
 from rarms_iac import rcss
-from rarms_iac.providers.cgroups.run import STATE_FOLDER
+from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from rarms_iac.storage.shipped import shipped
 from scripts.output_schema import output_schema
 from tests.contracts.benches import forget_groups, groups_of, slice_of

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.applying.prepare import prepare
+from rarms_iac.applying.make_plan import make_plan
 from rarms_iac.model.host import LinuxHost, ProviderKind
 from rarms_iac.model.state import State
 from tests.builders import a_host, a_system, codes
@@ -23,7 +23,7 @@ def found(provider: ProviderKind, ids: tuple[str, str], slices: tuple[str, str] 
         name: State(facts=replace(facts(), name=name, id=identity, provider=provider))
         for name, identity in zip(("left", "right"), ids, strict=True)
     }
-    return SHARED & set(codes(prepare(a_request(a_system(hosts=hosts)), states).findings))
+    return SHARED & set(codes(make_plan(a_request(a_system(hosts=hosts)), states).findings))
 
 
 @pytest.mark.parametrize("provider", ProviderKind)

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import replace
 
-from rarms_iac.applying.prepare import prepare
+from rarms_iac.applying.make_plan import make_plan
 from rarms_iac.model.changes import Delete, Update
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.plan import UndoLevel
@@ -111,7 +111,7 @@ def test_on_hyperv_it_is_stopped_and_listed_with_what_it_holds() -> None:
     assert not stopped.settings.running
     assert stopped.settings.start_action is StartAction.NOTHING
 
-    planned = prepare(a_request(vision_alone(host=HYPERV)), {"onboard": host.state}).plan
+    planned = make_plan(a_request(vision_alone(host=HYPERV)), {"onboard": host.state}).plan
     assert planned is not None
     (part,) = planned.hosts
     assert part.changes == ()

@@ -3,7 +3,7 @@ import sys
 
 import pytest
 
-from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.run_report import RunEnding
 from rarms_iac.cli.applying import ask, code_of
 from rarms_iac.cli.ending import ExitCode, Interrupted

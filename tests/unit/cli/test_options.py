@@ -5,7 +5,6 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from rarms_iac.app.errors import RequestError
 from rarms_iac.app.experiments.measure_request import MeasureRequest
 from rarms_iac.app.experiments.tune import TuneRequest
 from rarms_iac.app.options import option
@@ -19,6 +18,7 @@ from rarms_iac.app.requests import (
     SnapshotSelection,
 )
 from rarms_iac.app.run_component import RunRequest
+from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.command import parameters_of, request_of
 from rarms_iac.cli.options import OutputOptions, StopOptions
 from rarms_iac.cli.session import Session

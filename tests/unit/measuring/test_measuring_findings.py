@@ -6,7 +6,7 @@ from fractions import Fraction
 import pytest
 
 from rarms_iac.manifest.text.positions import FirstLine
-from rarms_iac.measuring.measuring_findings import findings_of, short_secrets
+from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.outcomes import NotAchievable, NotResolved, Sufficient
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource
@@ -14,6 +14,7 @@ from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import FromEnvironment, Periodic
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.setting import Setting
+from rarms_iac.running.secrets import short_secrets
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series, a_setting
 

@@ -23,7 +23,7 @@ from rarms_iac.model.operations import CreatePartition
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import RunState, State
 from rarms_iac.providers.interface import HostRefused
-from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage import disk
 from tests.builders import a_host, memory
 from tests.builders_plan import facts, partition, settings

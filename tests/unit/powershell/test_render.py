@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.model.changes import Change
-from rarms_iac.model.names import BETWEEN
+from rarms_iac.model.renaming import BETWEEN
 from rarms_iac.powershell.literals import NoLiteral
 from rarms_iac.powershell.render import render_apply, render_scripts, render_undo, script_name
 from rarms_iac.powershell.templates import ScriptForm, fill, read

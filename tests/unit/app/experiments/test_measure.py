@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage.datalog.decisions import Chosen, Proven, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
 from rarms_iac.storage.lock import hold

@@ -10,7 +10,7 @@ import pytest
 
 from rarms_iac.measuring.prove import STARTS
 from rarms_iac.model.state import Partition
-from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage.datalog.decisions import Proven, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
 from tests.builders import a_host

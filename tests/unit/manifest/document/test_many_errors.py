@@ -2,8 +2,8 @@
 
 import pytest
 
-from rarms_iac.manifest.document import structure
-from rarms_iac.manifest.document.structure import NotAManifest, read_document
+from rarms_iac.manifest.document import validate_document as validation
+from rarms_iac.manifest.document.validate_document import NotAManifest, validate_document
 from rarms_iac.manifest.text.positions import FirstLine
 
 SOUND = {"criticality": 1, "memory": "64 MiB", "cpu": {"reserve": "0.1 LP"}}
@@ -12,8 +12,8 @@ HOST = {"provider": "simulated", "logical_processors": 2, "memory": "4 GiB"}
 
 
 def test_errors_behind_many_sound_entries_are_shown_and_the_rest_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(structure, "TOO_MANY_TO_LIST", 50)
-    monkeypatch.setattr(structure, "PART_SIZES", (20, 5))
+    monkeypatch.setattr(validation, "TOO_MANY_TO_LIST", 50)
+    monkeypatch.setattr(validation, "PART_SIZES", (20, 5))
     names = [f"c{number:03}" for number in range(200)]
     document = {
         "schema": "rarms/v1",
@@ -23,7 +23,7 @@ def test_errors_behind_many_sound_entries_are_shown_and_the_rest_is_counted(monk
     }
 
     with pytest.raises(NotAManifest) as caught:
-        read_document(document, FirstLine("rarms.yaml"))
+        validate_document(document, FirstLine("rarms.yaml"))
 
     assert [error.path[:2] for error in caught.value.errors] == [("components", name) for name in names[60:80]]
     assert caught.value.following == 140 - 20

@@ -18,7 +18,7 @@ MEASURE = """
 import resource, sys
 from datetime import date
 from rarms_iac.manifest.load import load
-import rarms_iac.manifest.document.structure, rarms_iac.manifest.to_system, rarms_iac.manifest.checks
+import rarms_iac.manifest.document.validate_document, rarms_iac.manifest.to_system, rarms_iac.manifest.checks
 from rarms_iac.manifest.document.schema import manifest_schema
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 for path in sys.argv[1:]:

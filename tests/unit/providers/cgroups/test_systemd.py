@@ -10,14 +10,14 @@ import pytest
 from rarms_iac.model.operations import CreatePartition, RemovePartition, SetActions, SetCpu, StartPartition
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import RunState, StartAction
-from rarms_iac.providers.cgroups import effects, run, systemd
+from rarms_iac.providers.cgroups import effects, provider, systemd
 from rarms_iac.providers.cgroups.content import new_definition, write_definition
 from rarms_iac.providers.cgroups.effects import LocalEffects
 from rarms_iac.providers.cgroups.find_tree import SYSTEMD_FOLDER, MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.groups import GroupValues
 from rarms_iac.providers.cgroups.machine import read_machine
+from rarms_iac.providers.cgroups.provider import LinuxHostProvider
 from rarms_iac.providers.cgroups.remote import through_channel
-from rarms_iac.providers.cgroups.run import LinuxHostProvider
 from rarms_iac.providers.cgroups.systemd import GroupTreeSystemd
 from rarms_iac.providers.channel import CommandResult
 from rarms_iac.providers.interface import HostRefused
@@ -178,7 +178,7 @@ def test_a_systemctl_that_does_not_end_is_given_up(lab: Lab, monkeypatch: pytest
 def test_a_machine_that_could_not_be_read_whole_is_read_again(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
     host = LinuxHostProvider(on_linux(builders.a_host()), lab.folder / "state")
     found = iter([MissingFeatures(names=("cpu",)), lab.tree])
-    monkeypatch.setattr(run, "find_tree", lambda *_: next(found))
+    monkeypatch.setattr(provider, "find_tree", lambda *_: next(found))
     with pytest.raises(HostRefused):
         host.machine  # noqa: B018 - reading it is what fails
 

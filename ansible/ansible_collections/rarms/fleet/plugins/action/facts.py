@@ -15,9 +15,9 @@ from ansible_collections.rarms.fleet.plugins.plugin_utils.robot import (
 )
 
 if not RARMS_MISSING:
-    from rarms_iac.app.errors import Outcome, UseCaseError
     from rarms_iac.app.hosts import record_host
     from rarms_iac.app.status import overview_of
+    from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 
 
 class ActionModule(RobotAction):

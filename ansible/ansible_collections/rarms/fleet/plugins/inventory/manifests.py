@@ -57,8 +57,8 @@ from ansible.plugins.inventory import BaseInventoryPlugin, Constructable
 from ansible.template import trust_as_template
 
 try:
-    from rarms_iac.app.errors import RequestError, UseCaseError
     from rarms_iac.app.hosts import load
+    from rarms_iac.app.use_case_errors import RequestError, UseCaseError
     from rarms_iac.model.diagnostics import Severity
     from rarms_iac.model.host import Host, ProviderKind, WinRmConnect
 except ImportError as error:

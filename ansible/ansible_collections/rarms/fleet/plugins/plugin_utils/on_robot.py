@@ -18,8 +18,8 @@ from typing import Any
 from ansible_collections.rarms.fleet.plugins.plugin_utils.robot import RARMS_MISSING, ConnectionChannel, Result, Robot
 
 if not RARMS_MISSING:
-    from rarms_iac.app.errors import RequestError
     from rarms_iac.app.files import make_folder, write_file
+    from rarms_iac.app.use_case_errors import RequestError
     from rarms_iac.model.host import ProviderKind
 
 SILENCE_S = 3600.0

@@ -21,9 +21,9 @@ from ansible.plugins.action import ActionBase
 
 try:
     from rarms_iac.app.applying import apply
-    from rarms_iac.app.errors import RequestError, UseCaseError
     from rarms_iac.app.hosts import Hosts, load
     from rarms_iac.app.planning import plan
+    from rarms_iac.app.use_case_errors import RequestError, UseCaseError
     from rarms_iac.model.diagnostics import Findings
     from rarms_iac.model.host import Connect, ProviderKind
     from rarms_iac.providers.channel import CommandResult

@@ -7,7 +7,8 @@ from typing import Annotated, Any
 from pydantic import PlainValidator, StringConstraints, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from rarms_iac.model.names import NAME_PATTERN, TASK_PATTERN
+from rarms_iac.model.names import NAME_PATTERN
+from rarms_iac.model.task_names import TASK_PATTERN
 
 _PYTHON = "[A-Za-z_][A-Za-z0-9_]*"
 VARIABLE_PATTERN = "^[A-Za-z_][A-Za-z0-9_]{0,254}$"

@@ -46,7 +46,7 @@ class PlanningResult:
     accepted: tuple[Diagnostic, ...] = ()
 
 
-def prepare(request: PlanRequest, observed: Mapping[str, State]) -> PlanningResult:
+def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningResult:
     """Make the plan that turns the observed hosts into what the manifest wants.
 
     Args:

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.explain import explain_component
+from rarms_iac.app.explain_component import explain_component
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun, append_run, tuning_path

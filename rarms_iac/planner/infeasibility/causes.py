@@ -1,29 +1,18 @@
 """Why there is no layout: who cannot share which hosts, by how much, and what would fit."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from fractions import Fraction
-from functools import partial
-from itertools import chain, islice, zip_longest
-from types import MappingProxyType
 
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.diagnostics import Facts
-from rarms_iac.model.layout import Cause, Infeasible, Layout, Relaxation, RelaxationKind
+from rarms_iac.model.layout import Cause, Infeasible, Layout
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_percent, show_processors
 from rarms_iac.model.wording import in_a_row, list_names, number
 from rarms_iac.planner import planning_findings
-from rarms_iac.planner.groups import Group
 from rarms_iac.planner.infeasibility.conflict import Conflict, conflicts, evident_conflicts
-from rarms_iac.planner.infeasibility.edits import Edit, Edits, RelaxationRange, Trials, Variant, smallest_edits
-from rarms_iac.planner.infeasibility.relaxations import (
-    apt_relaxations,
-    memory_relaxations,
-    narrowing_relaxations,
-    pair_relaxations,
-    processor_relaxations,
-    reserve_relaxations,
-)
+from rarms_iac.planner.infeasibility.edits import Variant
+from rarms_iac.planner.infeasibility.ways_out import ways_out
 from rarms_iac.planner.packing.pack import can_pack
 from rarms_iac.planner.packing.values import Bin, Item, free_in, free_on, is_move, least_cost, least_memory
 from rarms_iac.planner.problem import Problem, problem_of, solve
@@ -31,14 +20,8 @@ from rarms_iac.planner.problem import Problem, problem_of, solve
 MOST_NAMES = 12
 """Names in a sentence; more are counted."""
 
-MOST_WAYS_OUT = 4
-"""More ways out than these are not read; and no more relaxations of a kind are tried alone."""
 
-PAIRS = 30
-"""Pairs that are planned alone."""
-
-
-def explain(answer: Infeasible, problem: Problem, start: Variant) -> Infeasible:
+def explain_infeasibility(answer: Infeasible, problem: Problem, start: Variant) -> Infeasible:
     """Add to an answer without causes who conflicts, why, and what would fit.
 
     Args:
@@ -223,95 +206,3 @@ def _logical_processors(host: Bin) -> str:
 def _places(host: Bin) -> str:
     """What virtual processors are laid onto: `two logical processors`, `four cores`."""
     return _logical_processors(host) if host.capacity.sharing.threads == 1 else f"{number(host.capacity.cores)} cores"
-
-
-def ways_out(
-    problem: Problem, conflict: Sequence[str], start: Variant, moves: Mapping[str, str] = MappingProxyType({})
-) -> tuple[Relaxation, ...]:
-    """Find changes with which everything fits.
-
-    Args:
-        problem: What has no layout.
-        conflict: Names of the partitions that cannot share their hosts.
-        start: What the problem was made of.
-        moves: As of `moves_needed`.
-
-    Returns:
-        Up to `MOST_WAYS_OUT` changes that are enough, one of each kind before a second of any: moving, a lower APT,
-        more of a host, a lower reserve. Before them fewer processors for components that cannot use theirs, which costs
-        nothing; after them what else may be enough, and has to be measured.
-    """
-    trials = Trials(start=start)
-    groups = sorted(problem.groups, key=lambda group: (group.criticality, group.name))
-    memory = list(islice(memory_relaxations(problem), MOST_WAYS_OUT))
-    processors = list(islice(processor_relaxations(problem), MOST_WAYS_OUT))
-    kinds = (
-        _moving(moves),
-        _of_kind(chain.from_iterable(apt_relaxations(group, problem) for group in groups), memory, conflict, trials),
-        _of_kind(memory, (), conflict, trials),
-        _of_kind((relaxation for relaxation in processors if not relaxation.to_be_measured), memory, conflict, trials),
-        _of_kind(chain.from_iterable(map(reserve_relaxations, groups)), memory, conflict, trials),
-    )
-    in_turns = (_relaxation(edits) for turn in zip_longest(*kinds, fillvalue=()) for edits in turn if edits)
-    sure = list(islice(dict.fromkeys(in_turns), MOST_WAYS_OUT))
-    perhaps = (*_combining(problem, conflict, trials), *_ways_with_more_processors(processors, trials))
-    return (*_narrowing(groups, problem, conflict, trials), *sure, *perhaps)
-
-
-def _relaxation(edits: Edits, kind: RelaxationKind = RelaxationKind.CERTAIN, host: str = "") -> Relaxation:
-    return Relaxation(
-        changes=tuple(edit.message for edit in edits),
-        levels=tuple(edit.level for edit in edits if edit.level is not None),
-        kind=kind,
-        host=host,
-    )
-
-
-def _moving(moves: Mapping[str, str]) -> Iterator[Edits]:
-    if moves:
-        names = in_a_row([f"{name} move away from {host}" for name, host in moves.items()])
-        yield (Edit(f"`--max-disruption removal`, which lets {names}", partial(replace, may_move=True)),)
-
-
-def _of_kind(
-    relaxations: Iterable[RelaxationRange], memory: Sequence[RelaxationRange], conflict: Sequence[str], trials: Trials
-) -> Sequence[Edits]:
-    """One relaxation of the conflict alone; where none is enough, each with more memory, then all together."""
-    relaxations = list(relaxations)
-    in_conflict = (each for each in relaxations if not each.partitions or set(each.partitions) & set(conflict))
-    alone = list(islice(in_conflict, MOST_WAYS_OUT))
-    with_memory = [[*memory, each] for each in alone] if memory else []
-    for tried in ([[each] for each in alone], with_memory, [[*memory, *relaxations]] if relaxations else []):
-        ways = [edits for together in tried if (edits := smallest_edits(together, trials))]
-        if ways:
-            return ways
-    return ()
-
-
-def _narrowing(
-    groups: Sequence[Group], problem: Problem, conflict: Sequence[str], trials: Trials
-) -> Iterator[Relaxation]:
-    relaxations = chain.from_iterable(narrowing_relaxations(group, problem) for group in groups)
-    for edits in islice(_of_kind(relaxations, (), conflict, trials), 1):
-        yield _relaxation(edits, RelaxationKind.FEWER_PROCESSORS)
-
-
-def _combining(problem: Problem, conflict: Sequence[str], trials: Trials) -> Iterator[Relaxation]:
-    """A pair of the conflict, of the least critical first; where none is enough, several, of all partitions."""
-    pairs = islice(pair_relaxations(problem, conflict), PAIRS)
-    tried = ((smallest_edits([pair], trials), pair.host) for pair in pairs)
-    edits, host = next((way for way in tried if way[0]), ((), ""))
-    if not edits:
-        disjoint: list[RelaxationRange] = []
-        for pair in pair_relaxations(problem, problem.claims.keys()):
-            if not any(set(pair.partitions) & set(other.partitions) for other in disjoint):
-                disjoint.append(pair)
-        edits, host = smallest_edits(disjoint, trials), disjoint[0].host if disjoint else ""
-    if edits:
-        yield _relaxation(edits, RelaxationKind.COMBINING, host)
-
-
-def _ways_with_more_processors(relaxations: Sequence[RelaxationRange], trials: Trials) -> Iterator[Relaxation]:
-    ways = (smallest_edits([relaxation], trials) for relaxation in relaxations if relaxation.to_be_measured)
-    for edits in islice(filter(None, ways), 1):
-        yield _relaxation(edits, RelaxationKind.MORE_PROCESSORS)

@@ -7,13 +7,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of
-from rarms_iac.app.errors import RequestError
 from rarms_iac.app.explained_partition import ExplainedPartition, ExplainedPlace, partition_to_explain, place_of
 from rarms_iac.app.explained_sharing import own_partitions, partners, previous_tuning
 from rarms_iac.app.explanation import ComponentExplanation, DataLogSummary, ExplainedIndex, Explanation, HostExplanation
 from rarms_iac.app.hosts import observe_hosts, select_hosts
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import HostSelection
+from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import LogicalProcessors, in_processors
 from rarms_iac.model.system import Component, Measured, Threshold

@@ -65,7 +65,7 @@ class NotAManifest(ValueError):
         self.following = following
 
 
-def read_document(document: Any, places: Places) -> ManifestDocument:
+def validate_document(document: Any, places: Places) -> ManifestDocument:
     """The document of plain values.
 
     Raises:
