@@ -197,6 +197,8 @@ def _call_cmdlet(written: Written, scope: Scope) -> Value:
     try:
         refused(scope, plain)
         machines = bound.get("vm")
+        if machines is not None:
+            _require_kind(scope)
         for machine in machines if isinstance(machines, list) else [machines]:
             if isinstance(machine, Thing):
                 refused(scope, f"{plain} {machine.get('Name')}")
@@ -208,6 +210,13 @@ def _call_cmdlet(written: Written, scope: Scope) -> Value:
             return EMPTY
         error.command, error.line = error.command or plain, error.line or written.line
         raise
+
+
+def _require_kind(scope: Scope) -> None:
+    """Raise where Hyper-V's objects came from another process: they are of no kind that a cmdlet takes."""
+    if not scope.session.host.loads_hyperv:
+        says = "Cannot bind parameter 'VM'. Cannot convert the value to type \"VirtualMachine\"."
+        raise ScriptError(says, error_id="CannotConvertArgumentNoMessage", category="InvalidArgument")
 
 
 def _is_wanted(scope: Scope, name: str) -> bool:

@@ -31,8 +31,8 @@ from tests.effort import Attempt, every_few, tried
 from tests.recorded_hosts import read_observation
 from tests.twin.cell import apply, apply_script, files_of
 from tests.twin.cells import everything, fresh
-from tests.twin.host import WindowsHost
-from tests.twin.observing import JOURNAL, PENDING, PROFILE, RECORDS, document_of
+from tests.twin.host import Entry, WindowsHost
+from tests.twin.observing import JOURNAL, PENDING, PROFILE, RECORDS, WINDOWS, document_of
 from tests.twin.signing import signed
 from tests.twin.transport import TwinTransport
 
@@ -49,6 +49,18 @@ def test_what_is_written_down_is_what_the_script_printed() -> None:
     assert json.loads(data) == document_of(host)
     assert data.isascii()
     assert data.count(b"\n") == 1
+
+
+@pytest.mark.parametrize(("build", "edition"), [("14393", "Desktop"), ("26100", "Core")], ids=["2016", "2025"])
+def test_windows_powershell_looks_where_7_does_not_load_hyperv_itself(build: str, edition: str) -> None:
+    host = everything().copy(powershell={"version": "7.4.6", "edition": "Core"}, loads_hyperv=build == "26100")
+    host.add_key(WINDOWS).values["currentbuildnumber"] = Entry(name="CurrentBuildNumber", kind="String", data=build)
+    there = live(host)
+
+    state = there.observe()
+
+    assert host.powershell["edition"] == edition
+    assert len(state.resources) == len(live(everything().copy()).observe().resources)
 
 
 def test_a_snapshot_of_a_live_host_says_all_that_the_host_itself_says() -> None:

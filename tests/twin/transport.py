@@ -33,6 +33,12 @@ class TwinTransport:
             listener.line(line)
         return ScriptLost(why="it was killed") if ran.code is None else ScriptExited(code=ran.code, last_lines=ran.talk)
 
+    def in_windows_powershell(self) -> "TwinTransport":
+        """A process of 5.1, which loads Hyper-V itself on every Windows."""
+        assert self.host is not None
+        self.host.loads_hyperv, self.host.powershell = True, {"version": "5.1.14393.1", "edition": "Desktop"}
+        return self
+
     @contextmanager
     def session(self, script: ScriptBundle, arguments: Sequence[str]) -> Iterator["Conversation"]:
         """As the protocol says; the script runs only while a reader waits for its next line."""

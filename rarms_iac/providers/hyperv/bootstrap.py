@@ -15,6 +15,7 @@ from rarms_iac.powershell.templates import as_script, fill, read
 from rarms_iac.providers.interface import ScriptBundle, WaitLimits
 
 SHELLS = ("pwsh", "powershell")
+WINDOWS_POWERSHELL = SHELLS[1]
 
 READY = "rarms-bootstrap/1 ready"
 FAILED = "rarms-bootstrap/1 failed"

@@ -16,7 +16,7 @@ from rarms_iac.providers.channel import CommandChannel
 from rarms_iac.providers.hyperv.bootstrap import SHELLS, arguments_of
 from rarms_iac.providers.hyperv.condition import condition_of, findings_of, unread_error
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal
-from rarms_iac.providers.hyperv.observation import HostObservation, is_unread, observation_of
+from rarms_iac.providers.hyperv.observation import HostObservation, is_unread, observation_of, or_else
 from rarms_iac.providers.hyperv.parse import last_run_of, to_state
 from rarms_iac.providers.hyperv.script_session import Listener
 from rarms_iac.providers.hyperv.transport import ChannelTransport, LocalTransport, SshTransport, Transport
@@ -40,6 +40,9 @@ OBSERVE = "observe.ps1"
 LARGEST_SIGNED = 32 * 2**20  # bytes
 JOURNAL = "%ProgramData%\\rarms\\journal.jsonl"
 FORMAT = "rarms-event/1"
+NATIVE_BUILD = 17763
+"""The first build of Windows (Server 2019) whose Hyper-V module PowerShell 7 loads itself."""
+
 LONGEST = 100_000
 """Characters of a line that is looked at; a script's own are far shorter."""
 
@@ -150,7 +153,18 @@ class LiveHypervHost:
         if self._looks_once and self._document:
             return self._document
         self._document = self._print()
+        if self._lacks_hyperv(self._document):
+            self._transport = self._transport.in_windows_powershell()
+            self._document = self._print()
         return self._document
+
+    def _lacks_hyperv(self, document: str) -> bool:
+        """Whether PowerShell 7 looked where it loads Hyper-V through 5.1, whose objects no cmdlet takes."""
+        observation = self._read(document)
+        powershell, windows = or_else(observation.powershell, None), or_else(observation.windows, None)
+        if powershell is None or windows is None:
+            return False
+        return powershell.edition == "Core" and windows.build < NATIVE_BUILD
 
     def _print(self) -> str:
         """What `observe.ps1` prints, or on the computer itself what WMI and the registry show."""

@@ -8,13 +8,22 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.host import Connect
 from rarms_iac.providers.channel import Channel, CommandChannel, one_command_only, open_channel, ssh_words
-from rarms_iac.providers.hyperv.bootstrap import NO_MORE, READY, SHELLS, frame, program_of, remote_words
+from rarms_iac.providers.hyperv.bootstrap import (
+    NO_MORE,
+    READY,
+    SHELLS,
+    WINDOWS_POWERSHELL,
+    frame,
+    program_of,
+    remote_words,
+)
 from rarms_iac.providers.hyperv.file_access import OURS_ONLY, protect
 from rarms_iac.providers.hyperv.script_session import (
     Listener,
@@ -51,12 +60,17 @@ class Transport(Protocol):
         """
         ...
 
+    def in_windows_powershell(self) -> "Transport":
+        """The same way, into Windows PowerShell 5.1."""
+        ...
+
 
 class LocalTransport:
     """The PowerShell of this computer."""
 
-    def __init__(self, host: str) -> None:
+    def __init__(self, host: str, shells: Sequence[str] = SHELLS) -> None:
         self._host = host
+        self._shells = shells
 
     def run(
         self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
@@ -87,11 +101,14 @@ class LocalTransport:
         ):
             yield session
 
+    def in_windows_powershell(self) -> "LocalTransport":
+        return LocalTransport(self._host, (WINDOWS_POWERSHELL,))
+
     def _program(self) -> str:
-        for shell in SHELLS:
+        for shell in self._shells:
             if found := shutil.which(program_of(shell)):
                 return found
-        names = " or ".join(program_of(shell) for shell in SHELLS)
+        names = " or ".join(map(program_of, self._shells))
         raise HostFailed(
             self._host,
             f"{names} is not on this computer, which the manifest says is the host",
@@ -123,6 +140,9 @@ class SshTransport:
     def session(self, script: ScriptBundle, arguments: Sequence[str]) -> Iterator[ScriptSession]:
         with self._ready() as channel, session_behind_bootstrap(channel, script, arguments) as session:
             yield session
+
+    def in_windows_powershell(self) -> "SshTransport":
+        return SshTransport(self._host, replace(self._connect, shell=WINDOWS_POWERSHELL))
 
     def _ready(self) -> AbstractContextManager[Channel]:
         words = ssh_words(self._connect, remote_words(self._connect.shell))
@@ -157,3 +177,6 @@ class ChannelTransport:
         arguments: Sequence[str],  # noqa: ARG002
     ) -> AbstractContextManager[ScriptSession]:
         raise one_command_only(self._host)
+
+    def in_windows_powershell(self) -> "ChannelTransport":
+        return ChannelTransport(self._host, self._channel, WINDOWS_POWERSHELL)

@@ -8,13 +8,14 @@ import os
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from dataclasses import replace
 from queue import Empty, SimpleQueue
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
 
 from rarms_iac.model.host import WinRmConnect
 from rarms_iac.providers.channel import KEPT_LINES, LAST_SECONDS, LONGEST_LINE, SSH_FAILED, next_of
-from rarms_iac.providers.hyperv.bootstrap import program_of, remote_words
+from rarms_iac.providers.hyperv.bootstrap import WINDOWS_POWERSHELL, program_of, remote_words
 from rarms_iac.providers.hyperv.script_session import Listener, ScriptSession, await_bootstrap, send_and_follow
 from rarms_iac.providers.interface import HostFailed, HostUnreachable, ScriptBundle, ScriptExited, ScriptLost
 
@@ -56,6 +57,9 @@ class WinRmTransport:
             "it cannot be measured over WinRM, which does not tell a host when rarms ends: test partitions would stay",
             "Reach it by ssh to measure (`connect: {ssh: user@host}`), or run rarms on the host itself.",
         )
+
+    def in_windows_powershell(self) -> "WinRmTransport":
+        return WinRmTransport(self._host, replace(self._connect, shell=WINDOWS_POWERSHELL))
 
     @contextmanager
     def _ready(self) -> "Iterator[RemoteProgram]":
