@@ -14,7 +14,7 @@ import pytest
 
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from tests.needs import CHECKOUT, require
-from tests.standin.remote import a_remote, a_server
+from tests.standin.remote import WINRM_PASSWORD, a_remote, a_server, by_winrm
 from tests.system.test_remote_host import an_empty_host
 from tests.unit.cli.running import rarms
 
@@ -79,6 +79,7 @@ class Fleet:
 
     folder: Path
     path: str = os.environ["PATH"]
+    packages: str = str(CHECKOUT)
 
     def add(self, robot: str, overlay: str = "{}\n") -> None:
         """Add a robot with the text of its overlay."""
@@ -113,7 +114,7 @@ class Fleet:
             "ANSIBLE_CALLBACKS_ENABLED": "results",
             "ANSIBLE_CALLBACK_PLUGINS": str(CHECKOUT / "tests" / "ansible_callback"),
             "RARMS_TEST_RESULTS": str(results),
-            "PYTHONPATH": str(CHECKOUT),
+            "PYTHONPATH": self.packages,
             "LC_ALL": "C.UTF-8",
         }
         return subprocess.run(
@@ -121,13 +122,14 @@ class Fleet:
         )
 
 
-def a_fleet(folder: Path, manifest: str, path: str = os.environ["PATH"]) -> Fleet:
+def a_fleet(folder: Path, manifest: str, path: str = os.environ["PATH"], packages: str = str(CHECKOUT)) -> Fleet:
+    """A fleet without robots; programs and Python packages are looked for in `path` and `packages`."""
     (folder / "rarms.yaml").write_text(manifest, encoding="utf-8")
     (folder / "ansible.cfg").touch()
     (folder / "robots.fleet.yml").write_text(
         "plugin: rarms.fleet.manifests\noverlays: [robots/*.yaml]\n", encoding="utf-8"
     )
-    return Fleet(folder=folder, path=path)
+    return Fleet(folder=folder, path=path, packages=packages)
 
 
 @pytest.fixture
@@ -309,16 +311,42 @@ def test_a_hyper_v_robot_is_changed_through_ansibles_own_connection(tmp_path: Pa
         assert not remote.host.vms
 
 
-def test_a_robot_behind_winrm_has_ansibles_variables_for_it_and_no_password_in_a_file(fleet: Fleet) -> None:
-    connect = "{ winrm: cell-7.example, user: ops, password: { from_env: CELL_PASSWORD } }"
-    fleet.add("w-1", f"hosts: {{ onboard: {{ provider: hyperv, connect: {connect} }} }}\n")
-    words = [str(ANSIBLE / "ansible-inventory"), "-i", "robots.fleet.yml", "--host", "w-1"]
+BY_WINRM = "hosts: { onboard: { connect: { winrm: cell, shell: pwsh, user: ops, password: { from_env: NAME } } } }\n"
+
+
+@pytest.mark.needs("linux")
+def test_a_hyper_v_robot_is_changed_through_ansibles_psrp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As far as stand-ins of pypsrp and PowerShell go."""
+    remote = by_winrm(tmp_path, an_empty_host())
+    monkeypatch.setenv("NAME", WINRM_PASSWORD)
+    (tmp_path / "fleet").mkdir()
+    manifest = HYPERV.replace(" connect: { ssh: cell, shell: pwsh },", "")
+    fleet = a_fleet(tmp_path / "fleet", manifest, remote.variables["PATH"], remote.variables["PYTHONPATH"])
+    fleet.add("w-1", BY_WINRM)
+
+    applied = fleet.play(APPLY)
+    assert (applied.code, applied.changed) == (0, ["w-1"]), applied.out
+    assert [(vm.name, vm.state) for vm in remote.host.vms.values()] == [("vision", "Running")]
+    assert fleet.play(APPLY).changed == []
+
+    other = fleet.play(APPLY, options=("-e", "ansible_connection=winrm"))
+    assert "set `ansible_connection: psrp`" in other.results["w-1"]["msg"]
+    monkeypatch.setenv("NAME", "another")
+    refused = fleet.play(APPLY).results["w-1"]
+    assert (refused["rarms_unreachable"], "another" in json.dumps(refused)) == (True, False), refused
+    assert "Failed to authenticate the user" in refused["msg"]
+
+
+def test_a_robot_behind_winrm_has_no_password_in_a_file(fleet: Fleet) -> None:
+    fleet.add("w-1", "hosts: { onboard: { provider: hyperv } }\n")
+    fleet.add("w-2", BY_WINRM.replace("onboard: {", "onboard: { provider: hyperv,"))
+    words = [str(ANSIBLE / "ansible-inventory"), "-i", "robots.fleet.yml", "--host", "w-2"]
 
     listed = json.loads(fleet.run(words, fleet.folder / "none").stdout)
 
-    assert listed["ansible_connection"] == "winrm"
-    assert (listed["ansible_host"], listed["ansible_port"]) == ("cell-7.example", 5986)
-    assert "lookup('ansible.builtin.env', 'CELL_PASSWORD')" in listed["ansible_password"]
+    assert (listed["ansible_connection"], listed["ansible_psrp_protocol"]) == ("psrp", "https")
+    assert (listed["ansible_host"], listed["ansible_port"]) == ("cell", 5986)
+    assert "lookup('ansible.builtin.env', 'NAME')" in listed["ansible_password"]
 
 
 def test_a_robot_pulls_its_own_configuration(fleet: Fleet, tmp_path: Path) -> None:

@@ -14,7 +14,15 @@ from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
 
 from rarms_iac.model.host import WinRmConnect
-from rarms_iac.providers.channel import KEPT_LINES, LAST_SECONDS, LONGEST_LINE, SSH_FAILED, next_of
+from rarms_iac.providers.channel import (
+    KEPT_LINES,
+    LAST_SECONDS,
+    LONGEST_LINE,
+    SSH_FAILED,
+    CommandResult,
+    SilenceTimeout,
+    next_of,
+)
 from rarms_iac.providers.hyperv.bootstrap import WINDOWS_POWERSHELL, program_of, remote_words
 from rarms_iac.providers.hyperv.script_session import Listener, ScriptSession, await_bootstrap, send_and_follow
 from rarms_iac.providers.interface import HostFailed, HostUnreachable, ScriptBundle, ScriptExited, ScriptLost
@@ -64,61 +72,107 @@ class WinRmTransport:
     @contextmanager
     def _ready(self) -> "Iterator[RemoteProgram]":
         connect = self._connect
-        target = connect.winrm
-        with _shell(self._host, connect) as start, RemoteProgram(start(remote_words(connect.shell))) as program:
-            await_bootstrap(program, self._host, target, program_of(connect.shell), WAY)
+        target, shell = connect.winrm, connect.shell
+        with _program(self._host, target, lambda: _service(self._host, connect), remote_words(shell)) as program:
+            await_bootstrap(program, self._host, target, program_of(shell), WAY)
             yield program
 
 
+class ServiceChannel:
+    """A `CommandChannel` through a WinRM service that an engine reached with pypsrp, as Ansible's `psrp` does."""
+
+    def __init__(self, host: str, target: str, reach: "Callable[[], Any]") -> None:
+        """Prepare; `reach` returns pypsrp's `WSMan`, and is called for each command.
+
+        Args:
+            host: its name in the manifest.
+            target: the host as messages name it.
+            reach: raises what pypsrp does where the service is out of reach.
+        """
+        self._host = host
+        self._target = target
+        self._reach = reach
+
+    @property
+    def target(self) -> str:
+        return self._target
+
+    def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:
+        lines: list[str] = []
+        with _program(self._host, self._target, self._reach, command.split(" ")) as program:
+            program.send(data)
+            try:
+                while (line := program.next_line(silence_s, lambda: None)) is not None:
+                    lines.append(line)
+            except SilenceTimeout:
+                message = f"{self._target} said nothing for {silence_s:.0f} s"
+                raise HostFailed(self._host, message, "Look what runs there, then run it again.") from None
+            code = program.code()
+            return CommandResult(
+                code=SSH_FAILED if code is None else code,
+                output="\n".join([*lines, ""]),
+                error="\n".join(program.error_lines),
+            )
+
+
 @contextmanager
-def _shell(host: str, connect: WinRmConnect) -> "Iterator[Callable[[Sequence[str]], Any]]":
-    """Open a shell at the other end; what comes out starts a program in it.
+def _program(host: str, target: str, reach: "Callable[[], Any]", words: Sequence[str]) -> "Iterator[RemoteProgram]":
+    """Start a program in a shell of the service.
 
     Raises:
-        HostFailed: pypsrp or the password is missing here.
+        HostFailed: pypsrp or the password is missing here, or the program cannot be started.
         HostUnreachable: the host is not reached, or does not let this user in.
     """
     try:
         from pypsrp.exceptions import WinRMError
         from pypsrp.shell import Process, WinRS
-        from pypsrp.wsman import WSMan
         from spnego.exceptions import SpnegoError
     except ImportError:
         message = "WinRM needs the Python package pypsrp, which is not installed here"
         raise HostFailed(host, message, 'Install it with rarms: `pip install "rarms-iac[winrm]"`.') from None
-    password = _password(host, connect)
-    opened = ExitStack()
-    try:
-        wsman = WSMan(
-            connect.winrm,
-            port=connect.port or PORT,
-            username=connect.user,
-            password=password,
-            ssl=True,
-            auth="negotiate" if connect.user else "kerberos",
-            cert_validation=True,
-            connection_timeout=CONNECT_SECONDS,
-        )
-        shell = WinRS(wsman, codepage=UTF_8)
-        opened.enter_context(shell)
-    except (WinRMError, SpnegoError, OSError) as error:
-        advice = f"Try it by hand: `Test-WSMan -UseSSL -ComputerName {connect.winrm}`; its certificate is checked."
-        raise HostUnreachable(host, f"{WAY} does not reach {connect.winrm}: {_in_a_line(error)}", advice) from None
-
-    def start(words: Sequence[str]) -> Any:
+    with ExitStack() as opened:
+        try:
+            shell = WinRS(reach(), codepage=UTF_8)
+            shell.__enter__()
+        except (WinRMError, SpnegoError, OSError) as error:
+            advice = f"Try it by hand: `Test-WSMan -UseSSL -ComputerName {target}`; its certificate is checked."
+            raise HostUnreachable(host, f"{WAY} does not reach {target}: {_in_a_line(error)}", advice) from None
+        opened.callback(_close, shell)
         process = Process(shell, words[0], list(words[1:]))
         try:
             process.begin_invoke()
         except (WinRMError, OSError) as error:
-            message = f"{words[0]} cannot be started on {connect.winrm}: {_in_a_line(error)}"
+            message = f"{words[0]} cannot be started on {target}: {_in_a_line(error)}"
             raise HostFailed(host, message, "Look into the host's log of WinRM, then run it again.") from None
-        return process
+        yield opened.enter_context(RemoteProgram(process))
 
-    try:
-        yield start
-    finally:
-        with suppress(WinRMError, OSError):
-            opened.close()
+
+def _close(shell: Any) -> None:
+    """Close a shell, as far as the service still answers."""
+    from pypsrp.exceptions import WinRMError
+
+    with suppress(WinRMError, OSError):
+        shell.__exit__(None, None, None)
+
+
+def _service(host: str, connect: WinRmConnect) -> Any:
+    """Return pypsrp's way to the service; nothing was sent.
+
+    Raises:
+        HostFailed: the password is missing here.
+    """
+    from pypsrp.wsman import WSMan
+
+    return WSMan(
+        connect.winrm,
+        port=connect.port or PORT,
+        username=connect.user,
+        password=_password(host, connect),
+        ssl=True,
+        auth="negotiate" if connect.user else "kerberos",
+        cert_validation=True,
+        connection_timeout=CONNECT_SECONDS,
+    )
 
 
 def _password(host: str, connect: WinRmConnect) -> str | None:

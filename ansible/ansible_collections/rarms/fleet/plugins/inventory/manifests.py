@@ -179,13 +179,13 @@ def _reason(error: UseCaseError | RequestError) -> str:
 
 
 def _winrm(connect: WinRmConnect) -> dict[str, Any]:
-    """Ansible's own WinRM; the password is looked up when a task runs, as rarms does."""
+    """Ansible's `psrp`, by pypsrp as rarms itself; the password is looked up when a task runs, as rarms does."""
     variables = {
-        "ansible_connection": "winrm",
+        "ansible_connection": "psrp",
         "ansible_host": connect.winrm,
         "ansible_port": connect.port or 5986,
-        "ansible_winrm_scheme": "https",
-        "ansible_shell_type": "powershell",
+        "ansible_psrp_protocol": "https",
+        "ansible_psrp_auth": "negotiate" if connect.user else "kerberos",
         "ansible_user": connect.user,
     }
     if connect.password is not None:

@@ -15,12 +15,13 @@ from os.path import relpath
 from pathlib import Path, PurePath
 from typing import Any
 
-from ansible_collections.rarms.fleet.plugins.plugin_utils.robot import RARMS_MISSING, ConnectionChannel, Result, Robot
+from ansible_collections.rarms.fleet.plugins.plugin_utils.robot import RARMS_MISSING, Result, Robot
 
 if not RARMS_MISSING:
     from rarms_iac.app.files import make_folder, write_file
     from rarms_iac.app.use_case_errors import RequestError
     from rarms_iac.model.host import ProviderKind
+    from rarms_iac.providers.channel import CommandChannel
 
 SILENCE_S = 3600.0
 HERE = ".rarms/here"
@@ -35,7 +36,7 @@ RUN_ON_ROBOT = {
 """Arguments of an action that runs components."""
 
 
-def run_on_robot(channel: ConnectionChannel, robot: Robot, arguments: Any, words: Sequence[str]) -> Result:
+def run_on_robot(channel: CommandChannel, robot: Robot, arguments: Any, words: Sequence[str]) -> Result:
     """Run a command of rarms in the robot's own copy of the manifest's folder.
 
     Args:
@@ -89,7 +90,7 @@ def _here(robot: Robot) -> str:
     return f"{HERE}/{PurePath(robot.hosts.manifest.source.overlays[-1]).stem}.yaml"
 
 
-def fetch_measurements(channel: ConnectionChannel, robot: Robot, folder: str) -> list[str]:
+def fetch_measurements(channel: CommandChannel, robot: Robot, folder: str) -> list[str]:
     """Bring the data logs of the robot's platform back, beside the manifest here.
 
     Args:

@@ -26,7 +26,8 @@ try:
     from rarms_iac.app.use_case_errors import RequestError, UseCaseError
     from rarms_iac.model.diagnostics import Findings
     from rarms_iac.model.host import Connect, ProviderKind
-    from rarms_iac.providers.channel import CommandResult
+    from rarms_iac.providers.channel import CommandChannel, CommandResult
+    from rarms_iac.providers.hyperv.winrm import ServiceChannel
     from rarms_iac.providers.interface import HostFailed, HostUnreachable
     from rarms_iac.views.json_output import json_of
 except ImportError as error:
@@ -179,13 +180,32 @@ class RobotAction(ActionBase):
             return robot
         return replace(robot, hosts=replace(robot.hosts, channels={host: self.channel(robot)}))
 
-    def channel(self, robot: Robot) -> ConnectionChannel:
+    def channel(self, robot: Robot) -> CommandChannel:
         """Return Ansible's connection to the robot.
 
         Args:
             robot: the task's.
+
+        Raises:
+            RequestError: it is Ansible's `winrm`.
         """
-        return ConnectionChannel(self, robot.host)
+        if self._connection.transport == "winrm":
+            raise RequestError(
+                "Ansible's `winrm` keeps a command's standard input for itself: set `ansible_connection: psrp`, which "
+                "asks the same service of the robot."
+            )
+        ansible = ConnectionChannel(self, robot.host)
+        if self._connection.transport == "psrp":
+            return ServiceChannel(robot.host, ansible.target, self._service)
+        return ansible
+
+    def _service(self) -> Any:
+        """Pypsrp's way to the robot, which Ansible's `psrp` has opened."""
+        try:
+            self._connection._connect()
+        except AnsibleConnectionFailure as failure:
+            raise ConnectionError(str(failure)) from failure
+        return self._connection.runspace.connection
 
     def _below(self, path: str) -> str:
         """A path as Ansible's users mean it: relative to the playbook."""

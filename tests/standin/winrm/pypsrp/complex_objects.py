@@ -1,0 +1,10 @@
+class GenericComplexObject:
+    pass
+
+
+class PSInvocationState:
+    RUNNING = "Running"
+
+
+class RunspacePoolState:
+    OPENED = "Opened"

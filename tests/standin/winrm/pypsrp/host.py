@@ -1,0 +1,7 @@
+class PSHostUserInterface:
+    pass
+
+
+class PSHost:
+    def __init__(self, *parts: object) -> None:
+        self.parts = parts

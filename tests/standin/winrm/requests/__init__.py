@@ -1,0 +1,1 @@
+"""What Ansible's `psrp` names of requests."""

@@ -1,0 +1,9 @@
+class ConnectTimeout(OSError):
+    pass
+
+
+class ReadTimeout(OSError):
+    pass
+
+
+ConnectionError = OSError  # noqa: A001 - its name there
