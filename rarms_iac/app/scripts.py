@@ -15,6 +15,7 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.journal import Journal, RunKind, ScriptRun
 from rarms_iac.model.output import output
 from rarms_iac.model.plan import HostPlan, Plan
+from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.inspection.layout import NEW_MODULE, RUNTIME
@@ -31,6 +32,7 @@ from rarms_iac.powershell.templates import (
 from rarms_iac.storage.plan_file import MAX_BYTES
 
 OBSERVE_NAME = "observe.ps1"
+RECEIVE_NAME = "receive.ps1"
 SCRIPT_ORIGIN = command("show", "PLAN", script=True, out="FOLDER")
 
 NO_SCRIPT = Finding.error("RARMS164", "This is not a script of rarms")
@@ -205,6 +207,26 @@ def write_scripts(scripts: Sequence[PlanScript], folder: str) -> tuple[str, ...]
     if not attributes.exists():
         write_file(attributes.as_posix(), b"*.ps1 -text\n*.psd1 -text\n*.psm1 -text\n")
     return tuple(paths)
+
+
+def write_installable_module(folder: str, receiver: str) -> tuple[str, ...]:
+    """The folder `Rarms` as it lies among the modules of a host: what starts the receiver, and this version's module.
+
+    Args:
+        folder: as the user gave it; it is made.
+        receiver: the text of `receive.ps1`, with CRLF.
+
+    Returns:
+        The paths of the files.
+
+    Raises:
+        UseCaseError: the system does not let us.
+    """
+    above = Path(folder) / MODULE_FOLDER
+    make_folder(above.as_posix())
+    start = (above / RECEIVE_NAME).as_posix()
+    write_file(start, receiver.encode("ascii"))
+    return (start, *_write_module(above / __version__))
 
 
 def _write_module(folder: Path) -> list[str]:

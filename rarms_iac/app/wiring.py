@@ -210,12 +210,16 @@ def transport_scripts() -> dict[str, str]:
     """Return what travels over ssh to a Hyper-V host ahead of every script of a plan, for a reader.
 
     Returns:
-        By file name, in the order in which they run: the loader, which is the command itself, and the receiver. ASCII
-        text with LF; over the wire it has CRLF.
+        By file name, in the order in which they run: the loader, which is the command itself, and the receiver; then
+        what runs in their place where the module is installed. ASCII text with LF; over the wire it has CRLF.
     """
-    from rarms_iac.providers.hyperv.bootstrap import render_loader, render_receiver
+    from rarms_iac.providers.hyperv.bootstrap import render_installed_receiver, render_loader, render_receiver
 
-    texts = {"loader.ps1": render_loader(), "bootstrap.ps1": render_receiver()}
+    texts = {
+        "loader.ps1": render_loader(),
+        "bootstrap.ps1": render_receiver(),
+        "receive.ps1": render_installed_receiver(),
+    }
     return {name: text.decode("ascii").replace("\r\n", "\n") for name, text in texts.items()}
 
 

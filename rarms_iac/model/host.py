@@ -26,12 +26,20 @@ class KeepForHost:
     memory: Bytes = Bytes(0)
 
 
+class Receiver(StrEnum):
+    """What takes the scripts that rarms sends to a Windows host."""
+
+    SENT = "sent"  # a text of rarms, sent ahead of them: nothing has to be there
+    INSTALLED = "installed"  # the module Rarms there, of this very version
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Connect:
     """How a remote system is reached: the system's own ssh."""
 
     ssh: str  # user@host, or a name of the ssh configuration
     shell: str = "pwsh"  # pwsh or powershell
+    receiver: Receiver = Receiver.SENT
     # Of ssh; what is None is as the user's own configuration says.
     port: int | None = None
     key: str | None = None  # path of a private key
@@ -45,6 +53,7 @@ class WinRmConnect:
 
     winrm: str  # the host's name or address
     shell: str = "pwsh"  # pwsh or powershell
+    receiver: Receiver = Receiver.SENT
     port: int | None = None  # of its HTTPS listener; None: 5986
     user: str | None = None  # None: the account of the Kerberos ticket
     password: FromEnvironment | None = None

@@ -12,7 +12,7 @@ from rarms_iac.applying.undo import is_removal
 from rarms_iac.model.changes import Change, Create, Delete, Reason, Update, count
 from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Place, Sources
-from rarms_iac.model.host import Connect, LinuxHost, WinRmConnect
+from rarms_iac.model.host import Connect, LinuxHost, Receiver, WinRmConnect
 from rarms_iac.model.layout import describe_placement
 from rarms_iac.model.operations import RemoveDisk, RemovePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, UndoLevel, UnusedPartition
@@ -174,6 +174,11 @@ def _read_host(part: HostPlan, _: Plan, *, verbose: bool) -> "Iterator[Renderabl
         yield paragraph(_afterwards(_own_totals(part.host_totals, part.name)), indent=2)
 
 
+def _receiver(connect: Connect | WinRmConnect) -> str | None:
+    """What takes scripts there, where it is not sent with them."""
+    return None if connect.receiver is Receiver.SENT else connect.receiver.value
+
+
 def _whereabouts(part: HostPlan) -> Iterator[str]:
     """Where `rarms apply` does what the plan says."""
     connect, settings = part.host.connect, part.host.settings
@@ -184,11 +189,17 @@ def _whereabouts(part: HostPlan) -> Iterator[str]:
                 "key": connect.key,
                 "jump": connect.jump,
                 "control path": connect.control_path,
+                "receiver": _receiver(connect),
             }
             yield f"It is reached over ssh: {connect.ssh}, shell {connect.shell}{_options(options)}."
         case WinRmConnect(password=password):
             name = None if password is None else password.name
-            account = {"port": connect.port, "user": connect.user, "password from": name}
+            account = {
+                "port": connect.port,
+                "user": connect.user,
+                "password from": name,
+                "receiver": _receiver(connect),
+            }
             yield f"It is reached over WinRM: {connect.winrm}, shell {connect.shell}{_options(account)}."
         case None:
             pass

@@ -17,7 +17,7 @@ from rarms_iac.powershell.render import render_observe, render_scripts
 from rarms_iac.powershell.statements import calls_of, plan_statements
 from rarms_iac.powershell.templates import ENTRY, MEASURING_ENTRY, STEP_CALL, TARGET, ScriptForm, module_text, read
 from rarms_iac.powershell.tree import sound
-from rarms_iac.providers.hyperv.bootstrap import render_loader, render_receiver
+from rarms_iac.providers.hyperv.bootstrap import render_installed_receiver, render_loader, render_receiver
 from tests import builders_plan as build
 from tests.powershell_lint.lint import problems
 from tests.unit.powershell.plans import all_changes, rendered_plan
@@ -102,6 +102,7 @@ def test_the_script_that_observes_only_reads() -> None:
 
 def test_the_receiver() -> None:
     assert problems(render_receiver().decode("ascii")) == []
+    assert problems(render_installed_receiver().decode("ascii")) == []
 
 
 def test_the_loader_does_what_no_other_text_may_do_once_and_nothing_else() -> None:

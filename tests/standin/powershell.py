@@ -2,6 +2,7 @@
 
     python -m tests.standin.powershell FOLDER -NoProfile ... -File SCRIPT.ps1 [-AsJson] [-Force] ...
     python -m tests.standin.powershell FOLDER -NoProfile ... -EncodedCommand BASE64
+    python -m tests.standin.powershell FOLDER -NoProfile ... -File ...\\Modules\\Rarms\\receive.ps1 -Version VERSION
 
 It says on standard error that it is no PowerShell. The second form takes only rarms' own bootstrap, and does in Python
 what that says. `FOLDER/how.json` may ask for noise, slowness, or for an end in the middle.
@@ -25,7 +26,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, NO_MORE, READY, command, render_receiver
+from rarms_iac.providers.hyperv.bootstrap import (
+    ANSWERS,
+    FAILED,
+    FAILED_CODE,
+    INSTALLED_FILE,
+    NO_MORE,
+    READY,
+    command,
+    render_receiver,
+)
 from rarms_iac.storage.codec import decode
 from rarms_iac.storage.lock import Locked, hold
 from tests.twin.compiling import compiled
@@ -49,6 +59,7 @@ class How:
     step_ms: int = 0  # after every event
     silent_ms: int = 0  # before the script runs
     refuses: str = ""  # what PowerShell says instead of running a script
+    installed: tuple[str, ...] = ()  # versions of the module Rarms that are there
     garbles: bool = False  # loses a byte of what it is sent
     meddles_with: str = ""  # the host or a machine, which another person changes between rarms' look and its script
 
@@ -103,6 +114,8 @@ def main(arguments: Sequence[str]) -> int:
     print(STAND_IN, file=sys.stderr, flush=True)
     if "-EncodedCommand" in options:
         return bootstrap(Path(folder), how, options[options.index("-EncodedCommand") + 1])
+    if INSTALLED_FILE in options:
+        return installed(Path(folder), how, options[options.index("-Version") + 1])
     for line in how.noise:
         print(line, flush=True)
     for line in how.warnings:
@@ -208,6 +221,23 @@ def bootstrap(folder: Path, how: How, encoded: str) -> int:
     if take(int(take(8))) != render_receiver():
         print(f"{FAILED} the receiver that came is not the one of this rarms", flush=True)
         return FAILED_CODE
+    return take_scripts(folder, how)
+
+
+def installed(folder: Path, how: How, version: str) -> int:
+    """What receive.ps1 says and the module of that version does, in Python."""
+    if not how.installed:
+        print(f"The argument '{INSTALLED_FILE}' is not recognized as the name of a script file.", file=sys.stderr)
+        return 64
+    if version not in how.installed:
+        print(f"{ANSWERS}has {' '.join(how.installed)}", flush=True)
+        return FAILED_CODE
+    print(f"{ANSWERS}ready {version}", flush=True)
+    return take_scripts(folder, how)
+
+
+def take_scripts(folder: Path, how: How) -> int:
+    """Receive them in a folder of their own, and run the first."""
     place = Path(tempfile.mkdtemp(prefix="rarms-"))
     try:
         arguments, script = receive(place, garbles=how.garbles)

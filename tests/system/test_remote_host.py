@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.model.version import __version__
 from rarms_iac.powershell.templates import without_signature
 from tests.needs import CHECKOUT, require
 from tests.standin.powershell import STAND_IN
@@ -104,6 +105,24 @@ def test_apply_ends_with_an_empty_plan_and_undo_takes_all_of_it_back(remote: Rem
     undone = remote.rarms("undo", "--auto-approve")
     assert undone.code == 0, undone
     assert not remote.host.vms
+
+
+def test_an_installed_module_takes_the_scripts_and_another_version_is_refused_by_name(remote: Remote) -> None:
+    change_manifest(remote, "shell: pwsh }", "shell: pwsh, receiver: installed }")
+    missing = remote.rarms("plan")
+    remote.ask(installed=["0.0.1", "0.0.2"])
+    other = remote.rarms("plan")
+    remote.ask(installed=["0.0.1", __version__])
+
+    applied = apply(remote)
+
+    assert (missing.code, other.code, applied.code) == (1, 1, 0), (missing, other, applied)
+    assert f"the module Rarms {__version__} is not installed on cell, which has: 0.0.1 0.0.2" in " ".join(
+        other.err.split()
+    )
+    for refused in (missing, other):
+        assert "rarms show --transport --out FOLDER" in " ".join(refused.err.split())
+    assert is_as_wanted(remote)
 
 
 @pytest.mark.thorough

@@ -7,6 +7,7 @@ from rarms_iac.app.files import read_plan_file
 from rarms_iac.app.options import argument, flag, option, verbose_option
 from rarms_iac.app.requests import ManifestSource, SnapshotSelection
 from rarms_iac.app.scripts import (
+    RECEIVE_NAME,
     PlanScript,
     PlanScripts,
     ScriptSelection,
@@ -17,6 +18,7 @@ from rarms_iac.app.scripts import (
     plan_scripts,
     scripts_to_write,
     select_scripts,
+    write_installable_module,
     write_scripts,
 )
 from rarms_iac.app.use_case_errors import RequestError
@@ -43,7 +45,9 @@ class ShowOptions:
     )
     undo: bool = flag("--undo", help="With --script: the one that takes it back.")
     out: str | None = option(
-        "--out", metavar="FOLDER", help="With --script: write the exact bytes, undo scripts beside them."
+        "--out",
+        metavar="FOLDER",
+        help="With --script: write the exact bytes, undo scripts beside them. With --transport: the module to install.",
     )
     single_file: bool = flag(
         "--single-file", help="With --script: each script holds the module itself, instead of a folder beside it."
@@ -54,7 +58,7 @@ class ShowOptions:
     check: str | None = option(
         "--check", metavar="FILE", help="Inspect a script that was edited; exit code 2 where it may not run."
     )
-    transport: bool = flag("--transport", help="Show what travels over ssh ahead of a script.")
+    transport: bool = flag("--transport", help="Show what takes scripts on a host, sent or installed.")
 
 
 @rarms_command("show")
@@ -71,7 +75,7 @@ def show_command(
     if options.check is not None:
         return _check(session, options.check)
     if options.transport:
-        return _show_transport(session)
+        return _show_transport(session, options.out)
     if not options.script:
         of_scripts = (options.guest, options.undo, options.out, options.against, options.single_file)
         if any((*of_scripts, host_selection.hosts, host_selection.snapshots)):
@@ -147,13 +151,19 @@ def _check(session: Session, path: str) -> ExitCode:
     return ExitCode.FOUND if has_errors(findings) else ExitCode.DONE
 
 
-def _show_transport(session: Session) -> ExitCode:
+def _show_transport(session: Session, out: str | None) -> ExitCode:
     """The fixed command that ssh starts, and the receiver that it takes from standard input and runs."""
     from rarms_iac.app.wiring import transport_scripts
 
+    if out is not None:
+        receiver = transport_scripts()[RECEIVE_NAME].replace("\n", "\r\n")
+        for path in write_installable_module(out, receiver):
+            session.terminal.talk(f"Wrote {path}.")
+        return ExitCode.DONE
     headings = {
         "loader.ps1": "loader.ps1, given to ssh as one command",
         "bootstrap.ps1": "bootstrap.ps1, which the loader takes from standard input and runs",
+        RECEIVE_NAME: "receive.ps1, which runs in their place where the module is installed",
     }
     for name, script in transport_scripts().items():
         if session.terminal.piped:

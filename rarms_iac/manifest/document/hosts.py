@@ -9,7 +9,7 @@ from rarms_iac.manifest.document.fields import Block, Maybe, by_name, needed, op
 from rarms_iac.manifest.document.quantities import Amount, Memory, PositiveMemory, Time
 from rarms_iac.manifest.document.rules import BLOCK_OF
 from rarms_iac.manifest.document.text_forms import Filled, HostName, Name, Operation, SliceName, SshFile, SshTarget
-from rarms_iac.model.host import FaultEffect, Mechanism, ProviderKind, SchedulerType
+from rarms_iac.model.host import FaultEffect, Mechanism, ProviderKind, Receiver, SchedulerType
 
 
 def _only_its_own_block() -> dict[str, Any]:
@@ -32,6 +32,12 @@ class KeepForHostBlock(Block):
     memory: Memory = optional("Memory the host's own operating system keeps: `1 GiB`.", "0 B")
 
 
+RECEIVER = (
+    "What takes scripts at the other end: `sent` (a text that rarms sends ahead of them) or `installed` (the module "
+    "Rarms of this version there, for hosts that run signed scripts only)."
+)
+
+
 class ConnectBlock(Block):
     """How a remote system is reached: by the system's own ssh."""
 
@@ -39,6 +45,7 @@ class ConnectBlock(Block):
     shell: Literal["pwsh", "powershell"] = optional(
         "The shell at the other end: `pwsh` (PowerShell 7) or `powershell` (Windows PowerShell 5.1).", "pwsh"
     )
+    receiver: Annotated[Receiver, Field(strict=False)] = optional(RECEIVER, Receiver.SENT)
     port: Maybe[Annotated[int, Field(ge=1, le=65535)]] = optional(
         "The port that sshd listens at; absent: as your ssh configuration says."
     )
@@ -57,6 +64,7 @@ class WinRmBlock(Block):
     shell: Literal["pwsh", "powershell"] = optional(
         "The shell at the other end: `pwsh` (PowerShell 7) or `powershell` (Windows PowerShell 5.1).", "pwsh"
     )
+    receiver: Annotated[Receiver, Field(strict=False)] = optional(RECEIVER, Receiver.SENT)
     port: Maybe[Annotated[int, Field(ge=1, le=65535)]] = optional("The port of its HTTPS listener; absent: 5986.")
     user: Maybe[Filled] = optional(
         "The account, such as `CELL\\rarms`; absent, with `password`: that of the Kerberos ticket."

@@ -9,8 +9,11 @@ import hashlib
 import re
 from base64 import b64encode
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 
+from rarms_iac.model.host import Receiver
+from rarms_iac.model.version import __version__
 from rarms_iac.powershell.templates import as_script, fill, read
 from rarms_iac.providers.interface import ScriptBundle, WaitLimits
 
@@ -18,6 +21,9 @@ SHELLS = ("pwsh", "powershell")
 WINDOWS_POWERSHELL = SHELLS[1]
 
 READY = "rarms-bootstrap/1 ready"
+ANSWERS = "rarms-receiver/1 "
+"""Begins the line by which an installed module answers: `ready` and its version, or `has` and those that are there."""
+INSTALLED_FILE = r"C:\Program Files\WindowsPowerShell\Modules\Rarms\receive.ps1"
 FAILED = "rarms-bootstrap/1 failed"
 FAILED_CODE = 90
 STOP = b"s"
@@ -45,16 +51,53 @@ def command() -> str:
     return "\n".join(line for line in lines if line and not line.startswith("#"))
 
 
+def render_installed_receiver() -> bytes:
+    """The script that starts the receiver of an installed module: a user signs it, and lays it above the versions."""
+    return as_script(read("receive.ps1"))
+
+
 def program_of(shell: str) -> str:
     """The program behind `connect.shell`."""
     return _PROGRAMS[shell]
 
 
-def remote_words(shell: str) -> tuple[str, ...]:
-    """The command that ssh starts at the other end; `-InputFormat None` leaves its standard input to the loader."""
-    encoded = b64encode(command().encode("utf-16-le")).decode("ascii")
-    options = ("-NoProfile", "-NonInteractive", "-InputFormat", "None", "-OutputFormat", "Text")
-    return (program_of(shell), *options, "-EncodedCommand", encoded)
+@dataclass(frozen=True, slots=True)
+class RemotePowerShell:
+    """What is started at the other end: a PowerShell, and in it what takes scripts from standard input."""
+
+    shell: str
+    receiver: Receiver = Receiver.SENT
+
+    @property
+    def program(self) -> str:
+        """The name of the PowerShell, as the command starts it."""
+        return program_of(self.shell)
+
+    def words(self) -> tuple[str, ...]:
+        """The command; `-InputFormat None` leaves its standard input to the loader or the module."""
+        options = ("-NoProfile", "-NonInteractive", "-InputFormat", "None", "-OutputFormat", "Text")
+        if self.receiver is Receiver.SENT:
+            return (self.program, *options, "-EncodedCommand", b64encode(command().encode("utf-16-le")).decode("ascii"))
+        file = ("-ExecutionPolicy", "RemoteSigned", "-File", f'"{INSTALLED_FILE}"', "-Version", __version__)
+        return (self.program, *options, *file)
+
+    def is_answer(self, line: str) -> bool:
+        """Whether the line says that scripts can come, or why not."""
+        return line == READY if self.receiver is Receiver.SENT else line.startswith(ANSWERS)
+
+    def other_versions(self, line: str) -> str:
+        """Which versions of the module are there instead of this one, empty where it is ready."""
+        if self.receiver is Receiver.SENT or line == f"{ANSWERS}ready {__version__}":
+            return ""
+        return line.removeprefix(ANSWERS).partition(" ")[2].strip() or "none"
+
+    def frame(self, script: ScriptBundle, arguments: Sequence[str]) -> bytes:
+        """The bytes for standard input.
+
+        Raises:
+            ValueError: a file has a name that the receiver would refuse.
+        """
+        return frame(script, arguments, self.receiver)
 
 
 def arguments_of(script: str, waits: WaitLimits, *, abandoning: bool) -> tuple[str, ...]:
@@ -64,8 +107,8 @@ def arguments_of(script: str, waits: WaitLimits, *, abandoning: bool) -> tuple[s
     return ("-AsJson", *force, *lock, *(("-Abandon",) if abandoning else ()))
 
 
-def frame(script: ScriptBundle, arguments: Sequence[str]) -> bytes:
-    """The bytes for standard input: the receiver, then lengths and digests, then the scripts as they are.
+def frame(script: ScriptBundle, arguments: Sequence[str], source: Receiver = Receiver.SENT) -> bytes:
+    """The bytes for standard input: the receiver that is sent, then lengths and digests, then the scripts as they are.
 
     Raises:
         ValueError: a file has a name that the receiver would refuse.
@@ -77,5 +120,8 @@ def frame(script: ScriptBundle, arguments: Sequence[str]) -> bytes:
             raise ValueError(f"{name!r} cannot be a script's name")
     rows = [f"{name} {len(body)} {hashlib.sha256(body).hexdigest()}" for name, body in zip(names, bodies, strict=True)]
     table = "\n".join([" ".join(arguments), *rows]).encode("ascii")
-    receiver = render_receiver()
-    return b"".join([b"%08d" % len(receiver), receiver, b"%08d" % len(table), table, *bodies])
+    scripts = [b"%08d" % len(table), table, *bodies]
+    if source is Receiver.SENT:
+        receiver = render_receiver()
+        scripts = [b"%08d" % len(receiver), receiver, *scripts]
+    return b"".join(scripts)

@@ -13,7 +13,7 @@ from rarms_iac.model.state import State
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.powershell.templates import without_signature
 from rarms_iac.providers.channel import CommandChannel
-from rarms_iac.providers.hyperv.bootstrap import SHELLS, arguments_of
+from rarms_iac.providers.hyperv.bootstrap import SHELLS, RemotePowerShell, arguments_of
 from rarms_iac.providers.hyperv.condition import condition_of, findings_of, unread_error
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal
 from rarms_iac.providers.hyperv.observation import HostObservation, is_unread, observation_of, or_else
@@ -207,8 +207,9 @@ def open_hyperv(host: Host, signed: Path, channel: CommandChannel | None = None)
     """
     if channel is None:
         return LiveHypervHost(host, transport_to(host), signed)
-    shell = SHELLS[0] if host.connect is None else host.connect.shell
-    return LiveHypervHost(host, ChannelTransport(host.name, channel, shell), signed)
+    connect = host.connect
+    there = RemotePowerShell(SHELLS[0]) if connect is None else RemotePowerShell(connect.shell, connect.receiver)
+    return LiveHypervHost(host, ChannelTransport(host.name, channel, there), signed)
 
 
 def transport_to(host: Host) -> Transport:

@@ -7,6 +7,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Protocol
 
+from rarms_iac.model.commands import command, prose
+from rarms_iac.model.host import Receiver
+from rarms_iac.model.version import __version__
 from rarms_iac.providers.channel import (
     SSH_FAILED,
     Channel,
@@ -16,7 +19,7 @@ from rarms_iac.providers.channel import (
     last_of,
     open_channel,
 )
-from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, READY, STOP, frame
+from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, INSTALLED_FILE, STOP, RemotePowerShell
 from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost
 
 STOPPING_SECONDS = 120.0  # for a script to remove what it made
@@ -57,6 +60,7 @@ class ScriptSession(Protocol):
 def send_and_follow(
     channel: Conversation,
     host: str,
+    there: RemotePowerShell,
     script: ScriptBundle,
     arguments: Sequence[str],
     silence_s: float,
@@ -67,6 +71,7 @@ def send_and_follow(
     Args:
         channel: to the bootstrap.
         host: its name in the manifest.
+        there: what was started.
         script: the files.
         arguments: of the first.
         silence_s: seconds without a line after which it is taken for lost.
@@ -75,7 +80,7 @@ def send_and_follow(
     Raises:
         HostFailed: the bootstrap would not run them.
     """
-    channel.send(frame(script, arguments))
+    channel.send(there.frame(script, arguments))
     refusal = RefusalListener(listener)
     return judge_end(host, follow(channel, silence_s, refusal, lambda: channel.send(STOP)), refusal)
 
@@ -110,10 +115,10 @@ class _BootstrapSession:
 
 @contextmanager
 def session_behind_bootstrap(
-    channel: Conversation, script: ScriptBundle, arguments: Sequence[str]
+    channel: Conversation, there: RemotePowerShell, script: ScriptBundle, arguments: Sequence[str]
 ) -> Iterator[_BootstrapSession]:
     """Run a script behind a bootstrap that is ready, until it has removed what it made."""
-    channel.send(frame(script, arguments))
+    channel.send(there.frame(script, arguments))
     try:
         yield _BootstrapSession(channel)
     finally:
@@ -141,41 +146,62 @@ class RefusalListener:
 
 
 @contextmanager
-def ready_channel(host: str, target: str, program: str, words: Sequence[str]) -> Iterator[Channel]:
+def ready_channel(host: str, target: str, there: RemotePowerShell, words: Sequence[str]) -> Iterator[Channel]:
     """Start what ends in a bootstrap, and wait until that is ready.
 
     Raises:
         HostFailed: ssh does not get through, or PowerShell does not start.
     """
     with open_channel(host, words) as channel:
-        await_bootstrap(channel, host, target, program)
+        await_bootstrap(channel, host, target, there)
         yield channel
 
 
-def await_bootstrap(channel: Conversation, host: str, target: str, program: str, way: str = "ssh") -> None:
+def await_bootstrap(channel: Conversation, host: str, target: str, there: RemotePowerShell, way: str = "ssh") -> None:
     """Wait until the bootstrap at the other end is ready.
 
     Args:
         channel: to what starts it.
         host: its name in the manifest.
         target: where it leads to, as messages name it.
-        program: the PowerShell that is started there.
+        there: what is started there.
         way: as `await_line` has it.
 
     Raises:
-        HostFailed: the other end is not reached, or PowerShell does not start there.
+        HostFailed: the other end is not reached, PowerShell does not start there, or another module is installed.
     """
-    if await_line(channel, host, target, lambda line: line == READY, way) is None:
-        raise not_started(host, target, program, channel.code(), channel.error_lines)
+    line = await_line(channel, host, target, there.is_answer, way)
+    if line is None:
+        raise not_started(host, target, there, channel.code(), channel.error_lines)
+    require_version(host, target, there, line)
 
 
-def not_started(host: str, target: str, program: str, code: int | None, error_lines: Sequence[str]) -> HostFailed:
+def require_version(host: str, target: str, there: RemotePowerShell, line: str) -> None:
+    """Raise where another version of the module answered than the one that made the scripts."""
+    if found := there.other_versions(line):
+        message = f"the module Rarms {__version__} is not installed on {target}, which has: {found}"
+        raise HostFailed(host, message, _INSTALLING)
+
+
+_INSTALLING = prose(
+    "Have ",
+    command("show", transport=True, out="FOLDER"),
+    " write it, sign its files where only signed ones run, and copy FOLDER\\Rarms into "
+    + INSTALLED_FILE.rpartition("\\Rarms\\")[0]
+    + " there.",
+)
+
+
+def not_started(
+    host: str, target: str, there: RemotePowerShell, code: int | None, error_lines: Sequence[str]
+) -> HostFailed:
     """The error of a PowerShell that ended before its bootstrap was ready."""
-    return HostFailed(
-        host,
-        f"{program} does not start on {target} (exit code {code}): {last_of(error_lines)}",
-        "Say in the manifest which PowerShell the host has: `connect.shell: pwsh` or `powershell`.",
-    )
+    message = f"{there.program} does not start on {target} (exit code {code}): {last_of(error_lines)}"
+    if there.receiver is Receiver.INSTALLED:
+        message = f"the module Rarms does not answer on {target} (exit code {code}): {last_of(error_lines)}"
+        return HostFailed(host, message, _INSTALLING)
+    advice = "Say in the manifest which PowerShell the host has: `connect.shell: pwsh` or `powershell`."
+    return HostFailed(host, message, advice)
 
 
 def follow(

@@ -15,15 +15,7 @@ from typing import Protocol
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.host import Connect
 from rarms_iac.providers.channel import Channel, CommandChannel, one_command_only, open_channel, ssh_words
-from rarms_iac.providers.hyperv.bootstrap import (
-    NO_MORE,
-    READY,
-    SHELLS,
-    WINDOWS_POWERSHELL,
-    frame,
-    program_of,
-    remote_words,
-)
+from rarms_iac.providers.hyperv.bootstrap import NO_MORE, SHELLS, WINDOWS_POWERSHELL, RemotePowerShell, program_of
 from rarms_iac.providers.hyperv.file_access import OURS_ONLY, protect
 from rarms_iac.providers.hyperv.script_session import (
     Listener,
@@ -33,6 +25,7 @@ from rarms_iac.providers.hyperv.script_session import (
     judge_end,
     not_started,
     ready_channel,
+    require_version,
     send_and_follow,
     session_behind_bootstrap,
 )
@@ -61,7 +54,7 @@ class Transport(Protocol):
         ...
 
     def in_windows_powershell(self) -> "Transport":
-        """The same way, into Windows PowerShell 5.1."""
+        """Make a transport to this host that starts Windows PowerShell 5.1 there."""
         ...
 
 
@@ -94,10 +87,10 @@ class LocalTransport:
     def session(self, script: ScriptBundle, arguments: Sequence[str]) -> Iterator[ScriptSession]:
         """The bootstrap starts it here, too, since it notices when rarms is gone."""
         program = self._program()
-        words = (program, *remote_words(SHELLS[0])[1:])
+        there = RemotePowerShell(self._shells[-1])
         with (
-            ready_channel(self._host, "this computer", program, words) as channel,
-            session_behind_bootstrap(channel, script, arguments) as session,
+            ready_channel(self._host, "this computer", there, (program, *there.words()[1:])) as channel,
+            session_behind_bootstrap(channel, there, script, arguments) as session,
         ):
             yield session
 
@@ -128,46 +121,49 @@ class SshTransport:
     def __init__(self, host: str, connect: Connect) -> None:
         self._host = host
         self._connect = connect
+        self._there = RemotePowerShell(connect.shell, connect.receiver)
 
     def run(
         self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
     ) -> ScriptExited | ScriptLost:
         """Nothing is sent before the other end says that it is ready."""
         with self._ready() as channel:
-            return send_and_follow(channel, self._host, script, arguments, silence_s, listener)
+            return send_and_follow(channel, self._host, self._there, script, arguments, silence_s, listener)
 
     @contextmanager
     def session(self, script: ScriptBundle, arguments: Sequence[str]) -> Iterator[ScriptSession]:
-        with self._ready() as channel, session_behind_bootstrap(channel, script, arguments) as session:
+        with self._ready() as channel, session_behind_bootstrap(channel, self._there, script, arguments) as session:
             yield session
 
     def in_windows_powershell(self) -> "SshTransport":
         return SshTransport(self._host, replace(self._connect, shell=WINDOWS_POWERSHELL))
 
     def _ready(self) -> AbstractContextManager[Channel]:
-        words = ssh_words(self._connect, remote_words(self._connect.shell))
-        return ready_channel(self._host, self._connect.ssh, program_of(self._connect.shell), words)
+        words = ssh_words(self._connect, self._there.words())
+        return ready_channel(self._host, self._connect.ssh, self._there, words)
 
 
 class ChannelTransport:
     """A channel that runs one command: lines are told when it has ended, and the script cannot be asked to stop."""
 
-    def __init__(self, host: str, channel: CommandChannel, shell: str) -> None:
+    def __init__(self, host: str, channel: CommandChannel, there: RemotePowerShell) -> None:
         self._host = host
         self._channel = channel
-        self._shell = shell
+        self._there = there
 
     def run(
         self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
     ) -> ScriptExited | ScriptLost:
-        command = " ".join(remote_words(self._shell))
-        answer = self._channel.run(command, frame(script, arguments) + NO_MORE, silence_s)
+        command = " ".join(self._there.words())
+        answer = self._channel.run(command, self._there.frame(script, arguments) + NO_MORE, silence_s)
         lines = answer.output.splitlines()
         errors = tuple(filter(None, map(str.strip, answer.error.splitlines())))
-        if READY not in lines:
-            raise not_started(self._host, self._channel.target, program_of(self._shell), answer.code, errors)
+        ready = next((at for at, line in enumerate(lines) if self._there.is_answer(line)), None)
+        if ready is None:
+            raise not_started(self._host, self._channel.target, self._there, answer.code, errors)
+        require_version(self._host, self._channel.target, self._there, lines[ready])
         refusal = RefusalListener(listener)
-        for line in lines[lines.index(READY) + 1 :]:
+        for line in lines[ready + 1 :]:
             refusal.line(line)
         return judge_end(self._host, ScriptExited(code=answer.code, last_lines=errors), refusal)
 
@@ -179,4 +175,4 @@ class ChannelTransport:
         raise one_command_only(self._host)
 
     def in_windows_powershell(self) -> "ChannelTransport":
-        return ChannelTransport(self._host, self._channel, WINDOWS_POWERSHELL)
+        return ChannelTransport(self._host, self._channel, replace(self._there, shell=WINDOWS_POWERSHELL))

@@ -23,7 +23,7 @@ from rarms_iac.providers.channel import (
     SilenceTimeout,
     next_of,
 )
-from rarms_iac.providers.hyperv.bootstrap import WINDOWS_POWERSHELL, program_of, remote_words
+from rarms_iac.providers.hyperv.bootstrap import WINDOWS_POWERSHELL, RemotePowerShell
 from rarms_iac.providers.hyperv.script_session import Listener, ScriptSession, await_bootstrap, send_and_follow
 from rarms_iac.providers.interface import HostFailed, HostUnreachable, ScriptBundle, ScriptExited, ScriptLost
 
@@ -47,13 +47,14 @@ class WinRmTransport:
     def __init__(self, host: str, connect: WinRmConnect) -> None:
         self._host = host
         self._connect = connect
+        self._there = RemotePowerShell(connect.shell, connect.receiver)
 
     def run(
         self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
     ) -> ScriptExited | ScriptLost:
         """Nothing is sent before the other end says that it is ready."""
         with self._ready() as program:
-            return send_and_follow(program, self._host, script, arguments, silence_s, listener)
+            return send_and_follow(program, self._host, self._there, script, arguments, silence_s, listener)
 
     def session(
         self,
@@ -72,9 +73,9 @@ class WinRmTransport:
     @contextmanager
     def _ready(self) -> "Iterator[RemoteProgram]":
         connect = self._connect
-        target, shell = connect.winrm, connect.shell
-        with _program(self._host, target, lambda: _service(self._host, connect), remote_words(shell)) as program:
-            await_bootstrap(program, self._host, target, program_of(shell), WAY)
+        target = connect.winrm
+        with _program(self._host, target, lambda: _service(self._host, connect), self._there.words()) as program:
+            await_bootstrap(program, self._host, target, self._there, WAY)
             yield program
 
 

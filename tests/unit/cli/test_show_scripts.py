@@ -10,6 +10,7 @@ import pytest
 
 from rarms_iac.app import scripts
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.version import __version__
 from rarms_iac.powershell.inspection import inspect as inspection
 from rarms_iac.storage.shipped import shipped
 from rarms_iac.views.scripts import script_text
@@ -188,6 +189,17 @@ def test_what_travels_over_ssh_is_shown() -> None:
 
     assert "-EncodedCommand carries" in shown
     assert "name length sha256" in shown
+    assert "Receive-RarmsPlan" in shown
+
+
+def test_the_module_is_written_as_it_lies_on_a_host(tmp_path: Path) -> None:
+    assert rarms("show", "--transport", "--out", str(tmp_path)).code == 0
+
+    written = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
+    version = tmp_path / "Rarms" / __version__
+    assert written == {"Rarms/receive.ps1", *(f"Rarms/{__version__}/Rarms.ps{kind}1" for kind in "dm")}
+    assert f"ModuleVersion        = '{__version__}'" in (version / "Rarms.psd1").read_text(encoding="ascii")
+    assert b"\r\n" in (tmp_path / "Rarms" / "receive.ps1").read_bytes()
 
 
 def test_a_simulated_host_shows_what_a_hyperv_host_would_get(tmp_path: Path) -> None:

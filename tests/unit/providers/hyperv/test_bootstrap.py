@@ -4,14 +4,15 @@ from base64 import b64decode
 
 import pytest
 
-from rarms_iac.model.host import Connect
+from rarms_iac.model.host import Connect, Receiver
+from rarms_iac.model.version import __version__
 from rarms_iac.powershell.tokens import TokenKind, tokens
 from rarms_iac.providers.channel import ssh_words
 from rarms_iac.providers.hyperv.bootstrap import (
+    RemotePowerShell,
     arguments_of,
     command,
     frame,
-    remote_words,
     render_loader,
     render_receiver,
 )
@@ -39,12 +40,44 @@ def test_the_loader_runs_no_other_receiver_than_this_one() -> None:
 
 @pytest.mark.parametrize("shell", ["pwsh", "powershell"])
 def test_the_command_fits_and_means_the_same_to_every_shell(shell: str) -> None:
-    words = remote_words(shell)
+    words = RemotePowerShell(shell).words()
 
     assert len(f'cmd.exe /c "{" ".join(words)}"') < LONGEST_COMMAND
     assert len(words[-1]) < LONGEST_LOADER
     assert all(re.fullmatch(r"[A-Za-z0-9.+/=-]+", word) for word in words)
     assert b64decode(words[-1]).decode("utf-16-le") == command()
+
+
+@pytest.mark.parametrize(
+    ("line", "answers", "other"),
+    [
+        (f"rarms-receiver/1 ready {__version__}", True, ""),
+        ("rarms-receiver/1 ready 0.0.9", True, "0.0.9"),
+        ("rarms-receiver/1 has 0.0.8 0.0.9", True, "0.0.8 0.0.9"),
+        ("rarms-receiver/1 has ", True, "none"),
+        ("rarms-bootstrap/1 ready", False, ""),
+        ("a banner", False, ""),
+    ],
+)
+def test_an_installed_module_of_another_version_is_named(line: str, answers: bool, other: str) -> None:
+    there = RemotePowerShell("powershell", Receiver.INSTALLED)
+
+    assert there.is_answer(line) is answers
+    if answers:
+        assert there.other_versions(line) == other
+
+
+def test_an_installed_module_is_started_by_a_file_and_gets_no_receiver() -> None:
+    there = RemotePowerShell("powershell", Receiver.INSTALLED)
+    sent = RemotePowerShell("powershell").frame(SCRIPT, ("-AsJson",))
+
+    words = there.words()
+    data = there.frame(SCRIPT, ("-AsJson",))
+
+    assert "-EncodedCommand" not in words
+    assert words[words.index("-File") + 1] == '"C:\\Program Files\\WindowsPowerShell\\Modules\\Rarms\\receive.ps1"'
+    assert words[-2:] == ("-Version", __version__)
+    assert sent == b"%08d" % len(render_receiver()) + render_receiver() + data
 
 
 def test_no_target_is_an_option_of_ssh() -> None:

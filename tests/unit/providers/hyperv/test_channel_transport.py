@@ -5,11 +5,13 @@ from dataclasses import dataclass, field
 import pytest
 
 from rarms_iac.providers.channel import SSH_FAILED, CommandResult
-from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, NO_MORE, READY, frame, remote_words
+from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, NO_MORE, READY, RemotePowerShell, frame
 from rarms_iac.providers.hyperv.transport import ChannelTransport
 from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost
 
 SCRIPT = ScriptBundle(runs="cell.ps1", files={"cell.ps1": "exit 0\r\n"})
+
+THERE = RemotePowerShell("powershell")
 
 
 @dataclass
@@ -41,7 +43,7 @@ class Lines:
 
 
 def run(channel: Answering, listener: Lines) -> ScriptExited | ScriptLost:
-    return ChannelTransport("onboard", channel, "powershell").run(SCRIPT, ("-AsJson",), 5.0, listener)
+    return ChannelTransport("onboard", channel, THERE).run(SCRIPT, ("-AsJson",), 5.0, listener)
 
 
 def test_it_is_the_command_and_input_of_ssh_and_says_that_nothing_follows() -> None:
@@ -49,7 +51,7 @@ def test_it_is_the_command_and_input_of_ssh_and_says_that_nothing_follows() -> N
 
     assert run(channel, listener) == ScriptExited(code=3, last_lines=("a word",))
     assert listener.said == ["one", "two"]
-    assert channel.asked == [(" ".join(remote_words("powershell")), frame(SCRIPT, ("-AsJson",)) + NO_MORE)]
+    assert channel.asked == [(" ".join(THERE.words()), frame(SCRIPT, ("-AsJson",)) + NO_MORE)]
 
 
 def test_a_host_without_that_powershell_is_named() -> None:
@@ -70,4 +72,4 @@ def test_a_way_that_breaks_loses_the_script() -> None:
 
 def test_nothing_is_talked_with() -> None:
     with pytest.raises(HostFailed, match="one command at a time"):
-        ChannelTransport("onboard", Answering(0, ""), "pwsh").session(SCRIPT, ())
+        ChannelTransport("onboard", Answering(0, ""), THERE).session(SCRIPT, ())

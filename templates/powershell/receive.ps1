@@ -1,0 +1,20 @@
+#Requires -Version 5.1
+# rarms: what `connect: { receiver: installed }` starts on a host where the module Rarms is installed. This file lies in the
+# folder ...\Modules\Rarms, above the folders of the versions. It takes scripts by the version that is asked for; where that
+# is missing, it says which are there, and takes nothing.
+[CmdletBinding(PositionalBinding = $false)]
+param([string] $Version = '')
+if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') { throw 'App Control: allow this script by its signer' }
+$PSDefaultParameterValues = @{}
+$ErrorActionPreference = 'Stop'
+$ProgressPreference = 'SilentlyContinue'
+Set-StrictMode -Version 3.0
+$file = [System.IO.Path]::Combine($PSScriptRoot, $Version, 'Rarms.psd1')
+if (-not (Test-Path -LiteralPath $file)) {
+    $names = @(foreach ($one in @(Get-ChildItem -LiteralPath $PSScriptRoot -Directory)) { $one.Name })
+    [Console]::Out.WriteLine('rarms-receiver/1 has ' + ($names -join ' '))
+    exit 90
+}
+$rarms = Import-Module -Name $file -Force -PassThru
+$invoke = $rarms.ExportedFunctions['Receive-RarmsPlan']
+exit (& $invoke)
