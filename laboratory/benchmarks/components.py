@@ -358,7 +358,7 @@ def walk(strategy: Strategy, setting_of: Callable[[Measure], Setting]) -> Walk:
     """What `rarms measure` measures of this component with this strategy: its loop, without a host."""
     settings: list[Setting] = []
     while len(settings) <= MOST_SETTINGS:
-        step = strategy.step(settings)
+        step = strategy.decide(settings)
         if not isinstance(step, Measure):
             return Walk(settings=tuple(settings), end=step)
         settings.append(setting_of(step))

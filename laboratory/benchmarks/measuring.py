@@ -24,14 +24,14 @@ from laboratory.benchmarks.components import walk
 from laboratory.benchmarks.timing import Figure, report
 from rarms_iac.measuring.loop import measure
 from rarms_iac.measuring.methods import Search, strategy_of
-from rarms_iac.measuring.partitions import host_budget
+from rarms_iac.measuring.partitions import host_resources
 from rarms_iac.measuring.reporter import MeasuringReporter
 from rarms_iac.measuring.setting_run import MeasuringContext
 from rarms_iac.measuring.settings_log import SettingsLog
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.model.indexes import percentile_of
-from rarms_iac.model.outcomes import ExperimentStep, Measure, NotAchievable, Sufficient, Swept
+from rarms_iac.model.outcomes import ExperimentDecision, Measure, NotAchievable, Sufficient, Swept
 from rarms_iac.model.run import SampleCount
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component, MeasuringLimits, run_of
@@ -117,7 +117,7 @@ class Once:
 
     asked: Measure
 
-    def step(self, settings: Sequence[Setting]) -> ExperimentStep:
+    def decide(self, settings: Sequence[Setting]) -> ExperimentDecision:
         """Ask for the setting once, and end."""
         return Swept() if settings else self.asked
 
@@ -170,7 +170,7 @@ class Bench:
         with self.host.lock("benchmark"):
             context = MeasuringContext(
                 host=self.host,
-                budget=lambda: host_budget(a_host(), self.host.observe(), "robot"),
+                resources=lambda: host_resources(a_host(), self.host.observe(), "robot"),
                 seed=seed,
                 reporter=MeasuringReporter(),
                 should_stop=lambda: False,

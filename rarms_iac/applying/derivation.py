@@ -61,7 +61,7 @@ def _forgeries(plan: Plan, part: HostPlan) -> Iterator[str]:
         yield f"the order of steps on {part.host.name} is made for other partitions than its steps"
     every = sorted((*part.changes, *(held.change for held in part.held_back)), key=lambda change: change.address)
     held_back = hold_back(every, basis.budget)
-    if (held_back.allowed, held_back.held) != (part.changes, part.held_back):
+    if (held_back.allowed, held_back.held_back) != (part.changes, part.held_back):
         yield f"what is held back on {part.host.name} does not follow from its changes and its limit of disruption"
     ordered = order(plan_changes(part.changes, basis.context), basis.budget)
     made = () if isinstance(ordered, Deadlock) else ordered.steps

@@ -129,7 +129,7 @@ def _host_plan(
         digests=part_digests(of_the_host_itself(observed), application),
         changes=held.allowed,
         steps=steps,
-        held_back=held.held,
+        held_back=held.held_back,
         unused=tuple(_unused(observed, application, name) for name in difference.unused),
         unchanged=difference.unchanged,
         scripts={},

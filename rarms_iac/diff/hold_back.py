@@ -19,7 +19,7 @@ class HeldChanges:
     """The changes that may be done, and those that may not, both by address."""
 
     allowed: tuple[Change, ...]
-    held: tuple[HeldBack, ...]
+    held_back: tuple[HeldBack, ...]
 
 
 def hold_back(changes: Sequence[Change], budget: StepBudget) -> HeldChanges:
@@ -35,7 +35,7 @@ def hold_back(changes: Sequence[Change], budget: StepBudget) -> HeldChanges:
     Returns:
         Every change once, on one side or the other, in the given order.
     """
-    held: _Held = {
+    held_back: _Held = {
         at: HeldBack(
             change=change,
             why=f"it is {change.disruption.value}, and no more than {budget.max_disruption.value} is allowed",
@@ -43,15 +43,15 @@ def hold_back(changes: Sequence[Change], budget: StepBudget) -> HeldChanges:
         for at, change in enumerate(changes)
         if change.disruption.exceeds(budget.max_disruption)
     }
-    held |= _changes_of_moves(changes, budget)
-    while held:
-        more = {**_changes_without_name(changes, held), **_changes_without_capacity(changes, held, budget)}
+    held_back |= _changes_of_moves(changes, budget)
+    while held_back:
+        more = {**_changes_without_name(changes, held_back), **_changes_without_capacity(changes, held_back, budget)}
         if not more:
             break
-        held = {**more, **held}
+        held_back = {**more, **held_back}
     return HeldChanges(
-        allowed=tuple(change for at, change in enumerate(changes) if at not in held),
-        held=tuple(held[at] for at in sorted(held)),
+        allowed=tuple(change for at, change in enumerate(changes) if at not in held_back),
+        held_back=tuple(held_back[at] for at in sorted(held_back)),
     )
 
 
@@ -64,13 +64,13 @@ def _changes_of_moves(changes: Sequence[Change], budget: StepBudget) -> _Held:
     }
 
 
-def _changes_without_name(changes: Sequence[Change], held: _Held) -> _Held:
+def _changes_without_name(changes: Sequence[Change], held_back: _Held) -> _Held:
     """Moves onto a name that its holder, held back, keeps."""
-    holders = {_name_before(entry.change): entry.change for entry in held.values()}
+    holders = {_name_before(entry.change): entry.change for entry in held_back.values()}
     return {
         at: HeldBack(change=change, why=f"its name stays with {holders[change.address.partition].address}")
         for at, change in enumerate(changes)
-        if at not in held
+        if at not in held_back
         and isinstance(change, Update)
         and not change.address.task
         and _name_before(change) != change.address.partition
@@ -86,9 +86,9 @@ def _name_before(change: Change) -> str:
             return ""
 
 
-def _changes_without_capacity(changes: Sequence[Change], held: _Held, budget: StepBudget) -> _Held:
+def _changes_without_capacity(changes: Sequence[Change], held_back: _Held, budget: StepBudget) -> _Held:
     """Growth for which there is no capacity while what is held back keeps what it has."""
-    pairs = {at: _claims(change) for at, change in enumerate(changes) if at not in held}
+    pairs = {at: _claims(change) for at, change in enumerate(changes) if at not in held_back}
     claims = {key: claim_of(partition) for key, partition in budget.managed.items()}
     growing = []
     for at, (before, after) in pairs.items():
@@ -102,9 +102,9 @@ def _changes_without_capacity(changes: Sequence[Change], held: _Held, budget: St
     why = "it needs what a change that is held back would have given back"
     more: _Held = {}
     for at in sorted(growing, key=lambda at: (-budget.rank(changes[at].address.partition)[0], changes[at].address)):
-        trial = {**claims, _key(changes[at]): pairs[at][1]}
-        if budget.holds(trial.values()):
-            claims = trial
+        claims_then = {**claims, _key(changes[at]): pairs[at][1]}
+        if budget.holds(claims_then.values()):
+            claims = claims_then
         else:
             more[at] = HeldBack(change=changes[at], why=why)
     return more

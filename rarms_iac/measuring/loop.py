@@ -18,14 +18,14 @@ from rarms_iac.measuring.setting_run import (
 )
 from rarms_iac.measuring.settings_log import KnownSettings, SettingsLog
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.model.outcomes import Conclusion, ExperimentStep, Measure, Stopped
+from rarms_iac.model.outcomes import Conclusion, ExperimentDecision, Measure, Stopped
 from rarms_iac.model.setting import Setting
 
 
 class Strategy(Protocol):
     """Which setting is next; the same settings give the same answer."""
 
-    def step(self, settings: Sequence[Setting]) -> ExperimentStep:
+    def decide(self, settings: Sequence[Setting]) -> ExperimentDecision:
         """Say what to do after these settings, in the order in which they were run.
 
         Args:
@@ -75,27 +75,27 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, contex
         ends.callback(context.reporter.experiment_ended)
         partitions: TestPartitions | None = None
         anew = log.anew
-        step: ExperimentStep | OtherProcessors
+        decision: ExperimentDecision | OtherProcessors
         while True:
-            step = strategy.step(known.seen_with(anew))
-            if not isinstance(step, Measure):
+            decision = strategy.decide(known.seen_with(anew))
+            if not isinstance(decision, Measure):
                 if anew is None:
                     break
                 anew = None  # what was asked for is measured anew: all that counts gives the answer
                 continue
             if context.should_stop():
-                step = Stopped()
+                decision = Stopped()
                 break
             partitions = partitions or make_test_partitions(experiment, context, ends)
-            context.reporter.setting_started(experiment, step.reserve, len(known.seen_with(anew)) + 1)
-            setting = run_setting(experiment, context, partitions, step, known)
+            context.reporter.setting_started(experiment, decision.reserve, len(known.seen_with(anew)) + 1)
+            setting = run_setting(experiment, context, partitions, decision, known)
             if not isinstance(setting, Setting):
-                step = setting
+                decision = setting
                 break
             log.add(setting)
             known, new = known.with_run(setting), new + 1
             context.reporter.setting_ended(experiment, known.at(setting.reserve))
             if (number := other_processors(experiment, setting.used_processors)) is not None:
-                step = OtherProcessors(number=number)
+                decision = OtherProcessors(number=number)
                 break
-    return LoopResult(conclusion=step, settings=known.settings, new=new)
+    return LoopResult(conclusion=decision, settings=known.settings, new=new)

@@ -20,7 +20,14 @@ from rarms_iac.model.outcomes import (
     Swept,
     TooManyFailures,
 )
-from rarms_iac.model.quantities import guaranteed, show_amount, show_duration, show_processors, show_reserve
+from rarms_iac.model.quantities import (
+    ReservePercent,
+    guaranteed,
+    show_amount,
+    show_duration,
+    show_processors,
+    show_reserve,
+)
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.model.setting import Setting, most_used
 from rarms_iac.model.system import Measured
@@ -144,7 +151,7 @@ def index_facts(measured: MeasuredIndex) -> Facts:
 
 
 def _not_achievable(
-    experiment: Experiment, reserve: int, settings: tuple[Setting, ...], places: Places
+    experiment: Experiment, reserve: ReservePercent, settings: tuple[Setting, ...], places: Places
 ) -> Iterator[Diagnostic]:
     last = [setting for setting in settings if setting.reserve == reserve][-1:]
     most = "" if reserve == 100 else f" {reserve} % of its VPs is the most that {experiment.host.name} can give it now."
@@ -269,7 +276,7 @@ def _less_unknown(
     )
 
 
-def _fixed_anyway(experiment: Experiment, reserve: int, places: Places) -> Iterator[Diagnostic]:
+def _fixed_anyway(experiment: Experiment, reserve: ReservePercent, places: Places) -> Iterator[Diagnostic]:
     """Of a component measured alone: a plan takes what the manifest fixes, and not this."""
     for member in experiment.members if len(experiment.members) == 1 else ():
         if member.cpu.reserve is None or isinstance(member.cpu.reserve, Measured):
@@ -286,7 +293,7 @@ def _fixed_anyway(experiment: Experiment, reserve: int, places: Places) -> Itera
 
 
 def _wasted_processors(
-    experiment: Experiment, reserve: int, settings: tuple[Setting, ...], places: Places
+    experiment: Experiment, reserve: ReservePercent, settings: tuple[Setting, ...], places: Places
 ) -> Iterator[Diagnostic]:
     """Of what the manifest fixes: a CR is per cent of all virtual processors, whether they are used or not."""
     processors, used = experiment.setup.processors, most_used(settings)

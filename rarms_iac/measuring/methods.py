@@ -59,7 +59,7 @@ def strategy_of(method: Method, goal: Goal, most: int) -> Strategy:
             return Checking(goal=replace(goal, ends_at_until=is_of_paper(method)), reserve=reserve)
         case Search(strategy=name, floor=floor):
             goal = replace(goal, ends_at_until=name == PAPER)
-            search = Searching(goal=goal, next_step=STRATEGIES[name], most=most)
+            search = Searching(goal=goal, decide_search=STRATEGIES[name], most=most)
             return Confirming(goal=goal, floor=floor, search=search) if floor else search
         case _:
             assert_never(method)

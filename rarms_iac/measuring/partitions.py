@@ -27,7 +27,7 @@ from rarms_iac.model.operations import (
     WriteTaskClass,
 )
 from rarms_iac.model.plan import Scope
-from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, LogicalProcessors
+from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, LogicalProcessors, ReservePercent
 from rarms_iac.model.state import Checkpoints, Partition, RegistryValue, RunState, StartAction, State, StopAction
 from rarms_iac.providers.interface import StepwiseHost
 from rarms_iac.providers.measuring import PartitionShape, ScriptedMeasuringHost
@@ -48,7 +48,7 @@ GENERATION = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MeasuringBudget:
+class MeasuringResources:
     """What a host has to give, and what of it is promised already."""
 
     capacity: Capacity
@@ -62,7 +62,7 @@ class MeasuringBudget:
         return whole and not any(other.reserve and other.processors for other in self.claims)
 
 
-def host_budget(host: Host, state: State, application: str) -> MeasuringBudget:
+def host_resources(host: Host, state: State, application: str) -> MeasuringResources:
     """Add up what this host has to give: partitions of the application count while they run, all claims as always.
 
     Args:
@@ -73,7 +73,7 @@ def host_budget(host: Host, state: State, application: str) -> MeasuringBudget:
     Returns:
         Its capacity, and the claims of all machines but test partitions.
     """
-    return MeasuringBudget(
+    return MeasuringResources(
         capacity=capacity_of(host, state.facts),
         claims=tuple(partition.claim for partition in state.partitions if _counts(partition, application)),
         # A control group's memory is a limit that costs nothing, and ten real browsers need more than the usual.
@@ -124,92 +124,92 @@ def is_test_partition(partition: Partition) -> bool:
     return any(partition.settings.name.startswith(f"{name}.") for name in TEST_PARTITIONS)
 
 
-def memory_for_load(budget: MeasuringBudget, setup: EnvironmentSetup) -> int:
+def memory_for_load(resources: MeasuringResources, setup: EnvironmentSetup) -> int:
     """Say how many bytes P2 gets beside P1: the usual, or what is left where that is less.
 
     Args:
-        budget: of the host.
+        resources: of the host.
         setup: of P1, whose memory is taken.
 
     Returns:
         Whole MiB in bytes; negative where P1 alone needs more than there is.
     """
-    return free_memory(budget, setup.memory)
+    return free_memory(resources, setup.memory)
 
 
-def free_memory(budget: MeasuringBudget, taken: int = 0) -> int:
+def free_memory(resources: MeasuringResources, taken: int = 0) -> int:
     """Say how many bytes there are for a P2: the usual, or what is left where that is less; whole MiB.
 
     Args:
-        budget: of the host.
+        resources: of the host.
         taken: bytes that are promised beside its claims.
 
     Returns:
         Bytes; negative where more is promised than there is.
     """
-    free = budget.capacity.memory - load_of(budget.claims).memory - taken
-    return min(budget.load_memory, free // MEMORY_GRAIN * MEMORY_GRAIN)
+    free = resources.capacity.memory - load_of(resources.claims).memory - taken
+    return min(resources.load_memory, free // MEMORY_GRAIN * MEMORY_GRAIN)
 
 
-def reserve_for_load(budget: MeasuringBudget, setup: EnvironmentSetup, reserve: int) -> int | None:
+def reserve_for_load(resources: MeasuringResources, setup: EnvironmentSetup, reserve: ReservePercent) -> int | None:
     """Say what P2 reserves while P1 reserves this: all the rest, 100 - CR on an empty host.
 
     What is kept for the host is part of the rest, because in service the host may use it: were it free, P1 would
     get a share of it here, and need more than was measured there.
 
     Args:
-        budget: of the host.
+        resources: of the host.
         setup: of P1.
         reserve: the CR of P1, in per cent of its own processors.
 
     Returns:
         Whole per cent of each of P2's own processors; None: the host cannot give P1 so much.
     """
-    p1 = budget.capacity.sharing.claim(setup.processors, reserve, setup.memory)
-    memory = memory_for_load(budget, setup)
-    p2 = Claim(processors=budget.capacity.logical_processors, reserve=0, memory=max(0, memory))
-    if not fits(budget.capacity, (*budget.claims, p1, p2)):
+    p1 = resources.capacity.sharing.claim(setup.processors, reserve, setup.memory)
+    memory = memory_for_load(resources, setup)
+    p2 = Claim(processors=resources.capacity.logical_processors, reserve=0, memory=max(0, memory))
+    if not fits(resources.capacity, (*resources.claims, p1, p2)):
         return None
-    return _highest_reserve_of_p2(budget, (p1,), memory)
+    return _highest_reserve_of_p2(resources, (p1,), memory)
 
 
-def free_reserve(budget: MeasuringBudget, memory: int) -> int:
+def free_reserve(resources: MeasuringResources, memory: int) -> ReservePercent:
     """Say what a P2 alone can reserve beside what is promised already, what is kept for the host included.
 
     Args:
-        budget: of the host.
+        resources: of the host.
         memory: of the P2, in bytes.
 
     Returns:
         Whole per cent of each of its processors, one for each logical processor; 0 where nothing is left.
     """
-    return _highest_reserve_of_p2(budget, (), memory)
+    return _highest_reserve_of_p2(resources, (), memory)
 
 
-def _highest_reserve_of_p2(budget: MeasuringBudget, claims: tuple[Claim, ...], memory: int) -> int:
-    wide = budget.capacity.logical_processors
-    whole = replace(budget.capacity, processors=LogicalProcessors(Fraction(wide)))
+def _highest_reserve_of_p2(resources: MeasuringResources, claims: tuple[Claim, ...], memory: int) -> int:
+    wide = resources.capacity.logical_processors
+    whole = replace(resources.capacity, processors=LogicalProcessors(Fraction(wide)))
     for reserve in range(WHOLE, 0, -1):
         p2 = Claim(processors=wide, reserve=reserve, memory=max(0, memory))
-        if fits(whole, (*budget.claims, *claims, p2)):
+        if fits(whole, (*resources.claims, *claims, p2)):
             return reserve
     return 0
 
 
-def highest_reserve(budget: MeasuringBudget, setup: EnvironmentSetup) -> int:
+def highest_reserve(resources: MeasuringResources, setup: EnvironmentSetup) -> ReservePercent:
     """Find the highest CR that the host can give to P1; 0 where it can give none.
 
     Args:
-        budget: of the host.
+        resources: of the host.
         setup: of P1, with its limit.
 
     Returns:
         Whole per cent of each of P1's own processors.
     """
-    if memory_for_load(budget, setup) < LEAST_MEMORY:
+    if memory_for_load(resources, setup) < LEAST_MEMORY:
         return 0
     possible = range(min(WHOLE, setup.limit), 0, -1)
-    return next((reserve for reserve in possible if reserve_for_load(budget, setup, reserve) is not None), 0)
+    return next((reserve for reserve in possible if reserve_for_load(resources, setup, reserve) is not None), 0)
 
 
 def _counts(partition: Partition, application: str) -> bool:

@@ -7,6 +7,7 @@ from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Overload, Unsteady, Verdict
 from rarms_iac.model.output import output
+from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.series import Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import AtLeast, AtMost, Component, Threshold, run_of
@@ -75,7 +76,7 @@ def indexes_of_series(components: tuple[Component, ...], seen: Mapping[str, Seri
     )
 
 
-def shortfall_at(reserve: int, settings: Iterable[Setting], experiment: Experiment) -> Verdict | None:
+def shortfall_at(reserve: ReservePercent, settings: Iterable[Setting], experiment: Experiment) -> Verdict | None:
     """Say why settings at this CR, where not every threshold was met for sure, did not meet them.
 
     Strict, and with the error of a verdict, as a report judges a setting.

@@ -15,7 +15,7 @@ from typing import assert_never
 from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.duration import least_samples
 from rarms_iac.measuring.partitions import (
-    MeasuringBudget,
+    MeasuringResources,
     free_memory,
     free_reserve,
     load_shape,
@@ -40,7 +40,7 @@ from rarms_iac.model.outcomes import (
     WithinNoise,
 )
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.quantities import LEAST_MEMORY, Milliseconds
+from rarms_iac.model.quantities import LEAST_MEMORY, Milliseconds, ReservePercent
 from rarms_iac.model.run import Elapsed, Periodic, SampleCount
 from rarms_iac.model.series import MOST_SAMPLES, Series, join_series
 from rarms_iac.model.system import Component, TaskRequest, run_of
@@ -169,24 +169,24 @@ class LoadPartition:
 
     load: Interference
     shape: PartitionShape
-    reserve: int  # per cent of each of its processors
+    reserve: ReservePercent  # per cent of each of its processors
 
 
-def load_partition(load: Interference, budget: MeasuringBudget) -> LoadPartition | None:
+def load_partition(load: Interference, resources: MeasuringResources) -> LoadPartition | None:
     """Make a partition for a load beside what runs.
 
     Args:
         load: what runs in it.
-        budget: of the host, with all that runs.
+        resources: of the host, with all that runs.
 
     Returns:
         P2; None where the least memory of a partition is not left.
     """
-    memory = free_memory(budget)
+    memory = free_memory(resources)
     if memory < LEAST_MEMORY:
         return None
-    shape = load_shape(budget.capacity.logical_processors, memory)
-    return LoadPartition(load=load, shape=shape, reserve=free_reserve(budget, memory))
+    shape = load_shape(resources.capacity.logical_processors, memory)
+    return LoadPartition(load=load, shape=shape, reserve=free_reserve(resources, memory))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from rarms_iac.measuring.setup import Experiment
+from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.series import Series
 from rarms_iac.model.setting import Setting
 
@@ -18,7 +19,7 @@ class MeasuringReporter:
             recorded: its settings so far.
         """
 
-    def setting_started(self, experiment: Experiment, reserve: int, number: int) -> None:
+    def setting_started(self, experiment: Experiment, reserve: ReservePercent, number: int) -> None:
         """The setting of this CR begins; it is the number-th, from 1.
 
         Args:
@@ -27,7 +28,7 @@ class MeasuringReporter:
             number: of the setting, from 1.
         """
 
-    def samples_came(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
+    def samples_came(self, experiment: Experiment, reserve: ReservePercent, seen: Mapping[str, Series]) -> None:
         """Some samples more were seen.
 
         Args:
@@ -44,7 +45,7 @@ class MeasuringReporter:
             setting: as it is recorded.
         """
 
-    def setting_disturbed(self, experiment: Experiment, reserve: int, reason: str) -> None:
+    def setting_disturbed(self, experiment: Experiment, reserve: ReservePercent, reason: str) -> None:
         """The setting of this CR was disturbed, and is measured once more.
 
         Args:

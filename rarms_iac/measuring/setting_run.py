@@ -11,7 +11,7 @@ from math import inf
 from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.evidence import TRIES, disturbance, with_evidence
 from rarms_iac.measuring.partitions import (
-    MeasuringBudget,
+    MeasuringResources,
     memory_for_load,
     reserve_for_load,
     running_test_partitions,
@@ -28,6 +28,7 @@ from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.model.measurement import P1, P2
 from rarms_iac.model.outcomes import Measure, SettingFailed, Stopped, TooManyFailures
 from rarms_iac.model.processor_number import ProcessorSource
+from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.run import Run, SampleCount
 from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.setting import Setting, SettingEvidence
@@ -45,7 +46,7 @@ class MeasuringContext:
     """What a run of the loop is given beside the experiment."""
 
     host: MeasuringHost  # its lock is held by who calls
-    budget: Callable[[], MeasuringBudget]  # asked once, before the first setting that must be run; may refuse
+    resources: Callable[[], MeasuringResources]  # asked once, before the first setting that must be run; may refuse
     seed: int
     reporter: MeasuringReporter
     should_stop: Callable[[], bool]
@@ -74,7 +75,7 @@ def other_processors(experiment: Experiment, used: int | None) -> int | None:
 class TestPartitions:
     """The test partitions, and what there is room for."""
 
-    budget: MeasuringBudget
+    resources: MeasuringResources
     shapes: tuple[PartitionShape, PartitionShape]
 
 
@@ -83,34 +84,34 @@ def make_test_partitions(experiment: Experiment, context: MeasuringContext, ends
 
     Args:
         experiment: what is measured.
-        context: its host and budget.
+        context: its host and resources.
         ends: they are removed when this ends.
 
     Returns:
-        What they are, with the budget that their reserves come out of.
+        What they are, with the resources that their reserves come out of.
 
     Raises:
         HostError: the host did not make them.
     """
-    budget = context.budget()
-    shapes = shapes_for(experiment, budget)
+    resources = context.resources()
+    shapes = shapes_for(experiment, resources)
     classes = {values.name: registry_values(values) for values in _task_classes(experiment)}
     ends.enter_context(running_test_partitions(context.host, experiment.application, shapes, classes))
-    return TestPartitions(budget=budget, shapes=shapes)
+    return TestPartitions(resources=resources, shapes=shapes)
 
 
-def shapes_for(experiment: Experiment, budget: MeasuringBudget) -> tuple[PartitionShape, PartitionShape]:
+def shapes_for(experiment: Experiment, resources: MeasuringResources) -> tuple[PartitionShape, PartitionShape]:
     """Shape the test partitions of an experiment.
 
     Args:
         experiment: what is measured.
-        budget: of its host.
+        resources: of its host.
 
     Returns:
         P1, then P2.
     """
-    memory = memory_for_load(budget, experiment.setup)
-    return shapes_of_test_partitions(experiment.setup, budget.capacity.logical_processors, memory)
+    memory = memory_for_load(resources, experiment.setup)
+    return shapes_of_test_partitions(experiment.setup, resources.capacity.logical_processors, memory)
 
 
 def work_in_test_partitions(experiment: Experiment) -> tuple[PartitionWork, PartitionWork]:
@@ -134,7 +135,11 @@ def _task_classes(experiment: Experiment) -> tuple[ClassValues, ...]:
 
 
 def run_setting(
-    experiment: Experiment, context: MeasuringContext, partitions: TestPartitions, step: Measure, known: KnownSettings
+    experiment: Experiment,
+    context: MeasuringContext,
+    partitions: TestPartitions,
+    request: Measure,
+    known: KnownSettings,
 ) -> Setting | SettingFailed | Stopped:
     """Measure a setting; where something disturbed it, measure it again.
 
@@ -142,7 +147,7 @@ def run_setting(
         experiment: what is measured.
         context: the host, locked, and who is told.
         partitions: P1 and P2, which run.
-        step: the reservation, one that the budget has, and when its samples are enough.
+        request: the reservation, one that the host can give, and when its samples are enough.
         known: what was measured before.
 
     Returns:
@@ -151,49 +156,49 @@ def run_setting(
     Raises:
         HostError: the host did not do what was asked.
     """
-    load_reserve = reserve_for_load(partitions.budget, experiment.setup, step.reserve)
+    load_reserve = reserve_for_load(partitions.resources, experiment.setup, request.reserve)
     if load_reserve is None:
-        raise ValueError(f"{step.reserve} % was asked for, and the host cannot give that")
-    set_reserves(context.host, experiment.application, partitions.shapes, {P1: step.reserve, P2: load_reserve})
-    processors = partitions.budget.capacity.logical_processors
+        raise ValueError(f"{request.reserve} % was asked for, and the host cannot give that")
+    set_reserves(context.host, experiment.application, partitions.shapes, {P1: request.reserve, P2: load_reserve})
+    processors = partitions.resources.capacity.logical_processors
     takes = load_reserve * processors / 100 if wants_all_processors(experiment.load, processors) else None
-    left_ms = float(experiment.limits.setting) - known.spent_ms(step.reserve, context.seed)
+    left_ms = float(experiment.limits.setting) - known.spent_ms(request.reserve, context.seed)
     disturbances: list[str] = []
     spent_ms = 0.0
     while True:
         empty = Setting(
-            reserve=step.reserve,
+            reserve=request.reserve,
             series=(),
             beside=load_reserve,
             seed=context.seed,
             spent_ms=spent_ms,
             processors=experiment.setup.processors,
         )
-        setting, evidence = _try_setting(experiment, context, partitions, step, empty, known)
+        setting, evidence = _try_setting(experiment, context, partitions, request, empty, known)
         if not isinstance(setting, Setting) or evidence is None:
             return setting
         spent_ms = setting.host_ms
         reason = disturbance(evidence, processors, takes)
         disturbances += [reason] if reason else []
-        if not reason or len(disturbances) == TRIES or (step.until_clear and spent_ms >= left_ms):
+        if not reason or len(disturbances) == TRIES or (request.until_clear and spent_ms >= left_ms):
             return as_recorded(with_evidence(setting, evidence, disturbances, undisturbed=not reason))
-        context.reporter.setting_disturbed(experiment, step.reserve, reason)
+        context.reporter.setting_disturbed(experiment, request.reserve, reason)
 
 
 def _try_setting(
     experiment: Experiment,
     context: MeasuringContext,
     partitions: TestPartitions,
-    step: Measure,
+    request: Measure,
     empty: Setting,
     known: KnownSettings,
 ) -> tuple[Setting | SettingFailed | Stopped, SettingEvidence | None]:
     """A setting from the first sample to the last, and what the host counted meanwhile."""
-    goal = replace(goal_of(experiment), ends_at_until=step.within_until)
+    goal = replace(goal_of(experiment), ends_at_until=request.within_until)
 
     def used() -> int | None:
         """NOTE: the paper's strategy does not look at what is used."""
-        return None if step.within_until else experiment.used(running.used_processors(P1))
+        return None if request.within_until else experiment.used(running.used_processors(P1))
 
     def so_far(seen: Mapping[str, Series], elapsed_ms: float) -> Setting:
         """As the log records it, so that a run that goes on from the log decides by the same numbers."""
@@ -201,19 +206,19 @@ def _try_setting(
         return as_recorded(replace(empty, series=measured, spent_ms=spent_ms, used_processors=used()))
 
     def is_enough(seen: Mapping[str, Series]) -> bool:
-        context.reporter.samples_came(experiment, step.reserve, seen)
-        if not step.until_clear or not all(_has_until(seen[name], run) for name, run in goal.runs.items()):
+        context.reporter.samples_came(experiment, request.reserve, seen)
+        if not request.until_clear or not all(_has_until(seen[name], run) for name, run in goal.runs.items()):
             return False
         setting = so_far(seen, running.elapsed_ms())
         if other_processors(experiment, setting.used_processors) is not None:
             return True
-        joined = known.joined_with(step.reserve, setting)
-        return is_clear(joined, goal, precision=step.precision)
+        joined = known.joined_with(request.reserve, setting)
+        return is_clear(joined, goal, precision=request.precision)
 
-    contenders = _contenders(experiment, partitions.budget, step.reserve)
+    contenders = _contenders(experiment, partitions.resources, request.reserve)
     settling = Settling(memory_ms=context.host.scheduler_memory_ms, contenders=contenders)
-    work = replace(_work(experiment, context, step), least_ms=settling.least_ms)
-    left_ms = goal.budget_ms - known.spent_ms(step.reserve, context.seed) - empty.host_ms
+    work = replace(_work(experiment, context, request), least_ms=settling.least_ms)
+    left_ms = goal.budget_ms - known.spent_ms(request.reserve, context.seed) - empty.host_ms
     with context.host.run(work) as running:
         series = watch(
             running,
@@ -221,15 +226,15 @@ def _try_setting(
             settling,
             is_enough,
             context.should_stop,
-            limit_ms=max(0.0, left_ms) if step.until_clear else inf,
-            restarts=step.until_clear and not step.within_until,
+            limit_ms=max(0.0, left_ms) if request.until_clear else inf,
+            restarts=request.until_clear and not request.within_until,
             needs_starts=lambda: other_processors(experiment, used()) is None,
         )
         evidence, elapsed_ms = running.evidence(), running.elapsed_ms()
     if series is None:
         return Stopped(), None
     if isinstance(series, TooManyFailures):
-        return SettingFailed(reserve=step.reserve, verdict=series), None
+        return SettingFailed(reserve=request.reserve, verdict=series), None
     return so_far(series, elapsed_ms), evidence
 
 
@@ -237,26 +242,28 @@ def _has_until(series: Series, run: Run) -> bool:
     return run.until is None or until_share(series, run.until) >= 1.0
 
 
-def _contenders(experiment: Experiment, budget: MeasuringBudget, reserve: int) -> tuple[Contender, ...]:
+def _contenders(
+    experiment: Experiment, resources: MeasuringResources, reserve: ReservePercent
+) -> tuple[Contender, ...]:
     """P1, where P2 wants all that it does not reserve; what others reserve and leave idle is shared, and no excess."""
-    others = any(claim.reserve and claim.processors for claim in budget.claims)
-    if others or not wants_all_processors(experiment.load, budget.capacity.logical_processors):
+    others = any(claim.reserve and claim.processors for claim in resources.claims)
+    if others or not wants_all_processors(experiment.load, resources.capacity.logical_processors):
         return ()
     names = tuple(member.name for member in experiment.members)
     processors = experiment.setup.processors * reserve / 100
     return (Contender(components=names, processors=processors, excess_forbids_verdict=True),)
 
 
-def _work(experiment: Experiment, context: MeasuringContext, step: Measure) -> Work:
+def _work(experiment: Experiment, context: MeasuringContext, request: Measure) -> Work:
     """What runs at this setting.
 
     Each setting has a seed of its own, so that settings do not share one lucky or unlucky draw.
     """
     # NOTE: more than count, since jobs that end while something settles are none of them: `is_clear` ends the setting.
-    goes_on, all_samples = step.until_clear and not step.within_until, SampleCount(samples=4 * MOST_SAMPLES)
+    goes_on, all_samples = request.until_clear and not request.within_until, SampleCount(samples=4 * MOST_SAMPLES)
     return Work(
         application=experiment.application,
         partitions=(*work_in_test_partitions(experiment), *context.others),
         until={name: all_samples if goes_on else run.ends for name, run in experiment.runs.items()},
-        seed=context.seed * SEED_STEP + step.reserve,
+        seed=context.seed * SEED_STEP + request.reserve,
     )

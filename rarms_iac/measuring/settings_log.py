@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting, join_settings
 from rarms_iac.storage.datalog.files import append_setting, begin_log, read_log
 from rarms_iac.storage.datalog.log import Header, Provenance, Recorded
@@ -93,7 +94,7 @@ class KnownSettings:
         reserves = {run.reserve for run in self.runs if seed is None or run.seed == seed}
         return tuple(setting for setting in self.settings if setting.reserve in reserves)
 
-    def at(self, reserve: int) -> Setting:
+    def at(self, reserve: ReservePercent) -> Setting:
         """Join the runs of a reservation that was measured.
 
         NOTE: once, since estimates are kept with the samples that they are made of.
@@ -105,7 +106,7 @@ class KnownSettings:
             self.joined[reserve] = self.joined_with(reserve)
         return self.joined[reserve]
 
-    def joined_with(self, reserve: int, *more: Setting) -> Setting:
+    def joined_with(self, reserve: ReservePercent, *more: Setting) -> Setting:
         """Join the runs of a reservation with more.
 
         Args:
@@ -116,7 +117,7 @@ class KnownSettings:
         (joined,) = join_settings((*runs, *more), simulated=self.simulated)
         return joined
 
-    def spent_ms(self, reserve: int, seed: int) -> float:
+    def spent_ms(self, reserve: ReservePercent, seed: int) -> float:
         """Sum the host's time that was spent on a reservation before.
 
         Args:

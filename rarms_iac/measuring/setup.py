@@ -19,6 +19,7 @@ from rarms_iac.model.system import (
     PartitionRequest,
     System,
     TaskRequest,
+    Threshold,
     run_of,
 )
 
@@ -67,6 +68,11 @@ class Experiment(OutputText):
             return None
         least = self.setup.processors if self.processors_from is ProcessorSource.MEMBERS else 1
         return max(least, min(seen, self.host.logical_processors))
+
+    @property
+    def apts(self) -> dict[str, Mapping[str, Threshold]]:
+        """The thresholds by member, then by index."""
+        return {member.name: member.apt for member in self.members}
 
     def with_processors(self, found: ProcessorNumber) -> "Experiment":
         """Return the experiment with another number of virtual processors.

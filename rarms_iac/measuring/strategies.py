@@ -1,12 +1,12 @@
 """The strategies that the loop can be given: a search, a list of settings, or a question about one."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from rarms_iac.measuring.search.trials import (
     Goal,
     Member,
-    NextStep,
+    SearchMethod,
     SearchTrial,
     is_finished,
     not_sufficient,
@@ -14,9 +14,9 @@ from rarms_iac.measuring.search.trials import (
     trials_of,
 )
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.model.outcomes import ExperimentStep, Measure, SearchStep, Sufficient, Swept
+from rarms_iac.model.outcomes import ExperimentDecision, Measure, SearchDecision, Sufficient, Swept
+from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting
-from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.curves import curves_of, least_reserve
 
 
@@ -36,49 +36,37 @@ def goal_of(experiment: Experiment) -> Goal:
     return Goal(members=members, processors=experiment.setup.processors, budget_ms=budget_ms)
 
 
-def apts_of(experiment: Experiment) -> dict[str, Mapping[str, Threshold]]:
-    """List the thresholds of each member.
-
-    Args:
-        experiment: what is measured.
-
-    Returns:
-        By member, then by index.
-    """
-    return {member.name: member.apt for member in experiment.members}
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Searching:
     """A search of `measuring.search`, kept within what the host can give; it ends with what a plan reserves."""
 
     goal: Goal
-    next_step: NextStep
+    decide_search: SearchMethod
     most: int  # the highest CR that the host can give
 
-    def step(self, settings: Sequence[Setting]) -> SearchStep:
+    def decide(self, settings: Sequence[Setting]) -> SearchDecision:
         finished = {setting.reserve for setting in settings if is_finished(setting, self.goal)}
         trials = [trial for trial in trials_of(settings, self.goal) if trial.reserve in finished]
-        step = self._within_most(self.next_step(trials, self.goal), trials)
-        if isinstance(step, Measure):
-            return step
+        decision = self._within_most(self.decide_search(trials, self.goal), trials)
+        if isinstance(decision, Measure):
+            return decision
         least = least_reserve(curves_of(settings, self.goal.runs, self.goal.apts))
-        if least is None or (isinstance(step, Sufficient) and step.reserve == least):
-            return step
+        if least is None or (isinstance(decision, Sufficient) and decision.reserve == least):
+            return decision
         if least not in finished:
             return self._measure(least)
         return sufficient(trials, least)
 
-    def _measure(self, reserve: int) -> Measure:
+    def _measure(self, reserve: ReservePercent) -> Measure:
         return Measure(reserve=reserve, until_clear=True, within_until=self.goal.ends_at_until)
 
-    def _within_most(self, step: SearchStep, trials: Sequence[SearchTrial]) -> SearchStep:
-        if not isinstance(step, Measure):
-            return step
+    def _within_most(self, decision: SearchDecision, trials: Sequence[SearchTrial]) -> SearchDecision:
+        if not isinstance(decision, Measure):
+            return decision
         known = [trial for trial in trials if trial.reserve == self.most]
-        if step.reserve > self.most and known:  # what the host can give decides
+        if decision.reserve > self.most and known:  # what the host can give decides
             return sufficient(trials, self.most) if known[-1].passed else not_sufficient(known[-1])
-        return replace(step, reserve=min(step.reserve, self.most), within_until=self.goal.ends_at_until)
+        return replace(decision, reserve=min(decision.reserve, self.most), within_until=self.goal.ends_at_until)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +75,7 @@ class Sweep:
 
     reserves: tuple[int, ...] = ()  # in per cent; none: a coarse curve, as far as the host can give it
 
-    def step(self, settings: Sequence[Setting]) -> ExperimentStep:
+    def decide(self, settings: Sequence[Setting]) -> ExperimentDecision:
         known = {setting.reserve for setting in settings}
         return next((Measure(reserve=reserve) for reserve in self.reserves if reserve not in known), Swept())
 
@@ -96,7 +84,7 @@ class Sweep:
 class ThresholdCheck:
     """Are all thresholds met at this reservation? A question of tuning."""
 
-    reserve: int  # in per cent
+    reserve: ReservePercent
     strategy: str = "default"  # of tuning, which asks
 
 
@@ -105,9 +93,9 @@ class Checking:
     """Measures one setting, which ends as soon as the samples tell."""
 
     goal: Goal
-    reserve: int  # in per cent
+    reserve: ReservePercent
 
-    def step(self, settings: Sequence[Setting]) -> ExperimentStep:
+    def decide(self, settings: Sequence[Setting]) -> ExperimentDecision:
         known = [setting for setting in settings if setting.reserve == self.reserve]
         if known and is_finished(known[-1], self.goal):
             return Swept()
@@ -122,11 +110,11 @@ class Confirming:
     floor: int  # in per cent
     search: Searching
 
-    def step(self, settings: Sequence[Setting]) -> SearchStep:
+    def decide(self, settings: Sequence[Setting]) -> SearchDecision:
         least = least_reserve(curves_of(settings, self.goal.runs, self.goal.apts))
         if least is not None and least <= self.floor:
             lower = trials_of([setting for setting in settings if setting.reserve < self.floor], self.goal)
             return sufficient(lower, self.floor)
         if not any(setting.reserve == self.floor and is_finished(setting, self.goal) for setting in settings):
             return Measure(reserve=self.floor, until_clear=True, within_until=self.goal.ends_at_until)
-        return self.search.step(settings)
+        return self.search.decide(settings)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal, assert_never, cast
 
 from rarms_iac.model.output import OpenBound, OutputText, output
+from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.system import Threshold
 
 
@@ -154,7 +155,7 @@ def verdict_word(verdict: Verdict) -> VerdictWord:
 class Measure:
     """The experiment goes on: run the setting with this CR."""
 
-    reserve: int
+    reserve: ReservePercent
     until_clear: bool = False  # it goes on until the verdicts are clear; otherwise as `run.until` says
     within_until: bool = False  # with `until_clear`: it ends at `run.until` all the same
     precision: float | None = None  # with `until_clear`: not before the mean is known within this part of it
@@ -164,7 +165,7 @@ class Measure:
 class Sufficient:
     """Every APT is met at this CR, which was measured."""
 
-    reserve: int
+    reserve: ReservePercent
     failed: int | None  # the highest lower CR at which one was not met; None: there is none, or it was not measured
     inconclusive: tuple[int, ...] = ()  # lower CRs above `failed` that were measured and have no steady state
 
@@ -173,7 +174,7 @@ class Sufficient:
 class NotAchievable:
     """Not every APT is met at the highest CR that the host can give, which is this one."""
 
-    reserve: int
+    reserve: ReservePercent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,7 +189,7 @@ class NotResolved:
 class SettingFailed:
     """The setting with this CR had too many failed samples, and was not recorded."""
 
-    reserve: int
+    reserve: ReservePercent
     verdict: TooManyFailures
 
 
@@ -202,11 +203,11 @@ class Stopped:
     """A user asked for an end; what is recorded stays, and the same command goes on."""
 
 
-SearchStep = Measure | Sufficient | NotAchievable | NotResolved
+SearchDecision = Measure | Sufficient | NotAchievable | NotResolved
 """What a search for the least sufficient CR answers."""
 
 Conclusion = Sufficient | NotAchievable | NotResolved | SettingFailed | Swept | Stopped
 """How an experiment ended."""
 
-ExperimentStep = Measure | Conclusion
+ExperimentDecision = Measure | Conclusion
 """What a strategy answers."""

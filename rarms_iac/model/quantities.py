@@ -17,6 +17,8 @@ Milliseconds = NewType("Milliseconds", Fraction)
 Bytes = NewType("Bytes", int)
 Percent = NewType("Percent", Fraction)
 LogicalProcessors = NewType("LogicalProcessors", Fraction)
+ReservePercent = int
+"""A CPU reservation (CR): whole per cent of each of a partition's virtual processors."""
 
 
 class Unit(StrEnum):

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.series import Series, join_series
 
 
@@ -45,7 +46,7 @@ class SettingEvidence:
 class Setting:
     """One reservation of the test partition P1 with what was measured there."""
 
-    reserve: int  # CR: per cent of P1's own processors, 1..100
+    reserve: ReservePercent  # of P1, 1..100
     series: tuple[Series, ...]  # by component name
     beside: int = 0  # what P2 reserved meanwhile: per cent of each of its processors
     seed: int = 0  # that chance was drawn from, where the host draws it

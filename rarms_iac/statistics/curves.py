@@ -15,6 +15,7 @@ from math import ceil, floor, inf, isfinite
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.output import OpenBound
+from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.run import Run
 from rarms_iac.model.series import Series
 from rarms_iac.model.setting import Setting
@@ -120,7 +121,7 @@ def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, 
     )
 
 
-def least_reserve(apts: Iterable[tuple[Curve, Threshold]]) -> int | None:
+def least_reserve(apts: Iterable[tuple[Curve, Threshold]]) -> ReservePercent | None:
     """Find the least whole per cent at which all curves meet their thresholds on the safe side of the band.
 
     Args:
@@ -154,7 +155,7 @@ def curves_of(
     )
 
 
-def holds(curve: Curve, threshold: Threshold, reserve: int) -> bool:
+def holds(curve: Curve, threshold: Threshold, reserve: ReservePercent) -> bool:
     """Tell whether the safe side of the curve's band meets the threshold: the rule of every reservation.
 
     Args:
@@ -175,7 +176,7 @@ def holds(curve: Curve, threshold: Threshold, reserve: int) -> bool:
             return safe >= float(limit)
 
 
-def components_not_shown(apts: Iterable[tuple[Curve, Threshold]], reserve: int) -> tuple[str, ...]:
+def components_not_shown(apts: Iterable[tuple[Curve, Threshold]], reserve: ReservePercent) -> tuple[str, ...]:
     """Name the components that a measured CR does not show to meet all of their thresholds.
 
     Args:
@@ -205,7 +206,7 @@ STEPS_OF_ONE = 1000
 """Thresholds are offered with three digits, and with thousandths below 1, as a person would write them."""
 
 
-def tightest_threshold(curve: Curve, reserve: int) -> Threshold | None:
+def tightest_threshold(curve: Curve, reserve: ReservePercent) -> Threshold | None:
     """Find the tightest threshold of three digits that the safe side of the curve's band meets.
 
     Args:

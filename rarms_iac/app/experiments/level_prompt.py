@@ -11,7 +11,6 @@ from rarms_iac.app.report import report_of_manifest
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.select import BeyondMeasured, Selection, SelectRequest, select_level
 from rarms_iac.app.use_case_errors import RequestError, UseCaseError
-from rarms_iac.measuring.strategies import apts_of
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.outcomes import Stopped, Swept
 from rarms_iac.statistics.curves import curves_of, least_reserve
@@ -180,5 +179,5 @@ def _judged_by_new_thresholds(hosts: Hosts, result: ExperimentResult) -> Experim
     if members == before.members:
         return result
     experiment = replace(before, members=members)
-    planned = least_reserve(curves_of(result.settings, experiment.runs, apts_of(experiment)))
+    planned = least_reserve(curves_of(result.settings, experiment.runs, experiment.apts))
     return replace(result, experiment=experiment, conclusion=Swept(), planned=planned)

@@ -34,7 +34,7 @@ from rarms_iac.app.totals import partitions_without_log, totals_at_hand
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.methods import Method
-from rarms_iac.measuring.partitions import host_budget
+from rarms_iac.measuring.partitions import host_resources
 from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.diagnostics import Diagnostic
@@ -267,8 +267,8 @@ def measuring_scripts(hosts: Hosts, request: MeasureRequest = EVERYTHING) -> tup
             if not isinstance(host, ScriptedMeasuringHost):
                 message = f"{experiment.name} is measured on {name} without a script: only Hyper-V hosts run scripts."
                 raise RequestError(message)
-            budget = host_budget(experiment.host, host.observe(), experiment.application)
-            shapes, work = shapes_for(experiment, budget), work_in_test_partitions(experiment)
+            resources = host_resources(experiment.host, host.observe(), experiment.application)
+            shapes, work = shapes_for(experiment, resources), work_in_test_partitions(experiment)
             for title, text in (
                 (
                     f"{experiment.name}.{experiment.setup.interference}",

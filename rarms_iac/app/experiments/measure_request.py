@@ -29,7 +29,7 @@ from rarms_iac.model.outcomes import (
 )
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.processor_number import ProcessorSource
-from rarms_iac.model.quantities import guaranteed
+from rarms_iac.model.quantities import ReservePercent, guaranteed
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.weak_loads import advice_on_weak_loads
@@ -77,7 +77,7 @@ ExperimentEnding = Literal["found", "not_achievable", "not_resolved", "no_verdic
 class MeasuredSetting:
     """One reservation with what was measured there."""
 
-    reserve: int
+    reserve: ReservePercent
     beside: int  # what P2 reserved meanwhile
     seed: int
     indexes: tuple[MeasuredIndex, ...]
@@ -164,7 +164,7 @@ class ExperimentResult:
 
     @property
     @output
-    def reserve(self) -> int | None:
+    def reserve(self) -> ReservePercent | None:
         """The least that is enough."""
         return self.found.reserve if self.found else None
 

@@ -9,7 +9,7 @@ from typing import assert_never
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.measuring_findings import NO_MORE_CPU, index_facts, show_index
-from rarms_iac.measuring.partitions import host_budget
+from rarms_iac.measuring.partitions import host_resources
 from rarms_iac.measuring.performance import MeasuredIndex
 from rarms_iac.measuring.prove import IndexVerdict, LayoutProof
 from rarms_iac.model.claims import WHOLE, load_of
@@ -215,5 +215,5 @@ def _threshold_that_held(measured: MeasuredIndex) -> Threshold | None:
 
 
 def _free_lp(hosts: Hosts, name: str, state: State) -> Fraction:
-    budget = host_budget(hosts.system.hosts[name], state, hosts.system.application.name)
-    return Fraction(budget.capacity.processors) - Fraction(load_of(budget.claims).percent, WHOLE)
+    resources = host_resources(hosts.system.hosts[name], state, hosts.system.application.name)
+    return Fraction(resources.capacity.processors) - Fraction(load_of(resources.claims).percent, WHOLE)

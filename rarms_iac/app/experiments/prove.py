@@ -17,7 +17,7 @@ from rarms_iac.app.measurement_files import hold_configuration_logs, now
 from rarms_iac.app.options import flag, load_host_option, lock_timeout_option, option
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring import measuring_findings
-from rarms_iac.measuring.partitions import MeasuringBudget, host_budget
+from rarms_iac.measuring.partitions import MeasuringResources, host_resources
 from rarms_iac.measuring.prove import (
     STARTS,
     AppliedLayout,
@@ -122,8 +122,8 @@ def prove_layout(
     session = MeasuringSession(
         hosts=hosts, control=control, command="prove", seed=request.seed, lock_timeout_ms=request.lock_timeout_ms
     )
-    with hold_hosts(session, names) as held, control.stop.gently():
-        states = {name: host.observe() for name, host in held.held.items()}
+    with hold_hosts(session, names) as holding, control.stop.gently():
+        states = {name: host.observe() for name, host in holding.held_hosts.items()}
         everywhere = {**observe_others(hosts, names), **states}
         layouts = {
             name: with_samples(layout, request.samples)
@@ -133,10 +133,10 @@ def prove_layout(
         loads = loads_to_prove(hosts.system, request)
         thresholds = sum(len(component.apt) for layout in layouts.values() for component in layout.judged)
         for name, layout in layouts.items():
-            conditions = _conditions(held, states[name], loads, thresholds)
-            _announce(held, name, layout, conditions)
+            conditions = _conditions(holding, states[name], loads, thresholds)
+            _announce(holding, name, layout, conditions)
             for each in conditions:
-                proof = _prove(held, name, layout, each, listener)
+                proof = _prove(holding, name, layout, each, listener)
                 if proof is None:
                     return ProveOutcome(proofs=(), findings=(), stopped=True)
                 proofs.append(proof)
@@ -172,7 +172,7 @@ def _announce(
 ) -> None:
     """Say what a proof takes of a host, before it begins."""
     loads = [each.interference for each in conditions if each.interference]
-    least = least_duration_ms(layout, session.held[name].scheduler_memory_ms) * len(conditions)
+    least = least_duration_ms(layout, session.held_hosts[name].scheduler_memory_ms) * len(conditions)
     most = max(least, float(session.hosts.system.policy.measuring.proof))
     with_load = f"beside {in_a_row(loads)}, and uses all idle time of {name}" if loads else f"on {name} beside no load"
     if session.hosts.system.hosts[name].provider is ProviderKind.SIMULATED:  # its clock is not the user's
@@ -262,9 +262,9 @@ def _conditions(
     Raises:
         UseCaseError: There is no room for a load, or the host cannot run it (negative).
     """
-    system, host = session.hosts.system, session.held[state.facts.name]
+    system, host = session.hosts.system, session.held_hosts[state.facts.name]
     refuse_what_cannot_run(session, host, loads={load: system.interference[load] for load in loads})
-    room = host_budget(system.hosts[host.name], state, system.application.name)
+    room = host_resources(system.hosts[host.name], state, system.application.name)
     runs = max(1, len(loads))
     conditions = ProofConditions(
         load_partition=None,
@@ -285,7 +285,7 @@ def _conditions(
     )
 
 
-def _make_load(load: Interference, room: MeasuringBudget, name: str, host: str) -> LoadPartition:
+def _make_load(load: Interference, room: MeasuringResources, name: str, host: str) -> LoadPartition:
     partition = load_partition(load, room)
     if partition is None:
         message = f"{host} has no memory left for a partition that holds {name}."
@@ -302,7 +302,7 @@ def _prove(
     """Prove one host's layout beside one load; None where an end was asked for."""
     stop, manifest = session.control.stop, session.hosts.manifest
     answer = prove(
-        session.held[name], layout, conditions, stop.should_stop, partial(listener, name, conditions.interference)
+        session.held_hosts[name], layout, conditions, stop.should_stop, partial(listener, name, conditions.interference)
     )
     if isinstance(answer, TooManyFailures):
         component = answer.component

@@ -10,7 +10,7 @@ from pathlib import Path
 from rarms_iac.app.data_logs import used_processors
 from rarms_iac.app.experiments.experiment_log import ExperimentLog, data_log_path, read_experiment_log, settings_log_of
 from rarms_iac.app.experiments.measure_request import USUAL_SEED, ExperimentResult
-from rarms_iac.app.experiments.session import MeasuringSession, refuse_what_cannot_run, stop_partitions
+from rarms_iac.app.experiments.session import MeasuringSession, refuse_what_cannot_run, stop_own_partitions
 from rarms_iac.app.experiments.stopping import stopped_to_measure
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
@@ -20,9 +20,9 @@ from rarms_iac.measuring.duration import DurationBounds, expected_duration, leas
 from rarms_iac.measuring.loop import LoopResult, OtherProcessors, measure
 from rarms_iac.measuring.methods import Method, Search, is_of_paper, strategy_of
 from rarms_iac.measuring.partitions import (
-    MeasuringBudget,
+    MeasuringResources,
     highest_reserve,
-    host_budget,
+    host_resources,
     other_running_partitions,
     partition_name,
 )
@@ -30,12 +30,12 @@ from rarms_iac.measuring.setting_run import MeasuringContext
 from rarms_iac.measuring.settings_log import SettingsLog
 from rarms_iac.measuring.settling import Settling
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.measuring.strategies import Sweep, ThresholdCheck, apts_of, goal_of
+from rarms_iac.measuring.strategies import Sweep, ThresholdCheck, goal_of
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource, processor_number
-from rarms_iac.model.quantities import show_duration
+from rarms_iac.model.quantities import ReservePercent, show_duration
 from rarms_iac.model.setting import most_used
 from rarms_iac.model.state import Partition
 from rarms_iac.model.wording import counted
@@ -87,7 +87,7 @@ def run_experiment(session: MeasuringSession, experiment: Experiment, method: Me
             conclusion=measurement.conclusion,
             settings=measurement.settings,
             new=measurement.new,
-            planned=least_reserve(curves_of(measurement.settings, experiment.runs, apts_of(experiment))),
+            planned=least_reserve(curves_of(measurement.settings, experiment.runs, experiment.apts)),
             log=settings_log.path.as_posix(),
         )
 
@@ -135,15 +135,15 @@ def _run_held(
     if log.changed:
         session.control.reporter.message(_describe_stale(log))
 
-    def prepare_host() -> MeasuringBudget:
+    def prepare_host() -> MeasuringResources:
         _stop_what_is_in_the_way(session, experiment, method, available)
         if tells_duration:
             session.control.reporter.message(_describe_duration(experiment, method, available, settings_log))
-        return available.budget
+        return available.resources
 
     context = MeasuringContext(
         host=session.host_of(experiment),
-        budget=prepare_host,
+        resources=prepare_host,
         seed=session.seed or max((run.seed for run in settings_log.runs()), default=0) or USUAL_SEED,
         reporter=session.control.reporter.settings,
         should_stop=session.control.stop.should_stop,
@@ -163,9 +163,9 @@ def _run_held(
 class _Availability:
     """What an experiment can get of its host, and what is in the way there."""
 
-    budget: MeasuringBudget
+    resources: MeasuringResources
     running: tuple[Partition, ...]  # they run beside the experiment, and rarms does not stop them
-    highest_reserve: int  # the highest CR that the host can give
+    highest_reserve: ReservePercent  # the highest CR that the host can give
     memory_ms: float  # how long its scheduler remembers (`MeasuringHost.scheduler_memory_ms`)
 
 
@@ -174,11 +174,11 @@ def _availability(session: MeasuringSession, experiment: Experiment) -> _Availab
     host = session.host_of(experiment)
     observed = host.observe()
     state = observed if session.on_busy_host else stopped_to_measure(observed, experiment.application)
-    budget = host_budget(experiment.host, state, experiment.application)
+    resources = host_resources(experiment.host, state, experiment.application)
     return _Availability(
-        budget=budget,
+        resources=resources,
         running=other_running_partitions(state),
-        highest_reserve=highest_reserve(budget, experiment.setup),
+        highest_reserve=highest_reserve(resources, experiment.setup),
         memory_ms=host.scheduler_memory_ms,
     )
 
@@ -237,21 +237,7 @@ def _stop_what_is_in_the_way(
     _refuse_host(session, experiment, method, available)
     if session.on_busy_host:
         return
-    host = session.host_of(experiment)
-    if still_running := stop_partitions(session, host):
-        message = f"On {host.name} these run, and would change what is measured: {', '.join(still_running)}."
-        advice = prose(
-            "Let ",
-            command(session.command, stop_partitions=True),
-            " stop them and start them again afterwards, or do it yourself: ",
-            command("stop"),
-            ", later ",
-            command("start"),
-            ".",
-        )
-        raise _refusal(
-            measuring_findings.BUSY_HOST, message, advice, {"host": host.name, "partitions": tuple(still_running)}
-        )
+    stop_own_partitions(session, session.host_of(experiment))
 
 
 def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Method, available: _Availability) -> None:
@@ -267,7 +253,7 @@ def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Meth
         message = f"On {host} these run, and would change what is measured: {', '.join(running)}."
         advice = "Stop them on the host. Or give --on-busy-host: the log says so."
         raise _refusal(measuring_findings.BUSY_HOST, message, advice, {"host": host, "partitions": running})
-    if is_of_paper(method) and not available.budget.unreserved:
+    if is_of_paper(method) and not available.resources.unreserved:
         message = f"On {host} a part of the processors is kept for the host or reserved by other machines."
         advice = "Use the default strategy, or free the host: `keep_for_host: { processor: 0 % }`."
         raise _refusal(measuring_findings.RESERVED_HOST, message, advice, {"host": host})

@@ -19,6 +19,7 @@ from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.measuring.setup import Experiment
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts
 from rarms_iac.model.host import Host, SimulatedHost
 from rarms_iac.model.loads import Interference
@@ -38,7 +39,7 @@ class MeasuringSession:
     anew: bool = False  # what was not measured with this seed is measured once more
     on_busy_host: bool = False  # measure although other partitions run there
     lock_timeout_ms: int = 0  # how long to wait for another run, at a host and at a data log
-    held: Mapping[str, MeasuringHost] = field(default_factory=dict)  # by name; their locks are held
+    held_hosts: Mapping[str, MeasuringHost] = field(default_factory=dict)  # by name; their locks are held
 
     @property
     def application(self) -> str:
@@ -47,7 +48,7 @@ class MeasuringSession:
 
     def host_of(self, experiment: Experiment) -> MeasuringHost:
         """Return the held host that an experiment is run on."""
-        return self.held[experiment.host.name]
+        return self.held_hosts[experiment.host.name]
 
 
 UNMODELLED_SMT = (
@@ -93,7 +94,7 @@ def hold_hosts(session: MeasuringSession, names: Iterable[str]) -> Iterator[Meas
             held[name] = host
             if _has_unmodelled_smt(session.hosts.system.hosts[name]):
                 session.control.reporter.message(f"{name}: {UNMODELLED_SMT}")
-        yield replace(session, held=held)
+        yield replace(session, held_hosts=held)
 
 
 def refuse_what_cannot_run(
@@ -130,22 +131,39 @@ def refuse_what_cannot_run(
             raise UseCaseError(Outcome.NEGATIVE, [finding], manifest.sources)
 
 
-def stop_partitions(session: MeasuringSession, host: MeasuringHost) -> tuple[str, ...]:
+def stop_own_partitions(session: MeasuringSession, host: MeasuringHost) -> None:
     """Stop what runs of the application on a held host, if that is consented to.
 
-    Returns:
-        The partitions that still run, without consent; empty: none does.
-
     Raises:
-        UseCaseError: They cannot be stopped (refused or failed).
+        UseCaseError: Without consent, or they cannot be stopped (refused or failed).
     """
     names = own_running(host.observe(), session.application)
-    if not names or not session.control.consents(host.name, names):
-        return names
+    if not names:
+        return
+    if not session.control.consents(host.name, names):
+        raise UseCaseError(
+            Outcome.REFUSED,
+            [
+                measuring_findings.BUSY_HOST.at(
+                    None,
+                    f"On {host.name} these run, and would change what is measured: {', '.join(names)}.",
+                    prose(
+                        "Let ",
+                        command(session.command, stop_partitions=True),
+                        " stop them and start them again afterwards, or do it yourself: ",
+                        command("stop"),
+                        ", later ",
+                        command("start"),
+                        ".",
+                    ),
+                    address=f"host/{host.name}",
+                    values={"host": host.name, "partitions": names},
+                )
+            ],
+        )
     stop_to_measure(session.hosts, host, names)
     message = f"{host.name}: stopped {in_a_row(names)} to measure. They start again afterwards."
     session.control.reporter.message(message)
-    return ()
 
 
 @contextmanager
@@ -171,7 +189,7 @@ def starting_again(session: MeasuringSession) -> Iterator[list[Diagnostic]]:
 def _start_all(session: MeasuringSession) -> list[Diagnostic]:
     errors: list[Diagnostic] = []
     with session.control.stop.gently():
-        for host in session.held.values():
+        for host in session.held_hosts.values():
             try:
                 names = start_again(session.hosts, host)
             except UseCaseError as error:

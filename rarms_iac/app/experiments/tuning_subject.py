@@ -10,13 +10,14 @@ from rarms_iac.app.experiments.session import MeasuringSession
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring.measuring_findings import CANNOT_MEASURE
-from rarms_iac.measuring.partitions import highest_reserve, host_budget
+from rarms_iac.measuring.partitions import highest_reserve, host_resources
 from rarms_iac.measuring.setup import Experiment, experiment_of
-from rarms_iac.measuring.strategies import ThresholdCheck, apts_of
+from rarms_iac.measuring.strategies import ThresholdCheck
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.outcomes import SettingFailed, Stopped, TooManyFailures
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource
+from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
@@ -83,7 +84,7 @@ class TuningSubject:
             Whole per cent of each of P1's processors; 0: it has no room.
         """
         first, *_ = self.experiments(members)
-        return highest_reserve(host_budget(self.host, self.state, self.system.application.name), first.setup)
+        return highest_reserve(host_resources(self.host, self.state, self.system.application.name), first.setup)
 
     def experiments(
         self, members: Members, strategy: TuningStrategy = "default", samples: int | None = None
@@ -273,7 +274,7 @@ class Experiments:
     _known: dict[tuple[Members, int], frozenset[str]] = field(default_factory=dict)
     _unresolved: set[tuple[Members, int]] = field(default_factory=set)
 
-    def worse(self, members: Members, reserve: int) -> frozenset[str]:
+    def worse(self, members: Members, reserve: ReservePercent) -> frozenset[str]:
         """Run this setting, unless its answer is known.
 
         Args:
@@ -293,7 +294,7 @@ class Experiments:
             self._known[members, reserve] = self._measured(members, reserve)
         return self._known[members, reserve]
 
-    def unresolved(self, members: Members, reserve: int) -> bool:
+    def unresolved(self, members: Members, reserve: ReservePercent) -> bool:
         """Tell whether none of those that are worse there was shown to miss a threshold.
 
         Args:
@@ -305,7 +306,7 @@ class Experiments:
         """
         return (members, reserve) in self._unresolved
 
-    def _measured(self, members: Members, reserve: int) -> frozenset[str]:
+    def _measured(self, members: Members, reserve: ReservePercent) -> frozenset[str]:
         if reserve > (highest := self.subject.highest(members)):
             names = ", ".join(members)
             raise Unanswered(
@@ -316,7 +317,7 @@ class Experiments:
                 return worse
         return frozenset()
 
-    def _worse_with_load(self, experiment: Experiment, members: Members, reserve: int) -> frozenset[str]:
+    def _worse_with_load(self, experiment: Experiment, members: Members, reserve: ReservePercent) -> frozenset[str]:
         """Those that one load has miss a threshold: what stands up to all loads stands up to each."""
         result = run_experiment(self.session, experiment, ThresholdCheck(reserve=reserve, strategy=self.strategy))
         match result.conclusion:
@@ -335,12 +336,12 @@ class Experiments:
         return worse
 
 
-def _shown_to_miss(experiment: Experiment, settings: Sequence[Setting], reserve: int) -> bool:
+def _shown_to_miss(experiment: Experiment, settings: Sequence[Setting], reserve: ReservePercent) -> bool:
     """Whether a threshold was shown to be missed at this CR or a higher one, which is then too little, too."""
-    return reserve <= highest_missed(curves_of(settings, experiment.runs, apts_of(experiment)))
+    return reserve <= highest_missed(curves_of(settings, experiment.runs, experiment.apts))
 
 
-def worse_on_the_curve(experiment: Experiment, settings: Sequence[Setting], reserve: int) -> frozenset[str]:
+def worse_on_the_curve(experiment: Experiment, settings: Sequence[Setting], reserve: ReservePercent) -> frozenset[str]:
     """Return the members that do not meet all their thresholds at a setting for sure, by the rule that a plan takes.
 
     Args:
@@ -351,7 +352,7 @@ def worse_on_the_curve(experiment: Experiment, settings: Sequence[Setting], rese
     Returns:
         Names; none: all meet theirs.
     """
-    return frozenset(components_not_shown(curves_of(settings, experiment.runs, apts_of(experiment)), reserve))
+    return frozenset(components_not_shown(curves_of(settings, experiment.runs, experiment.apts), reserve))
 
 
 def _without(members: Members, name: str) -> str:

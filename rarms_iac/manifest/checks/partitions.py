@@ -166,10 +166,10 @@ def dedicated_shares(system: System) -> Iterator[Violation]:
         if component.dedicated and len(bound[name]) > 1:
             yield _dedicated_violation(name, bound[name], f"`together` binds it to {list_others(bound[name], (name,))}")
     for partition in system.partitions.values():
-        inside = members(system, partition)
-        names = [component.name for component in inside]
-        for component in inside:
-            if component.dedicated and len(inside) > 1:
+        components = members(system, partition)
+        names = [component.name for component in components]
+        for component in components:
+            if component.dedicated and len(components) > 1:
                 others = list_others(names, (component.name,))
                 reason = f'the partition "{partition.name}" also contains {others}'
                 yield _dedicated_violation(component.name, names, reason)
@@ -186,9 +186,9 @@ def _dedicated_violation(name: str, members: Sequence[str], reason: str) -> Viol
 
 def apart_in_one_partition(system: System, partition: PartitionRequest) -> Iterator[Violation]:
     """Members of one partition that are apart from each other."""
-    inside = members(system, partition)
-    names = {component.name for component in inside}
-    for component in inside:
+    components = members(system, partition)
+    names = {component.name for component in components}
+    for component in components:
         for number, other in enumerate(component.apart):
             if other in names and other != component.name:
                 yield Violation(
@@ -229,37 +229,38 @@ def _location(name: str, listed: Mapping[str, str]) -> str:
 def no_common_host(system: System) -> Iterator[Violation]:
     """Partitions, and `together`, whose components allow no common host."""
     for partition in system.partitions.values():
-        inside = members(system, partition)
-        if inside and _have_no_common_host(system, inside):
-            yield _no_common_host_violation(system, ("partitions", partition.name, "components"), inside)
+        components = members(system, partition)
+        if components and _have_no_common_host(system, components):
+            yield _no_common_host_violation(system, ("partitions", partition.name, "components"), components)
     for group in bound_groups(system):
-        inside = sorted(group, key=lambda component: (not component.together, component.name))
-        if _have_no_common_host(system, inside):
-            yield _no_common_host_violation(system, ("components", inside[0].name, "together"), inside)
+        components = sorted(group, key=lambda component: (not component.together, component.name))
+        if _have_no_common_host(system, components):
+            yield _no_common_host_violation(system, ("components", components[0].name, "together"), components)
 
 
-def _have_no_common_host(system: System, inside: list[Component]) -> bool:
-    return all(may_run_on(system, component) for component in inside) and not hosts_for(system, inside)
+def _have_no_common_host(system: System, components: list[Component]) -> bool:
+    return all(may_run_on(system, component) for component in components) and not hosts_for(system, components)
 
 
-def _no_common_host_violation(system: System, path: Path, inside: list[Component]) -> Violation:
+def _no_common_host_violation(system: System, path: Path, components: list[Component]) -> Violation:
     each = list_names(
-        f"{component.name} on {list_names(host.name for host in may_run_on(system, component))}" for component in inside
+        f"{component.name} on {list_names(host.name for host in may_run_on(system, component))}"
+        for component in components
     )
     return Violation(
         path=path,
         detail=f"These components share a partition, but no host is allowed for all of them: {each}.",
         advice="Allow a common host in `hosts` of each, or put them into different partitions.",
-        values={"components": tuple(component.name for component in inside)},
+        values={"components": tuple(component.name for component in components)},
     )
 
 
 def partition_memory_below_members(system: System, partition: PartitionRequest) -> Iterator[Violation]:
     """Partitions whose own memory is less than the sum of their components'."""
-    inside = members(system, partition)
-    needed = sum(component.memory for component in inside)
+    components = members(system, partition)
+    needed = sum(component.memory for component in components)
     if partition.memory is not None and partition.memory < needed:
-        each = list_names(f"{component.name} {show_bytes(component.memory)}" for component in inside)
+        each = list_names(f"{component.name} {show_bytes(component.memory)}" for component in components)
         yield Violation(
             path=("partitions", partition.name, "memory"),
             detail=f'"{partition.name}" has {show_bytes(partition.memory)}, but its components need '
@@ -314,8 +315,8 @@ def _memory_of_partitions(system: System) -> Iterator[tuple[str, str, int, list[
         if component.name not in listed and component.runs_on is RunsOn.PARTITION:
             yield "components", component.name, component.memory, may_run_on(system, component)
     for partition in system.partitions.values():
-        inside = members(system, partition)
-        if partition.components and not inside and partition.memory is None:
+        components = members(system, partition)
+        if partition.components and not components and partition.memory is None:
             continue  # RARMS042 reports that its components do not exist
-        memory = sum(component.memory for component in inside) if partition.memory is None else partition.memory
-        yield "partitions", partition.name, memory, hosts_for(system, inside)
+        memory = sum(component.memory for component in components) if partition.memory is None else partition.memory
+        yield "partitions", partition.name, memory, hosts_for(system, components)

@@ -197,10 +197,10 @@ def _virtual_processors(system: System) -> Iterator[tuple[str, str, int, list[Ho
 
 def different_cpu(system: System, partition: PartitionRequest) -> Iterator[Violation]:
     """A reserve, limit or weight that a partition and its only component fix differently."""
-    inside = members(system, partition)
-    if len(inside) != 1:
+    components = members(system, partition)
+    if len(components) != 1:
         return
-    component = inside[0]
+    component = components[0]
     for key in ("reserve", "limit", "weight"):
         wanted, other = getattr(partition.cpu, key), getattr(component.cpu, key)
         if wanted is not None and other is not None and wanted != other:
@@ -217,12 +217,12 @@ def different_cpu(system: System, partition: PartitionRequest) -> Iterator[Viola
 def held_back(system: System) -> Iterator[Violation]:
     """Components with an APT, and their partitions, that are capped or weigh less than the usual 100."""
     for section, name, cpu, hosts in cpu_settings(system):
-        inside, processors = _users(system, section, name)
-        with_apt = [component.name for component in inside if component.apt]
+        components, processors = _users(system, section, name)
+        with_apt = [component.name for component in components if component.apt]
         if not with_apt:
             continue
         subject = f'"{name}" has an APT' if section == "components" else f'"{name}" contains {with_apt[0]} with an APT'
-        if cpu.limit is not None and _caps(cpu.limit, processors, inside, hosts):
+        if cpu.limit is not None and _caps(cpu.limit, processors, components, hosts):
             yield Violation(
                 path=(section, name, "cpu", "limit"),
                 detail=f"{subject} and a limit of {show_amount(cpu.limit)}, less than its virtual processors could "
@@ -248,9 +248,9 @@ def _users(system: System, section: str, name: str) -> tuple[Sequence[Component]
     return members(system, partition), partition.processors
 
 
-def _caps(limit: CpuAmount, processors: int | None, inside: Sequence[Component], hosts: list[Host]) -> bool:
+def _caps(limit: CpuAmount, processors: int | None, components: Sequence[Component], hosts: list[Host]) -> bool:
     def is_below(host: Host) -> bool:
-        usable = processors or max(component.processors or host.logical_processors for component in inside)
+        usable = processors or max(component.processors or host.logical_processors for component in components)
         return in_processors(limit, host.logical_processors) < usable
 
     return on_every(hosts, is_below)
@@ -285,13 +285,13 @@ def criticalities_alike(system: System) -> Iterator[Violation]:
 def reserve_rounded_up(system: System) -> Iterator[Violation]:
     """Reserves of wide components that whole per cent of each virtual processor make much larger, on every host."""
     for section, name, cpu, hosts in cpu_settings(system):
-        inside, fixed = _users(system, section, name)
+        components, fixed = _users(system, section, name)
         unlike = {host.logical_processors: host for host in reversed(hosts)}.values()
-        given = [_rounded(cpu, host, fixed, inside) for host in unlike]
+        given = [_rounded(cpu, host, fixed, components) for host in unlike]
         if not given or not all(much for *_, much in given):
             continue
         host = hosts[0]
-        wanted, rounded, _ = _rounded(cpu, host, fixed, inside)
+        wanted, rounded, _ = _rounded(cpu, host, fixed, components)
         yield Violation(
             path=(section, name, "cpu", "reserve"),
             detail=f'"{name}" reserves {show_processors(wanted)}, and gets {show_processors(rounded)} on '
@@ -307,10 +307,10 @@ def reserve_rounded_up(system: System) -> Iterator[Violation]:
 
 
 def _rounded(
-    cpu: CpuRequest, host: Host, fixed: int | None, inside: Sequence[Component]
+    cpu: CpuRequest, host: Host, fixed: int | None, components: Sequence[Component]
 ) -> tuple[LogicalProcessors, LogicalProcessors, bool]:
     """What is reserved there, what is given, and whether that is more than a tenth above."""
     wanted = fixed_reserve(cpu, host) or LogicalProcessors(Fraction(0))
-    processors = fixed or max((member.processors or host.logical_processors for member in inside), default=1)
+    processors = fixed or max((member.processors or host.logical_processors for member in components), default=1)
     given = guaranteed(per_virtual_processor(wanted, processors), processors)
     return wanted, given, given > wanted * Fraction(11, 10)

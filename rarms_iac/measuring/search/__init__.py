@@ -7,9 +7,9 @@ off the settings so far, and takes at most one more than bisection as long as no
 """
 
 from rarms_iac.measuring.search.bracketing import bisect, search_with_few_settings, walk_by_ten
-from rarms_iac.measuring.search.trials import NextStep
+from rarms_iac.measuring.search.trials import SearchMethod
 
-STRATEGIES: dict[str, NextStep] = {
+STRATEGIES: dict[str, SearchMethod] = {
     "default": search_with_few_settings,
     "bisection": bisect,
     "paper": walk_by_ten,

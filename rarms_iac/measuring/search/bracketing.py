@@ -11,7 +11,7 @@ from math import ceil, floor
 
 from rarms_iac.measuring.search.crossings import crossings_of
 from rarms_iac.measuring.search.trials import Bracket, Goal, SearchTrial, bracket_of, sufficient
-from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SearchStep
+from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SearchDecision
 
 MOST = 8
 """Settings with true verdicts that a curve takes at most: bisection tells 1..100 % and "none" apart by 7, and one."""
@@ -28,7 +28,7 @@ PRECISION = 0.015
 _TRUNCATION = 0.0003  # points towards the middle, for each squared point of the bracket
 
 
-def search_with_few_settings(history: Sequence[SearchTrial], goal: Goal) -> SearchStep:
+def search_with_few_settings(history: Sequence[SearchTrial], goal: Goal) -> SearchDecision:
     """Find a passing setting and a failing one at most `WIDTH` points below, usually by at most `MOST` settings.
 
     Args:
@@ -46,13 +46,15 @@ def search_with_few_settings(history: Sequence[SearchTrial], goal: Goal) -> Sear
         return bracket
     if bracket.inconclusive or len(history) >= MOST:
         return bisect(history, goal)
-    failed, passed = bracket.failed, bracket.highest
+    failed, passed = bracket.highest_failed, bracket.upper_end
     crossings = list(crossings_of(history, goal, failed, passed))
     middle = (failed + passed) / 2
     at = max((crossing.at for crossing in crossings), default=middle)  # all must be met
     read_off = bool(crossings) and all(crossing.smooth for crossing in crossings) and at > passed - 2
     width = passed - failed
-    if bracket.passed is not None and (width == 1 or (failed > 0 and width <= (WIDTH if read_off else WIDTH - 1))):
+    if bracket.lowest_passed is not None and (
+        width == 1 or (failed > 0 and width <= (WIDTH if read_off else WIDTH - 1))
+    ):
         return sufficient(history, passed)
     towards = _TRUNCATION * width**2
     chosen = ceil(min(at + towards, middle)) if at <= middle else floor(max(at - towards, middle))
@@ -64,7 +66,7 @@ def search_with_few_settings(history: Sequence[SearchTrial], goal: Goal) -> Sear
 WALK_STEP = 10
 
 
-def bisect(history: Sequence[SearchTrial], goal: Goal) -> SearchStep:
+def bisect(history: Sequence[SearchTrial], goal: Goal) -> SearchDecision:
     """Halve what is left down to one point: the least passing whole per cent.
 
     Args:
@@ -78,16 +80,16 @@ def bisect(history: Sequence[SearchTrial], goal: Goal) -> SearchStep:
     match bracket:
         case NotAchievable() | NotResolved():
             return bracket
-        case Bracket(passed=None) if bracket.stays_above:
+        case Bracket(lowest_passed=None) if bracket.stays_above:
             return Measure(reserve=100, until_clear=True)  # whether anything has a steady state
-        case Bracket(passed=passed):
+        case Bracket(lowest_passed=passed):
             low, high = bracket.widest
             if passed is not None and (high - low == 1):
                 return sufficient(history, passed)
             return Measure(reserve=(low + high) // 2, until_clear=True)
 
 
-def walk_by_ten(history: Sequence[SearchTrial], _goal: Goal) -> SearchStep:
+def walk_by_ten(history: Sequence[SearchTrial], _goal: Goal) -> SearchDecision:
     """CMCPUR as the paper has it: 10, 20, ... 100 %, until the APT is met or 100 % misses it.
 
     Args:

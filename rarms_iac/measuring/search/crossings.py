@@ -12,6 +12,7 @@ from statistics import NormalDist
 
 from rarms_iac.measuring.search.trials import NOTHING_PASSED, Goal, Member, SearchTrial, done_share
 from rarms_iac.model.outcomes import Estimate
+from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.error_probability import LOOK_ERROR
@@ -28,7 +29,7 @@ _MOST_ROOM = 0.5  # a bound further away than this part of the time is none
 class _Point:
     """One index of one member at one setting, as a time that falls as the CR rises."""
 
-    reserve: int  # CR in per cent
+    reserve: ReservePercent
     time_ms: float  # of throughput: the time to a success
     half_band_ms: float  # from the estimate to the end of its band
     work: float | None  # ms times per cent: `time_ms * reserve` of jobs that only compute on one processor; or unknown
@@ -165,7 +166,7 @@ def _multiple(measured: Mapping[int, Series], goal: Goal, member: Member, share:
     return sorted(scaled)[round(shows * (len(scaled) - 1))] if scaled else inf
 
 
-def _point(reserve: int, series: Series, member: Member, index: str) -> _Point | None:
+def _point(reserve: ReservePercent, series: Series, member: Member, index: str) -> _Point | None:
     """The setting as a point; None where it gives no estimate.
 
     Of response times only the time counts in which there is a job; a throughput has also what a periodic one waits.

@@ -10,7 +10,7 @@ from rarms_iac.model.outcomes import (
     NoEstimate,
     NotAchievable,
     NotResolved,
-    SearchStep,
+    SearchDecision,
     Sufficient,
     TooFewSamples,
     TooManyFailures,
@@ -18,6 +18,7 @@ from rarms_iac.model.outcomes import (
     Verdict,
     WithinNoise,
 )
+from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.run import Periodic, Run
 from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.setting import Setting
@@ -75,7 +76,7 @@ class SearchTrial:
     not_shown: tuple[str, ...]  # members that the curve does not show to meet their APT here
 
     @property
-    def reserve(self) -> int:
+    def reserve(self) -> ReservePercent:
         """The CR of the setting."""
         return self.setting.reserve
 
@@ -100,7 +101,7 @@ class SearchTrial:
         return any(isinstance(verdict, Missed) for verdict in self.verdicts.values())
 
 
-NextStep = Callable[[Sequence[SearchTrial], Goal], SearchStep]
+SearchMethod = Callable[[Sequence[SearchTrial], Goal], SearchDecision]
 """A search: the trials so far, in the order in which they were run, to the next step. Pure."""
 
 
@@ -119,7 +120,7 @@ def trials_of(settings: Sequence[Setting], goal: Goal) -> list[SearchTrial]:
     """
     curves = curves_of(settings, goal.runs, goal.apts)
 
-    def is_shown(member: Member, reserve: int) -> bool:
+    def is_shown(member: Member, reserve: ReservePercent) -> bool:
         own = [(curve, threshold) for curve, threshold in curves if curve.component == member.name]
         return bool(own) and all(holds(curve, threshold, reserve) for curve, threshold in own)
 
@@ -217,8 +218,8 @@ def _verdict(setting: Setting, member: Member, goal: Goal) -> Verdict:
 class Bracket:
     """The highest setting that failed, or is below the demand, and the lowest that passed above it."""
 
-    failed: int  # 0: none did
-    passed: int | None
+    highest_failed: int  # 0: none did
+    lowest_passed: int | None
     inconclusive: tuple[int, ...] = ()  # measured between the two, and without a steady state; in their order
 
     @property
@@ -229,7 +230,7 @@ class Bracket:
     @property
     def floor(self) -> int:
         """Below what the search does not look; 0: it looks everywhere."""
-        return self.inconclusive[-1] if self.stays_above else self.failed
+        return self.inconclusive[-1] if self.stays_above else self.highest_failed
 
     @property
     def closed(self) -> frozenset[int]:
@@ -237,14 +238,14 @@ class Bracket:
         return frozenset(reserve for reserve in self.inconclusive if reserve > self.floor)
 
     @property
-    def highest(self) -> int:
+    def upper_end(self) -> int:
         """The lowest setting that passed, or `NOTHING_PASSED`."""
-        return NOTHING_PASSED if self.passed is None else self.passed
+        return NOTHING_PASSED if self.lowest_passed is None else self.lowest_passed
 
     @property
     def widest(self) -> tuple[int, int]:
         """The two settings next to each other with the most between them that was not measured; of equals the upper."""
-        ends = (self.floor, *sorted(self.closed), self.highest)
+        ends = (self.floor, *sorted(self.closed), self.upper_end)
         return max(pairwise(ends), key=lambda pair: (pair[1] - pair[0], pair))
 
 
@@ -299,10 +300,10 @@ def bracket_of(history: Sequence[SearchTrial], goal: Goal) -> Bracket | NotAchie
         return not_sufficient(highest[-1])
     _, inconclusive = settings_below(history, NOTHING_PASSED if passed is None else passed)
     above = tuple(reserve for reserve in inconclusive if reserve > failed)
-    return Bracket(failed=failed, passed=passed, inconclusive=above)
+    return Bracket(highest_failed=failed, lowest_passed=passed, inconclusive=above)
 
 
-def settings_below(history: Sequence[SearchTrial], reserve: int) -> tuple[int | None, tuple[int, ...]]:
+def settings_below(history: Sequence[SearchTrial], reserve: ReservePercent) -> tuple[int | None, tuple[int, ...]]:
     """Find the highest lower setting that failed (None: none did), and those above it that have no steady state.
 
     Args:
@@ -319,7 +320,7 @@ def settings_below(history: Sequence[SearchTrial], reserve: int) -> tuple[int | 
     return failed or None, tuple(sorted(inconclusive))
 
 
-def sufficient(history: Sequence[SearchTrial], reserve: int) -> Sufficient:
+def sufficient(history: Sequence[SearchTrial], reserve: ReservePercent) -> Sufficient:
     """Conclude that this CR, which passed, is enough, with what is known of less.
 
     Args:

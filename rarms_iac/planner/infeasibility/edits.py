@@ -11,7 +11,7 @@ from rarms_iac.model.system import System
 from rarms_iac.planner.problem import HostView, has_layout, problem_of
 from rarms_iac.planner.reservations import ReservationSource
 
-TRIALS = 250
+MOST_PLANNED = 250
 """Manifests that are planned in all, before nothing more is offered: a count, never a time."""
 
 MOST_EDITS = 8
@@ -66,8 +66,8 @@ class RelaxationRange:
 
 
 @dataclass(slots=True, kw_only=True)
-class Trials:
-    """Plans changed manifests, up to `TRIALS` of them; from then on nothing fits."""
+class VariantPlanner:
+    """Plans changed manifests, up to `MOST_PLANNED` of them; from then on nothing fits."""
 
     start: Variant
     made: int = 0
@@ -80,9 +80,9 @@ class Trials:
             by_first_fit: only first fit is asked, not the solver: a hundred times as fast.
 
         Returns:
-            False also where neither is known, and after `TRIALS` plans.
+            False also where neither is known, and after `MOST_PLANNED` plans.
         """
-        if self.made >= TRIALS:
+        if self.made >= MOST_PLANNED:
             return False
         self.made += 1
         after = reduce(lambda before, edit: edit.apply(before), edits, self.start)
@@ -90,25 +90,25 @@ class Trials:
         return has_layout(problem, by_first_fit=by_first_fit) is True
 
 
-def smallest_edits(relaxations: Sequence[RelaxationRange], trials: Trials) -> Edits:
+def smallest_edits(relaxations: Sequence[RelaxationRange], planner: VariantPlanner) -> Edits:
     """Find changes with which everything fits, none without need, and each as small as can be.
 
     Args:
         relaxations: What may be changed; the first are changed first.
-        trials: Plans what is tried.
+        planner: Plans what is tried.
 
     Returns:
         The changes; none where even all first amounts are not enough, or more are needed than are read.
     """
     relaxations = [relaxation for relaxation in relaxations if relaxation.amounts]
     chosen = [relaxation.edits_at(relaxation.amounts[0]) for relaxation in relaxations]
-    if not relaxations or not trials.fits(_flat(chosen)):
+    if not relaxations or not planner.fits(_flat(chosen)):
         return ()
-    needed = bisect_left(range(len(relaxations)), True, lo=1, key=lambda number: trials.fits(_flat(chosen[:number])))
+    needed = bisect_left(range(len(relaxations)), True, lo=1, key=lambda number: planner.fits(_flat(chosen[:number])))
     del chosen[needed:]
     for at in reversed(range(needed)):
         others = _flat(chosen[:at] + chosen[at + 1 :])
-        if others and trials.fits(others):
+        if others and planner.fits(others):
             chosen[at] = ()
             continue
         relaxation = relaxations[at]
@@ -116,7 +116,7 @@ def smallest_edits(relaxations: Sequence[RelaxationRange], trials: Trials) -> Ed
             relaxation.amounts,
             True,
             lo=1,
-            key=lambda amount: not trials.fits((*others, *relaxation.edits_at(amount))),
+            key=lambda amount: not planner.fits((*others, *relaxation.edits_at(amount))),
         )
         chosen[at] = relaxation.edits_at(relaxation.amounts[beyond - 1])
     edits = _flat(chosen)

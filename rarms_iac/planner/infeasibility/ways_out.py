@@ -9,7 +9,7 @@ from types import MappingProxyType
 from rarms_iac.model.layout import Relaxation, RelaxationKind
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.groups import Group
-from rarms_iac.planner.infeasibility.edits import Edit, Edits, RelaxationRange, Trials, Variant, smallest_edits
+from rarms_iac.planner.infeasibility.edits import Edit, Edits, RelaxationRange, Variant, VariantPlanner, smallest_edits
 from rarms_iac.planner.infeasibility.relaxations import (
     apt_relaxations,
     memory_relaxations,
@@ -44,21 +44,21 @@ def ways_out(
         more of a host, a lower reserve. Before them fewer processors for components that cannot use theirs, which costs
         nothing; after them what else may be enough, and has to be measured.
     """
-    trials = Trials(start=start)
+    planner = VariantPlanner(start=start)
     groups = sorted(problem.groups, key=lambda group: (group.criticality, group.name))
     memory = list(islice(memory_relaxations(problem), MOST_WAYS_OUT))
     processors = list(islice(processor_relaxations(problem), MOST_WAYS_OUT))
     kinds = (
         _moving(moves),
-        _of_kind(chain.from_iterable(apt_relaxations(group, problem) for group in groups), memory, conflict, trials),
-        _of_kind(memory, (), conflict, trials),
-        _of_kind((relaxation for relaxation in processors if not relaxation.to_be_measured), memory, conflict, trials),
-        _of_kind(chain.from_iterable(map(reserve_relaxations, groups)), memory, conflict, trials),
+        _of_kind(chain.from_iterable(apt_relaxations(group, problem) for group in groups), memory, conflict, planner),
+        _of_kind(memory, (), conflict, planner),
+        _of_kind((relaxation for relaxation in processors if not relaxation.to_be_measured), memory, conflict, planner),
+        _of_kind(chain.from_iterable(map(reserve_relaxations, groups)), memory, conflict, planner),
     )
     in_turns = (_relaxation(edits) for turn in zip_longest(*kinds, fillvalue=()) for edits in turn if edits)
     sure = list(islice(dict.fromkeys(in_turns), MOST_WAYS_OUT))
-    perhaps = (*_combining(problem, conflict, trials), *_ways_with_more_processors(processors, trials))
-    return (*_narrowing(groups, problem, conflict, trials), *sure, *perhaps)
+    perhaps = (*_combining(problem, conflict, planner), *_ways_with_more_processors(processors, planner))
+    return (*_narrowing(groups, problem, conflict, planner), *sure, *perhaps)
 
 
 def _relaxation(edits: Edits, kind: RelaxationKind = RelaxationKind.CERTAIN, host: str = "") -> Relaxation:
@@ -77,7 +77,10 @@ def _moving(moves: Mapping[str, str]) -> Iterator[Edits]:
 
 
 def _of_kind(
-    relaxations: Iterable[RelaxationRange], memory: Sequence[RelaxationRange], conflict: Sequence[str], trials: Trials
+    relaxations: Iterable[RelaxationRange],
+    memory: Sequence[RelaxationRange],
+    conflict: Sequence[str],
+    planner: VariantPlanner,
 ) -> Sequence[Edits]:
     """One relaxation of the conflict alone; where none is enough, each with more memory, then all together."""
     relaxations = list(relaxations)
@@ -85,36 +88,36 @@ def _of_kind(
     alone = list(islice(in_conflict, MOST_WAYS_OUT))
     with_memory = [[*memory, each] for each in alone] if memory else []
     for tried in ([[each] for each in alone], with_memory, [[*memory, *relaxations]] if relaxations else []):
-        ways = [edits for together in tried if (edits := smallest_edits(together, trials))]
+        ways = [edits for together in tried if (edits := smallest_edits(together, planner))]
         if ways:
             return ways
     return ()
 
 
 def _narrowing(
-    groups: Sequence[Group], problem: Problem, conflict: Sequence[str], trials: Trials
+    groups: Sequence[Group], problem: Problem, conflict: Sequence[str], planner: VariantPlanner
 ) -> Iterator[Relaxation]:
     relaxations = chain.from_iterable(narrowing_relaxations(group, problem) for group in groups)
-    for edits in islice(_of_kind(relaxations, (), conflict, trials), 1):
+    for edits in islice(_of_kind(relaxations, (), conflict, planner), 1):
         yield _relaxation(edits, RelaxationKind.FEWER_PROCESSORS)
 
 
-def _combining(problem: Problem, conflict: Sequence[str], trials: Trials) -> Iterator[Relaxation]:
+def _combining(problem: Problem, conflict: Sequence[str], planner: VariantPlanner) -> Iterator[Relaxation]:
     """A pair of the conflict, of the least critical first; where none is enough, several, of all partitions."""
     pairs = islice(pair_relaxations(problem, conflict), PAIRS)
-    tried = ((smallest_edits([pair], trials), pair.host) for pair in pairs)
+    tried = ((smallest_edits([pair], planner), pair.host) for pair in pairs)
     edits, host = next((way for way in tried if way[0]), ((), ""))
     if not edits:
         disjoint: list[RelaxationRange] = []
         for pair in pair_relaxations(problem, problem.claims.keys()):
             if not any(set(pair.partitions) & set(other.partitions) for other in disjoint):
                 disjoint.append(pair)
-        edits, host = smallest_edits(disjoint, trials), disjoint[0].host if disjoint else ""
+        edits, host = smallest_edits(disjoint, planner), disjoint[0].host if disjoint else ""
     if edits:
         yield _relaxation(edits, RelaxationKind.COMBINING, host)
 
 
-def _ways_with_more_processors(relaxations: Sequence[RelaxationRange], trials: Trials) -> Iterator[Relaxation]:
-    ways = (smallest_edits([relaxation], trials) for relaxation in relaxations if relaxation.to_be_measured)
+def _ways_with_more_processors(relaxations: Sequence[RelaxationRange], planner: VariantPlanner) -> Iterator[Relaxation]:
+    ways = (smallest_edits([relaxation], planner) for relaxation in relaxations if relaxation.to_be_measured)
     for edits in islice(filter(None, ways), 1):
         yield _relaxation(edits, RelaxationKind.MORE_PROCESSORS)

@@ -55,7 +55,7 @@ def test_what_exceeds_the_limit_is_held_back_with_the_growth_that_rests_on_it() 
     found = route(wanted, state, Disruption.LIVE)
 
     assert found.held.allowed == ()
-    assert {str(held.change.address): held.why for held in found.held.held} == {
+    assert {str(held.change.address): held.why for held in found.held.held_back} == {
         "partition/speech": "it needs what a change that is held back would have given back",
         "partition/vision": "it is partition_stop, and no more than live is allowed",
     }
@@ -166,4 +166,4 @@ def test_where_nothing_may_stop_the_cycle_is_named_and_nothing_is_planned() -> N
 def test_nothing_is_held_back_where_all_is_allowed() -> None:
     taken, budget = crossed()
 
-    assert hold_back([planned.change for planned in taken], budget).held == ()
+    assert hold_back([planned.change for planned in taken], budget).held_back == ()

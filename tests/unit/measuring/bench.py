@@ -5,7 +5,7 @@ from pathlib import Path
 
 from rarms_iac.measuring.loop import LoopResult, Strategy, measure
 from rarms_iac.measuring.methods import Search, strategy_of
-from rarms_iac.measuring.partitions import host_budget, remove_test_partitions
+from rarms_iac.measuring.partitions import host_resources, remove_test_partitions
 from rarms_iac.measuring.reporter import MeasuringReporter
 from rarms_iac.measuring.setting_run import MeasuringContext
 from rarms_iac.measuring.settings_log import SettingsLog
@@ -65,7 +65,7 @@ class Bench:
             remove_test_partitions(host)
             around = MeasuringContext(
                 host=host,
-                budget=lambda: host_budget(a_host(), host.observe(), "robot"),
+                resources=lambda: host_resources(a_host(), host.observe(), "robot"),
                 seed=seed,
                 reporter=MeasuringReporter(),
                 should_stop=should_stop,

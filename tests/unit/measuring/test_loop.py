@@ -239,7 +239,7 @@ def test_what_ended_early_for_another_threshold_is_measured_again_where_it_leave
 def test_the_first_setting_goes_on_until_its_level_is_known_as_precisely_as_the_search_asks(bench: Bench) -> None:
     vision = replace(bench.experiment.members[0], apt={"mean_response_time": at_most(200)}, run=a_run(until=None))
     bench.experiment = replace(bench.experiment, members=(vision,))
-    asked = bench.search("default").step(())
+    asked = bench.search("default").decide(())
     jobs = [76.0 if number % 2 else 84.0 for number in range(200)]
     few, many = (Setting(reserve=45, series=(a_series("vision", jobs[:count]),)) for count in (40, 160))
 
@@ -252,6 +252,6 @@ def test_the_first_setting_goes_on_until_its_level_is_known_as_precisely_as_the_
 def test_what_is_decided_again_from_the_log_is_what_was_decided_before(bench: Bench) -> None:
     """Early ends are decided while samples come in, and judged anew from what was recorded."""
     ended = bench.measure()
-    replayed = bench.search().step(bench.book().settings())
+    replayed = bench.search().decide(bench.book().settings())
 
     assert replayed == ended.conclusion

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.measuring.partitions import (
-    MeasuringBudget,
+    MeasuringResources,
     highest_reserve,
-    host_budget,
+    host_resources,
     load_shape,
     memory_for_load,
     other_running_partitions,
@@ -134,9 +134,9 @@ def a_setup(*, processors: int = 2, ram: str = "512 MiB", limit: int = 100) -> E
     )
 
 
-def the_room(*partitions: object, keep_processor: str = "0 %", keep_memory: str = "0 B") -> MeasuringBudget:
+def the_room(*partitions: object, keep_processor: str = "0 %", keep_memory: str = "0 B") -> MeasuringResources:
     state = State(facts=facts(), partitions=partitions)  # type: ignore[arg-type]  # partitions, said by each test
-    return host_budget(a_host(keep_processor=keep_processor, keep_memory=keep_memory), state, "robot")
+    return host_resources(a_host(keep_processor=keep_processor, keep_memory=keep_memory), state, "robot")
 
 
 def test_on_an_empty_host_p2_reserves_what_p1_does_not() -> None:
@@ -183,9 +183,9 @@ def test_p2_takes_the_memory_that_is_left_and_none_is_too_little() -> None:
 
 def test_p2_of_a_linux_host_takes_all_the_memory_that_is_left() -> None:
     host = a_host(provider=ProviderKind.LINUX)
-    budget = host_budget(host, State(facts=facts(), partitions=()), "robot")
+    resources = host_resources(host, State(facts=facts(), partitions=()), "robot")
 
-    assert memory_for_load(budget, a_setup(ram="1 GiB")) == budget.capacity.memory - 1024 * MIB
+    assert memory_for_load(resources, a_setup(ram="1 GiB")) == resources.capacity.memory - 1024 * MIB
 
 
 def test_each_machine_that_runs_is_in_the_way_and_test_partitions_are_not() -> None:
@@ -197,5 +197,5 @@ def test_each_machine_that_runs_is_in_the_way_and_test_partitions_are_not() -> N
     state = State(facts=facts(), partitions=(ours, strangers, off, left, pending))
 
     assert [partition.settings.name for partition in other_running_partitions(state)] == ["a-game", "vision"]
-    assert host_budget(a_host(), state, "robot").claims != ()
+    assert host_resources(a_host(), state, "robot").claims != ()
     assert {partition.state for partition in other_running_partitions(state)} == {RunState.RUNNING}

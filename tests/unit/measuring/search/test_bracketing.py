@@ -47,7 +47,7 @@ def measured(
     """What `rarms measure --strategy` measures, where the level at CR 1, 2, ... is this, and how it ends."""
     agreeing = strategy_of(Search(strategy=strategy), goal, 100)
     done: list[Setting] = []
-    while isinstance(step := agreeing.step(done), Measure):
+    while isinstance(step := agreeing.decide(done), Measure):
         assert len(done) <= 100
         done.append(a_setting(step.reserve, levels[step.reserve - 1], cpu_ms))
     return [setting.reserve for setting in done], step

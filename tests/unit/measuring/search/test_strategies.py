@@ -19,7 +19,7 @@ from rarms_iac.measuring.search.trials import (
     settings_below,
     trials_of,
 )
-from rarms_iac.model.outcomes import Measure, Missed, NotAchievable, NotResolved, SearchStep, Sufficient
+from rarms_iac.model.outcomes import Measure, Missed, NotAchievable, NotResolved, SearchDecision, Sufficient
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Periodic, SampleCount
 from rarms_iac.model.setting import Setting
@@ -43,7 +43,7 @@ def the_trial(setting: Setting, goal: Goal) -> SearchTrial:
     return trial
 
 
-def walk(strategy: str, least: int) -> tuple[list[int], SearchStep]:
+def walk(strategy: str, least: int) -> tuple[list[int], SearchDecision]:
     """The settings a strategy measures, and its end, where the APT is met from a reservation on (101: never)."""
     history: list[SearchTrial] = []
     while True:
@@ -104,7 +104,7 @@ def test_the_error_of_a_setting_is_shared_by_its_members() -> None:
     assert wrong <= ERROR * tries + 2.4 * (ERROR * (1 - ERROR) * tries) ** 0.5
 
 
-def unsteady(strategy: str, least: int, silent: range, level: float = 80.0) -> tuple[list[int], SearchStep]:
+def unsteady(strategy: str, least: int, silent: range, level: float = 80.0) -> tuple[list[int], SearchDecision]:
     """A search where settings in this range never become steady: jobs take half of the level, and later all of it."""
     history: list[SearchTrial] = []
     while isinstance(step := STRATEGIES[strategy](history, GOAL), Measure):
@@ -168,8 +168,8 @@ def test_a_lower_setting_that_passes_stands_below_one_without_a_steady_state() -
 
     assert silent.inconclusive
     assert not silent.failed
-    assert bracket_of([passing, silent], GOAL) == Bracket(failed=0, passed=20)
-    assert bracket_of([silent], GOAL) == Bracket(failed=0, passed=None, inconclusive=(45,))
+    assert bracket_of([passing, silent], GOAL) == Bracket(highest_failed=0, lowest_passed=20)
+    assert bracket_of([silent], GOAL) == Bracket(highest_failed=0, lowest_passed=None, inconclusive=(45,))
     assert settings_below([passing, silent], 60) == (None, (45,))
 
 
