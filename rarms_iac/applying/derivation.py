@@ -9,11 +9,12 @@ from collections.abc import Iterator
 from rarms_iac.applying.scripts import edited_script
 from rarms_iac.applying.state_after import partitions_after, promised
 from rarms_iac.diff.disruption import disruption_of_task, disruption_of_update
+from rarms_iac.diff.drift import PARTITION_PREFIX, part_digests
 from rarms_iac.diff.hold_back import hold_back
 from rarms_iac.diff.order import Deadlock, order
 from rarms_iac.diff.steps import plan_changes
 from rarms_iac.model.capacity import capacity_of
-from rarms_iac.model.changes import Change, Create, Delete, Update
+from rarms_iac.model.changes import Change, Create, Delete, Release, Update
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.plan_basis import PlanBasis
 from rarms_iac.model.state import Partition, State
@@ -74,9 +75,31 @@ def _forgeries(plan: Plan, part: HostPlan) -> Iterator[str]:
         if change.disruption not in _disruptions(change, basis):
             yield f"the disruption of {change.address} is not what its change makes"
     machines = tuple(machine for _, machine in sorted(basis.budget.managed.items()))
-    own_after = partitions_after(State(facts=part.facts, partitions=machines), plan.application, part.changes)
+    before = State(facts=part.facts, partitions=machines, serials={plan.application: part.serial}, disks=basis.disks)
+    yield from _unobserved(plan, part, before)
+    own_after = partitions_after(before, plan.application, part.changes)
     if part.totals != promised(own_after, basis.others, basis.named):
         yield f"the totals of {part.host.name} are not those of its changes"
+
+
+def _unobserved(plan: Plan, part: HostPlan, before: State) -> Iterator[str]:
+    """What is said of the host and its machines before the first step, and is not what the plan's digests are of.
+
+    `rarms apply` compares the digests with the host, so a plan with digests of something else is refused there.
+    """
+    digests = part_digests(before, plan.application)
+    named = {name for name in part.digests if name.startswith(PARTITION_PREFIX)}
+    for name in sorted(digests.keys() | named):
+        if digests.get(name) != part.digests.get(name):
+            yield f"{name} is not as its digest says on {part.host.name}"
+    machines = {machine.id: machine for machine in before.partitions}
+    for change in part.changes:
+        match change:
+            case Update(before=Partition() as own) | Delete(before=Partition() as own) | Release(before=own):
+                if machines.get(own.id) != own:
+                    yield f"{change.address} is not before its change as it was on {part.host.name}"
+            case _:
+                pass
 
 
 def _disruptions(change: Change, basis: PlanBasis) -> frozenset[Disruption]:

@@ -73,7 +73,13 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
         guests = _guest_tasks(request, desired, rules)
         part = _host_plan(request, desired, difference, held, steps)
         others = others_after(desired.observed, request.application, held.allowed)
-        basis = PlanBasis(context=context, budget=budget, others=others, named=_named(request, desired))
+        basis = PlanBasis(
+            context=context,
+            budget=budget,
+            disks=tuple(disk for disk in desired.observed.disks if disk.machine in budget.managed),
+            others=others,
+            named=_named(request, desired),
+        )
         part = replace(part, guest_tasks=guests or None, basis=basis)
         parts.append(part)
         addresses += [str(change.address) for change in (*difference.changes, *guests)]

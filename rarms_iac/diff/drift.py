@@ -235,7 +235,8 @@ def _describe(kind: DriftKind) -> str:
             return "the manifest no longer wants it; it is stopped"
 
 
-_PREFIX = "partition/"
+PARTITION_PREFIX = "partition/"
+"""What the name of a partition's digest begins with."""
 
 
 def partitions_after_last_run(journal: Journal | ScriptRun | None, application: str) -> frozenset[str] | None:
@@ -258,7 +259,7 @@ def partitions_after_last_run(journal: Journal | ScriptRun | None, application: 
     if journal.closed is None or journal.closed.closing is not Closing.DONE:
         return None
     plan = journal.started.host_plan
-    before = {name.removeprefix(_PREFIX) for name in plan.digests if name.startswith(_PREFIX)}
+    before = {name.removeprefix(PARTITION_PREFIX) for name in plan.digests if name.startswith(PARTITION_PREFIX)}
     changes = [change for change in plan.changes if change.address.partition and not change.address.task]
     made = {change.address.partition for change in changes if isinstance(change, Create | Adopt)}
     gone = {change.address.partition for change in changes if isinstance(change, Delete | Release)}
@@ -289,7 +290,7 @@ def part_digests(state: State, application: str) -> Mapping[str, str]:
     for partition in state.partitions:
         if partition.mark is not None and partition.mark.application == application:
             attached = sorted(disk.path for disk in state.disks if disk.machine == partition.id)
-            parts[f"partition/{partition.mark.name}"] = {
+            parts[f"{PARTITION_PREFIX}{partition.mark.name}"] = {
                 **{name: value for name, value in partition_readings(partition).items() if (name, value) != NO_PERIOD},
                 "disks": attached,
                 "takes": partition.claim.processors,

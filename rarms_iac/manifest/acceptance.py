@@ -6,7 +6,7 @@ from datetime import date
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, first_of_each_kind, in_order
 from rarms_iac.model.system import Acceptance, Policy
-from rarms_iac.model.wording import MOST_SUGGESTIONS, did_you_mean, suggested
+from rarms_iac.model.wording import Suggestions
 from rarms_iac.storage.finding_pages import finding_page, known_codes, may_be_accepted, severity_line
 
 EXPIRED = Finding.warning("RARMS095", "An acceptance has expired")
@@ -18,18 +18,17 @@ FINDINGS = (EXPIRED, UNUSED, UNKNOWN, REFUSED)
 
 def check_acceptances(policy: Policy, places: Places, today: date) -> Iterator[Diagnostic]:
     """Report what is wrong with the acceptances themselves; `today` is a day in UTC."""
-    unknown = 0
+    suggestions = Suggestions()
     for acceptance in policy.accept.values():
         page = finding_page(acceptance.code)
         path = ("policy", "accept", acceptance.code)
         if page is None:
-            unknown += 1
-            similar = did_you_mean(acceptance.code, known_codes()) if unknown <= MOST_SUGGESTIONS else None
+            similar, suggestion = suggestions.find(acceptance.code, known_codes())
             yield UNKNOWN.at(
                 places.key(*path),
-                f"There is no finding {acceptance.code}.{suggested(similar)}",
+                f"There is no finding {acceptance.code}.{suggestion}",
                 "Correct the id, or remove the acceptance; docs/diagnostics.md lists every finding.",
-                values={"code": acceptance.code, "similar": similar or ""},
+                values={"code": acceptance.code, "similar": similar},
             )
         elif not may_be_accepted(page):
             yield REFUSED.at(

@@ -196,7 +196,8 @@ FILE_WORDS = (
     "hosts.*.changes.*.reason",
     *(f"hosts.*.{name}" for name in ("components", "held_back", "mechanisms", "serial", "stopped", "threads")),
     *(f"hosts.*.steps.*.{name}" for name in ("claim_after", "claim_before", "place")),
-    *(f"hosts.*.totals.{name}" for name in ("others_lp", "others_memory")),
+    *(f"hosts.*.totals.{name}" for name in ("idle_lp", "idle_memory", "memory", "others_lp", "others_memory")),
+    "hosts.*.totals.reserved_lp",  # without `idle_lp`, as `memory` without `idle_memory`, it is what the changes make
     *("hosts.*.unchanged", "hosts.*.unused"),
 )
 """Of `Plan.file_words`."""

@@ -74,5 +74,6 @@ class PlanBasis:
 
     context: HostContext
     budget: StepBudget
+    disks: tuple[Disk, ...]  # of the application's machines before the first step
     others: tuple[Claim, ...]  # of machines that are not the application's once the plan is done
     named: frozenset[str]  # the partitions that the manifest names

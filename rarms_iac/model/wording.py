@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
 from itertools import islice
 
 HIDDEN = re.compile(
@@ -96,6 +97,29 @@ def suggestion(word: str, candidates: Collection[str]) -> str:
 def suggested(meant: str | None) -> str:
     """The sentence of `suggestion` with a name that was found already."""
     return f' Did you mean "{meant}"?' if meant is not None else ""
+
+
+@dataclass(slots=True)
+class Suggestions:
+    """Similar names for unknown ones of a file, which may be full of them: the first `MOST_SUGGESTIONS` get one."""
+
+    asked: int = 0
+
+    def find(self, word: str, candidates: Collection[str]) -> tuple[str, str]:
+        """Look for the nearest of the candidates.
+
+        Args:
+            word: the unknown name.
+            candidates: names that exist.
+
+        Returns:
+            The name, empty where none is near or it was not looked for, and a sentence as `suggestion` makes it.
+        """
+        self.asked += 1
+        if self.asked > MOST_SUGGESTIONS:
+            return "", f" Similar names were looked for {MOST_SUGGESTIONS} times, and not for this one."
+        meant = did_you_mean(word, candidates)
+        return meant or "", suggested(meant)
 
 
 def question(meant: str | None) -> str:

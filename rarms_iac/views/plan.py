@@ -93,7 +93,7 @@ def _words_of_file(plan: Plan, sources: Sources, *, verbose: bool) -> "Iterator[
         own += _reasons(part) if verbose else []
         own += _details(part) if verbose else []
         if part.host_totals is not None:
-            own.append(paragraph(_afterwards(_totals_beside(part.host_totals)), indent=2))
+            own.append(paragraph(_afterwards([*_idle(part.host_totals), *_totals_beside(part.host_totals)]), indent=2))
         words += [f"Host {part.host.name}:", *own] if own else []
     if verbose and plan.placement is not None:
         words.append(paragraph(describe_placement(plan.placement)))
@@ -156,8 +156,10 @@ def _planned_host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[Ren
         yield from _details(part)
         yield from _steps(part)
     if part.host_totals is not None:
-        own, others = _own_totals(part.host_totals, part.name), _totals_beside(part.host_totals)
-        yield paragraph(_afterwards([*own, *others]), indent=2)
+        totals, promised = part.host_totals, part.host_totals.promised
+        own = _reserved(totals, totals.reserved_lp, promised.memory, part.name)
+        idle = [f"of these, {text}" for text in _idle(totals)]
+        yield paragraph(_afterwards([own, *idle, *_totals_beside(totals)]), indent=2)
 
 
 def _read_host(part: HostPlan, _: Plan, *, verbose: bool) -> "Iterator[RenderableType]":
@@ -171,7 +173,12 @@ def _read_host(part: HostPlan, _: Plan, *, verbose: bool) -> "Iterator[Renderabl
     if verbose:
         yield from _steps(part)
     if part.host_totals is not None:
-        yield paragraph(_afterwards(_own_totals(part.host_totals, part.name)), indent=2)
+        # NOTE: whether one that does not run counts, the manifest says, and no change.
+        totals, promised = part.host_totals, part.host_totals.promised
+        running, memory = totals.reserved_lp - promised.idle_lp, promised.memory - promised.idle_memory
+        yield paragraph(
+            _afterwards([f"{_reserved(totals, running, memory, part.name)} by partitions that run"]), indent=2
+        )
 
 
 def _receiver(connect: Connect | WinRmConnect) -> str | None:
@@ -444,16 +451,18 @@ def _afterwards(parts: Sequence[str]) -> str:
     return f"Afterwards: {'; '.join(parts)}."
 
 
-def _own_totals(totals: HostTotals, host: str) -> list[str]:
-    """What the host has promised to this application once the plan is done, as parts of a sentence."""
-    promised, whole = totals.promised, totals.host_lp
-    share = share_of_host(totals.reserved_lp, whole, host)
-    reserved = f"{show_processors(totals.reserved_lp)} of {show_processors(whole)}"
-    parts = [f"{reserved} ({share}) and {show_bytes(promised.memory)} reserved"]
-    if promised.idle_percent or promised.idle_memory:
-        idle = _amount(Fraction(promised.idle_percent, 100), promised.idle_memory)
-        parts.append(f"of these, {idle} by partitions that do not run")
-    return parts
+def _reserved(totals: HostTotals, processors: Fraction, memory: int, host: str) -> str:
+    """What partitions of the application reserve of the host: `1.4 LP of 2 LP (70 % of onboard) and 2 GiB reserved`."""
+    of_host = f"{show_processors(processors)} of {show_processors(totals.host_lp)}"
+    return f"{of_host} ({share_of_host(processors, totals.host_lp, host)}) and {show_bytes(memory)} reserved"
+
+
+def _idle(totals: HostTotals) -> list[str]:
+    """What partitions reserve that do not run and are to start again, as part of a sentence."""
+    promised = totals.promised
+    if not (promised.idle_percent or promised.idle_memory):
+        return []
+    return [f"{_amount(promised.idle_lp, promised.idle_memory)} by partitions that do not run"]
 
 
 def _totals_beside(totals: HostTotals) -> list[str]:

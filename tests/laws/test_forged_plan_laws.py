@@ -4,8 +4,9 @@ What is shown above the line of the file's own words follows from what is done, 
 """
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import chdir
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -14,12 +15,20 @@ import pytest
 
 from rarms_iac.app.files import plan_in
 from rarms_iac.app.use_case_errors import UseCaseError
+from rarms_iac.applying.scripts import with_scripts
+from rarms_iac.applying.state_after import partitions_after, promised
+from rarms_iac.diff.order import Deadlock, order
+from rarms_iac.diff.steps import plan_changes
+from rarms_iac.model.capacity import capacity_of
+from rarms_iac.model.changes import Update
 from rarms_iac.model.host import LinuxHost
 from rarms_iac.model.plan import FILE_WORDS as JSON_WORDS
 from rarms_iac.model.plan import HostPlan, Plan
+from rarms_iac.model.plan_basis import PlanBasis
+from rarms_iac.model.state import Partition, State
 from rarms_iac.storage.codec import NotDecodable, decode
 from rarms_iac.storage.digest import digest
-from rarms_iac.storage.plan_file import plan_id, write_plan
+from rarms_iac.storage.plan_file import identified, plan_id, write_plan
 from rarms_iac.storage.shipped import shipped
 from rarms_iac.views.console import render
 from rarms_iac.views.json_output import json_of
@@ -188,3 +197,88 @@ def test_what_is_shown_and_what_is_done_change_together_or_not_at_all(tmp_path: 
 
     assert bad == []
     assert refused > tried_here / 3
+
+
+def consistent(plan: Plan, part: HostPlan) -> Plan:
+    """The plan with a host's part that an expert changed: all that follows from it is made again, as a reader does."""
+    basis = part.basis
+    assert basis is not None
+    steps = order(plan_changes(part.changes, basis.context), basis.budget)
+    assert not isinstance(steps, Deadlock)
+    machines = tuple(machine for _, machine in sorted(basis.budget.managed.items()))
+    own = partitions_after(State(facts=part.facts, partitions=machines), plan.application, part.changes)
+    totals = promised(own, basis.others, basis.named)
+    other, wrong = with_scripts(identified(replace(plan, hosts=(replace(part, steps=steps.steps, totals=totals),))))
+    assert not wrong
+    return other
+
+
+def with_managed(basis: PlanBasis, managed: Iterable[Partition]) -> PlanBasis:
+    return replace(basis, budget=replace(basis.budget, managed={machine.id: machine for machine in managed}))
+
+
+def without_a_machine_that_stays(part: HostPlan, basis: PlanBasis) -> HostPlan:
+    changing = {change.address.partition for change in part.changes}
+    machines = basis.budget.managed.values()
+    stays = next(machine for machine in machines if machine.mark and machine.mark.name not in changing)
+    return replace(part, basis=with_managed(basis, (machine for machine in machines if machine != stays)))
+
+
+def with_more_processors(part: HostPlan, basis: PlanBasis) -> HostPlan:
+    facts = replace(part.facts, logical_processors=2 * part.facts.logical_processors)
+    host = replace(part.host, logical_processors=facts.logical_processors)
+    context = replace(basis.context, facts=facts)
+    budget = replace(basis.budget, capacity=capacity_of(host, facts))
+    return replace(part, host=host, facts=facts, basis=replace(basis, context=context, budget=budget))
+
+
+def with_less_before_the_change(part: HostPlan, basis: PlanBasis) -> HostPlan:
+    """A reservation that the plan lowers then seems to be raised."""
+    change = next(change for change in part.changes if isinstance(change, Update))
+    assert isinstance(change.before, Partition)
+    before = replace(change.before, settings=replace(change.before.settings, reserve=1))
+    changes = tuple(replace(change, before=before) if each == change else each for each in part.changes)
+    managed = {**basis.budget.managed, before.id: before}
+    return replace(part, changes=changes, basis=with_managed(basis, managed.values()))
+
+
+def with_the_changed_machine_as_it_is_wanted(part: HostPlan, basis: PlanBasis) -> HostPlan:
+    """The machines that the sums are of, beside what a change finds."""
+    change = next(change for change in part.changes if isinstance(change, Update))
+    assert isinstance(change.after, Partition)
+    managed = {**basis.budget.managed, change.after.id: change.after}
+    return replace(part, basis=with_managed(basis, managed.values()))
+
+
+EXPERT = (
+    without_a_machine_that_stays,
+    with_more_processors,
+    with_less_before_the_change,
+    with_the_changed_machine_as_it_is_wanted,
+)
+
+
+@pytest.mark.parametrize("forge", EXPERT, ids=[forge.__name__ for forge in EXPERT])
+def test_what_was_found_before_is_what_the_digests_are_of(
+    tmp_path: Path, forge: Callable[[HostPlan, PlanBasis], HostPlan]
+) -> None:
+    plan = simulated(tmp_path)
+    [part] = plan.hosts
+    assert part.basis is not None
+
+    tried(Attempt.FORGERY)
+    assert read(write_plan(consistent(plan, part))) == plan
+    with pytest.raises(UseCaseError):
+        read(write_plan(consistent(plan, forge(part, part.basis))))
+
+
+def test_which_partitions_the_manifest_names_changes_nothing_above_the_words_of_the_file(tmp_path: Path) -> None:
+    plan = read(write_plan(situation("stopped-stays")(tmp_path)))
+    [part] = plan.hosts
+    assert part.basis is not None
+    forged_part = replace(part, basis=replace(part.basis, named=frozenset()))
+
+    other = read(write_plan(consistent(plan, forged_part)))
+
+    assert other.hosts[0].totals != part.totals
+    assert shown(other) == shown(plan)

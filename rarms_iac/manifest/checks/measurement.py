@@ -14,7 +14,7 @@ from rarms_iac.model.run import Call, Closed, Elapsed, Periodic, Run, SampleCoun
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.model.system import AtMost, Component, Measured, System, run_of
 from rarms_iac.model.weak_loads import advice_on_weak_loads
-from rarms_iac.model.wording import did_you_mean, in_a_row, suggested
+from rarms_iac.model.wording import Suggestions, in_a_row
 from rarms_iac.running.reading import compile_pattern
 from rarms_iac.statistics.error_probability import samples_needed
 
@@ -250,17 +250,18 @@ def pattern_is_not_re2(system: System) -> Iterator[Violation]:
 
 def pattern_without_group(system: System) -> Iterator[Violation]:
     """Fields in `run.samples` that no named group of the pattern gives."""
+    suggestions = Suggestions()
     for component, samples in _with_pattern(system):
         groups = pattern_groups(samples.pattern)
         fields = {"response_time": samples.response_time, "success": samples.success, "count": samples.count}
         for key, field in fields.items():
             if field is not None and not isinstance(groups, str) and field.name not in groups:
-                similar = did_you_mean(field.name, list(groups))
+                similar, suggestion = suggestions.find(field.name, list(groups))
                 yield Violation(
                     path=("components", component.name, "run", "samples", key, "field"),
-                    detail=f'The pattern of "{component.name}" has no group "{field.name}".{suggested(similar)}',
+                    detail=f'The pattern of "{component.name}" has no group "{field.name}".{suggestion}',
                     advice=f"Add `(?P<{field.name}>...)` to the pattern, or correct the name.",
-                    values={"field": key, "group": field.name, "similar": similar or ""},
+                    values={"field": key, "group": field.name, "similar": similar},
                 )
 
 

@@ -11,7 +11,7 @@ from rarms_iac.model.measurement import TEST_PARTITIONS
 from rarms_iac.model.names import POWERSHELL_MEMBERS, WINDOWS_DEVICES
 from rarms_iac.model.system import System
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import MOST_NAMES, MOST_SUGGESTIONS, did_you_mean, in_a_row, suggested
+from rarms_iac.model.wording import MOST_NAMES, Suggestions, in_a_row
 
 UNKNOWN_NAME = Finding.error("RARMS042", "Unknown name")
 DEVICE_NAME = Finding.error("RARMS043", "Windows keeps this name for a device")
@@ -27,17 +27,16 @@ UNUSED_INTERFERENCE = Finding.note("RARMS086", "An interference is not used")
 
 def unknown_name(system: System) -> Iterator[Violation]:
     """Every host, component, partition or interference that is named and does not exist."""
-    number = 0
+    suggestions = Suggestions()
     for path, name, kind, known in _references(system):
         if name not in known:
-            number += 1
-            meant = did_you_mean(name, known) if number <= MOST_SUGGESTIONS else None
+            similar, suggestion = suggestions.find(name, known)
             yield Violation(
                 path=path,
-                detail=f'There is no {kind} "{name}".{suggested(meant)}',
+                detail=f'There is no {kind} "{name}".{suggestion}',
                 advice=f"Correct the name, or add the {kind}.",
                 address="" if path[0] in {"policy", "moved"} else None,
-                values={"kind": kind, "name": name, "similar": meant or ""},
+                values={"kind": kind, "name": name, "similar": similar},
             )
 
 

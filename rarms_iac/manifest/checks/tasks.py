@@ -10,7 +10,7 @@ from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS, values_within
 from rarms_iac.model.system import Component, System, TaskCategory, TaskRequest
 from rarms_iac.model.task_names import ROBOTIC_TASKS, is_shipped_task
-from rarms_iac.model.wording import did_you_mean, suggested
+from rarms_iac.model.wording import Suggestions
 
 SHIPPED_TASK = Finding.error("RARMS053", "A task class of Windows would be changed")
 UNKNOWN_TASK = Finding.error("RARMS054", "Unknown task class")
@@ -47,15 +47,16 @@ def unknown_task(system: System) -> Iterator[Violation]:
     """Components whose class is neither robotic, nor of Windows, nor in `tasks`."""
     known = known_tasks(system)
     folded = {name.lower() for name in known}
+    suggestions = Suggestions()
     for component in system.components.values():
         task = component.task
         if task is not None and task.lower() not in folded and not is_shipped_task(task):
-            similar = did_you_mean(task, known)
+            similar, suggestion = suggestions.find(task, known)
             yield Violation(
                 path=("components", component.name, "task"),
-                detail=f'There is no task class "{task}".{suggested(similar)}',
+                detail=f'There is no task class "{task}".{suggestion}',
                 advice=f"Use one of {', '.join(ROBOTIC_TASKS)}, or add `{task}: {{}}` to `tasks`.",
-                values={"task": task, "similar": similar or ""},
+                values={"task": task, "similar": similar},
             )
 
 

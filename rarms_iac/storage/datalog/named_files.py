@@ -32,6 +32,8 @@ MOST_BYTES = 256 * 2**20
 """Bytes that are read where files are only compared with what was measured; whole files are left out beyond."""
 MOST_MEASURED_BYTES = 4 * 2**30
 """Bytes of one subject's files that count by their content; a file beyond counts by its size, here and in its log."""
+MOST_PROGRAM_BYTES = 256 * 2**20
+"""Bytes of one subject's programs outside of the folder that count by their content; one beyond counts by its size."""
 
 _LOOKED_AT = 8000  # bytes: git tells a text from other content by them
 _CHUNK = 2**20
@@ -86,14 +88,27 @@ class Files:
             subject: what is, or would be, measured.
 
         Returns:
-            Digests by word; a word that is not on the search path is missing.
+            Digests by word, or `size N` (bytes) of one beyond `MOST_PROGRAM_BYTES`; a word that is not on the search
+            path is missing.
+
+        Raises:
+            OSError: one of them cannot be read.
         """
-        found = {}
-        for word in _first_words(subject):
+        found: dict[str, str | None] = {}
+        counted = 0
+        for word in dict.fromkeys(_first_words(subject)):
             program = shutil.which(word)
-            if program is not None and not self._is_below(path := Path(program).resolve()):
-                found[word] = file_digest(path)
-        return found
+            if program is None or self._is_below(path := Path(program).resolve()):
+                continue
+            size = path.stat().st_size
+            if counted + size > MOST_PROGRAM_BYTES:
+                found[word] = f"size {size}"
+                self.cut = f"only the size of {word} counts, since the programs of the commands have more than 256 MiB"
+            else:
+                counted += size
+                found[word] = self._digest(path)
+        self._cache.save()
+        return {word: value for word, value in found.items() if value is not None}
 
     def _all(self, subject: LogSubject) -> Iterator[Path]:
         for component in subject.components:

@@ -3,6 +3,8 @@
 import pytest
 
 from rarms_iac.model.wording import (
+    MOST_SUGGESTIONS,
+    Suggestions,
     did_you_mean,
     distance,
     in_a_row,
@@ -98,3 +100,12 @@ def test_names_are_in_the_order_in_which_a_reader_counts() -> None:
         "c2",
         "c10",
     ]
+
+
+def test_of_many_unknown_names_the_first_get_a_suggestion_and_the_others_say_that_none_was_looked_for() -> None:
+    suggestions = Suggestions()
+
+    found = [suggestions.find("visoin", ["speech", "vision"]) for _ in range(MOST_SUGGESTIONS + 1)]
+
+    assert set(found[:-1]) == {("vision", ' Did you mean "vision"?')}
+    assert found[-1] == ("", " Similar names were looked for 20 times, and not for this one.")

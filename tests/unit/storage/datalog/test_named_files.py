@@ -118,6 +118,17 @@ def test_a_file_beyond_what_is_measured_counts_by_its_size_and_that_is_said(home
     assert Files(home).of(subject) != found
 
 
+@pytest.mark.needs("posix")
+def test_a_program_beyond_the_bytes_counts_by_its_size_and_that_is_said(home: Path, tmp_path: Path) -> None:
+    program = tmp_path / "huge"
+    program.touch(mode=0o700)
+    os.truncate(program, 2**33)  # it takes no room on the disk
+    files = Files(home, most_bytes=None)
+
+    assert files.interpreters(running(Command(words=(str(program),)))) == {str(program): f"size {2**33}"}
+    assert files.cut == f"only the size of {program} counts, since the programs of the commands have more than 256 MiB"
+
+
 @pytest.mark.needs("posix")  # Windows keeps no time of a change of state
 def test_a_large_file_that_was_read_is_not_read_again(home: Path) -> None:
     large, subject = home / "model.bin", running(Command(words=("x",)), "*")
