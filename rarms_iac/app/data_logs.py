@@ -18,7 +18,7 @@ from rarms_iac.model.layout import Cause
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
 from rarms_iac.model.measurement import CONFINEMENT, GROUP_CONFINEMENT
 from rarms_iac.model.processor_number import ProcessorNumber, Used, processor_number
-from rarms_iac.model.quantities import Bytes, show_bytes
+from rarms_iac.model.quantities import Bytes, write_bytes
 from rarms_iac.model.setting import Setting, most_used
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Component, System, run_of
@@ -388,7 +388,7 @@ def _remarks(
         yield Cause(
             address=address,
             message=f"{path} was measured with {_list_some(comparison.unverified)}: not looked at, since there is no "
-            f"such file here, or more than {show_bytes(Bytes(MOST_BYTES))} would be read.",
+            f"such file here, or more than {write_bytes(Bytes(MOST_BYTES))} would be read.",
             code=planning_findings.NOT_VERIFIED.code,
             values={"log": path, "files": tuple(map(str, comparison.unverified))},
             advice="Plan where these files are, if it matters; nothing says that they changed.",

@@ -21,7 +21,7 @@ from rarms_iac.model.operations import (
     forced_after_ms,
 )
 from rarms_iac.model.plan import Readings, Step, Undo, UndoLevel
-from rarms_iac.model.quantities import plain, show_bytes, show_lp_percent, show_period
+from rarms_iac.model.quantities import plain, show_lp_percent, show_period, write_bytes
 from rarms_iac.model.state import NO_GENERATION, SECURE_BOOT_OFF, Facet, Mark, Partition, PartitionSettings, RunState
 from rarms_iac.model.system import GRACE, Disruption
 
@@ -216,7 +216,7 @@ def _title(facet: Facet, old: PartitionSettings, to: PartitionSettings) -> str:
             return ", ".join(changes)
         case Facet.MEMORY:
             static = "" if old.dynamic_memory == to.dynamic_memory else ", static"
-            return f"memory {show_bytes(old.memory)} -> {show_bytes(to.memory)}{static}"
+            return f"memory {write_bytes(old.memory)} -> {write_bytes(to.memory)}{static}"
         case Facet.SECURE_BOOT:
             return f"secure boot {old.secure_boot} -> {to.secure_boot}"
         case _:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
-from rarms_iac.model.quantities import show_bytes, show_period
+from rarms_iac.model.quantities import show_period, write_bytes
 from rarms_iac.model.state import (
     ID_DIGITS,
     NO_GENERATION,
@@ -45,8 +45,8 @@ class CreatePartition:
 
     def __str__(self) -> str:
         if self.generation == NO_GENERATION:
-            return f"make a control group with {show_bytes(self.memory)}"
-        return f"make a machine of generation {self.generation} with {show_bytes(self.memory)}"
+            return f"make a control group with {write_bytes(self.memory)}"
+        return f"make a machine of generation {self.generation} with {write_bytes(self.memory)}"
 
 
 def disk_file(making: CreatePartition, plan: str) -> str:
@@ -191,7 +191,7 @@ class SetMemory:
     kind: Literal["set_memory"] = "set_memory"
 
     def __str__(self) -> str:
-        return f"memory {show_bytes(self.memory)}{', dynamic' if self.dynamic else ''}"
+        return f"memory {write_bytes(self.memory)}{', dynamic' if self.dynamic else ''}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,6 +5,7 @@ Time is kept in milliseconds, memory in bytes, rates in events a second, shares 
 """
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from fractions import Fraction
@@ -188,19 +189,39 @@ def show_lp_percent(percent: int) -> str:
     return show_processors(Fraction(percent, 100))
 
 
-def show_bytes(value: int) -> str:
-    """The largest unit that keeps the number whole, `512 MiB`, `4 GiB`, `1537 MiB`; of other sizes one decimal."""
-    for unit, size in reversed(UNITS[Unit.MEMORY].items()):
-        if value and value % size == 0 and value // int(size) < MOST_DIGITS:
-            return f"{value // int(size)} {unit}"
+def show_bytes(value: int, *beside: int) -> str:
+    """`512 MiB`, `3.5 GiB`: memory as it is shown, from 1 GiB on in GiB with one decimal; exact is `write_bytes`.
+
+    Args:
+        value: bytes.
+        beside: other amounts of the same sentence; of one that differs and would read alike, both get more decimals.
+    """
     for unit in ("GiB", "MiB", "KiB"):
-        if value >= (whole := int(UNITS[Unit.MEMORY][unit])):
-            return f"{value / whole:.1f} {unit}".replace(".0 ", " ")
+        whole = int(UNITS[Unit.MEMORY][unit])
+        if value >= whole:
+            places = next(places for places in range(1, 10) if _is_told_apart(value, beside, whole, places))
+            return f"{_decimals(value, whole, places)} {unit}"
     return f"{value} B"
 
 
-MOST_DIGITS = 10_000
-"""A number of bytes is shown with fewer than five digits: above, in the larger unit."""
+def _is_told_apart(value: int, beside: Iterable[int], whole: int, places: int) -> bool:
+    shown = _decimals(value, whole, places)
+    return places == 9 or all(other == value or _decimals(other, whole, places) != shown for other in beside)
+
+
+def _decimals(value: int, whole: int, places: int) -> str:
+    return f"{value / whole:.{places}f}".rstrip("0").rstrip(".")
+
+
+def write_bytes(value: int) -> str:
+    """`512 MiB`, `1.25 GiB`, `1537 MiB`: memory exactly, as a manifest takes it and as a step sets it."""
+    gibibyte = int(UNITS[Unit.MEMORY]["GiB"])
+    if value >= gibibyte and value % (gibibyte // 4) == 0:
+        return f"{plain(Fraction(value, gibibyte))} GiB"
+    for unit, size in reversed(UNITS[Unit.MEMORY].items()):
+        if value and value % size == 0:
+            return f"{value // int(size)} {unit}"
+    return f"{value} B"
 
 
 def show_period(microseconds: int | None) -> str:

@@ -54,9 +54,9 @@ def counted(many: int, noun: str) -> str:
     return f"{many} {noun}" if many == 1 else f"{many} {noun}s"
 
 
-def natural_order(name: str) -> tuple[tuple[str, int], ...]:
-    """Return what sorts names as a reader expects: c1, c2, c10."""
-    return tuple((text, int(digits or 0)) for text, digits in re.findall(r"(\D*)(\d*)", name))
+def natural_order(name: str) -> tuple[tuple[tuple[str, int], ...], str]:
+    """Return what sorts names as a reader expects: c1, c2, c10; of c1 and c01 the shorter text is no tie either."""
+    return tuple((text, int(digits or 0)) for text, digits in re.findall(r"(\D*)(\d*)", name)), name
 
 
 def quoted(text: object, most: int | None = None) -> str:

@@ -206,8 +206,8 @@ def _smaller(system: System, views: Mapping[str, HostView], places: Places) -> I
         if facts.memory < host.memory:
             yield planning_findings.SMALLER.at(
                 places.value("hosts", host.name, "memory"),
-                f"{host.name} has {show_bytes(facts.memory)}, and the manifest says {show_bytes(host.memory)}; "
-                f"planned with what is there.",
+                f"{host.name} has {show_bytes(facts.memory, host.memory)}, and the manifest says "
+                f"{show_bytes(host.memory, facts.memory)}; planned with what is there.",
                 "Say what it has, or less.",
                 address=f"host/{host.name}",
                 values={"host": host.name, "has_memory_bytes": facts.memory, "manifest_memory_bytes": host.memory},

@@ -10,6 +10,7 @@ from rarms_iac.model.layout import Cause, Infeasible, Layout, PlacedPartition, P
 from rarms_iac.model.renaming import renaming
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts, RunState, State
 from rarms_iac.model.system import RunsOn, System
+from rarms_iac.model.wording import natural_order
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group, groups_of, sharing_contradictions
 from rarms_iac.planner.mechanism import deadline_percent, mechanism_of
@@ -241,7 +242,7 @@ def by_name(hosts: Mapping[str, Host]) -> Iterable[Host]:
     Returns:
         The hosts, sorted by name.
     """
-    return (hosts[name] for name in sorted(hosts))
+    return (hosts[name] for name in sorted(hosts, key=natural_order))
 
 
 def _kinds(system: System, depends_on: Callable[[Host], Hashable]) -> Mapping[str, tuple[Host, ...]]:

@@ -13,7 +13,7 @@ from rarms_iac.model import operations
 from rarms_iac.model.changes import SLASH
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.plan import Reading, Readings, Step
-from rarms_iac.model.quantities import show_bytes
+from rarms_iac.model.quantities import write_bytes
 from rarms_iac.model.state import SECURE_BOOT_OFF, RegistryValue, StartAction, StopAction, ValueKind
 from rarms_iac.powershell.literals import Literal, NoLiteral, literal
 from rarms_iac.powershell.templates import VM
@@ -294,7 +294,7 @@ def _creation_pieces(step: Step, creation: operations.CreatePartition) -> tuple[
     static = {"DynamicMemoryEnabled": literal(False), "StartupBytes": literal(creation.memory)}
     made.append(
         piece(
-            f"memory static, {show_bytes(creation.memory)}",
+            f"memory static, {write_bytes(creation.memory)}",
             {},
             {"dynamic_memory": False, "memory": creation.memory},
             call("Hyper-V\\Set-VMMemory", VM=VM, **static),

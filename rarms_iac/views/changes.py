@@ -12,9 +12,9 @@ from rarms_iac.model.quantities import (
     guaranteed,
     share_of_host,
     share_of_processors,
-    show_bytes,
     show_period,
     show_processors,
+    write_bytes,
 )
 from rarms_iac.model.state import (
     NO_GENERATION,
@@ -121,7 +121,7 @@ def _settings(settings: PartitionSettings, facts: HostFacts) -> _AttributeTexts:
         "reserve": _amount(settings.reserve, settings, facts),
         "limit": ("none", "") if settings.limit == 100 else _amount(settings.limit, settings, facts),
         "weight": (str(settings.weight), ""),
-        "memory": (show_bytes(settings.memory), ""),
+        "memory": (write_bytes(settings.memory), ""),
         "dynamic memory": (_yes_or_no(settings.dynamic_memory), ""),
         "generation": (str(settings.generation), ""),
         "automatic start": (_AUTOMATIC_START[settings.start_action], ""),
@@ -140,7 +140,7 @@ def _settings_of_group(settings: PartitionSettings, facts: HostFacts) -> _Attrib
         "reserve": _amount(settings.reserve, settings, facts),
         "limit": ("none", "") if settings.limit == 100 else _amount(settings.limit, settings, facts),
         "period": (show_period(settings.quota_period_us), "how often the limit is counted anew"),
-        "memory": (show_bytes(settings.memory) if settings.memory else "no limit", ""),
+        "memory": (write_bytes(settings.memory) if settings.memory else "no limit", ""),
         "automatic start": (_AUTOMATIC_START[settings.start_action], ""),
         "running": (_yes_or_no(settings.running), ""),
     }

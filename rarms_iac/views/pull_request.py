@@ -16,7 +16,7 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.indexes import index_named, show_threshold, show_value
 from rarms_iac.model.operations import RemoveDisk, StartPartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Plan, UndoLevel
-from rarms_iac.model.quantities import guaranteed, share_of_host, show_bytes, show_milliseconds, show_processors
+from rarms_iac.model.quantities import guaranteed, share_of_host, show_milliseconds, show_processors, write_bytes
 from rarms_iac.model.state import Partition, PartitionSettings
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import counted, in_a_row
@@ -201,7 +201,7 @@ def _lower_settings(change: Change) -> Iterator[tuple[str, str, str]]:
         old_limit, new_limit = (guaranteed(each.limit, each.processors) for each in (old, new))
         yield "limit", show_processors(old_limit), show_processors(new_limit)
     if new.memory < old.memory:
-        yield "memory", show_bytes(old.memory), show_bytes(new.memory)
+        yield "memory", write_bytes(old.memory), write_bytes(new.memory)
 
 
 def _headroom(headroom: AptHeadroom) -> str:
@@ -256,7 +256,7 @@ def _rows(part: HostPlan) -> Iterator[str]:
                 _name(change.address.partition, part),
                 safe(part.host.name),
                 *(_reserve(each, part) for each in (before, after)),
-                *("" if each is None else show_bytes(each.memory) for each in (before, after)),
+                *("" if each is None else write_bytes(each.memory) for each in (before, after)),
                 ", ".join(_other_attributes(change, part)),
             ]
             yield f"| {' | '.join(cells)} |"

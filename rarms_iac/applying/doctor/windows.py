@@ -104,9 +104,9 @@ def check_free_memory(host: Examination) -> Iterator[Diagnostic]:
     if available is not None and wanted > available:
         yield host.host_finding(
             LITTLE_MEMORY,
-            f"{host.name} has {show_bytes(available)} of memory for machines left, and "
+            f"{host.name} has {show_bytes(available, wanted)} of memory for machines left, and "
             f"{in_a_row([machine.settings.name for machine in off])} "
-            f"{'needs' if len(off) == 1 else 'need'} {show_bytes(wanted)} to start.",
+            f"{'needs' if len(off) == 1 else 'need'} {show_bytes(wanted, available)} to start.",
             "Stop what else runs there, give partitions less memory in the manifest, or add memory to the host.",
             {
                 "partitions": tuple(machine.settings.name for machine in off),

@@ -12,7 +12,7 @@ from rarms_iac.model.commands import DRIFT, HISTORY, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.operations import CreatePartition, RemoveDisk, RemovePartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Purpose, Step, UndoLevel
-from rarms_iac.model.quantities import show_bytes
+from rarms_iac.model.quantities import write_bytes
 from rarms_iac.model.state import Partition, Tie
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import quoted, suggestion
@@ -187,8 +187,8 @@ def review_memory(plan: HostPlan) -> Iterator[Diagnostic]:
             case Update(before=Partition(settings=old), after=Partition(settings=new)) if new.memory < old.memory:
                 yield MEMORY_SHRINKS.at(
                     change.reason.place,
-                    f'"{old.name}" has {show_bytes(old.memory)} and gets {show_bytes(new.memory)}: what its guest and '
-                    "its components use beyond that is swapped out, or they fail to start.",
+                    f'"{old.name}" has {write_bytes(old.memory)} and gets {write_bytes(new.memory)}: what its guest '
+                    "and its components use beyond that is swapped out, or they fail to start.",
                     "Look at what its guest uses at most, and measure its components again with the new size.",
                     address=str(change.address),
                     values={"partition": old.name, "has_memory_bytes": old.memory, "gets_memory_bytes": new.memory},

@@ -65,8 +65,8 @@ def review_numa_nodes(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
             name = partition.settings.name
             yield LARGER_THAN_NODE.at(
                 change.reason.place,
-                f'"{name}" is to have {show_bytes(memory)}, and the largest NUMA node of {desired.host} has '
-                f"{show_bytes(node)}: NUMA spanning is off there, so that no machine may lie on two nodes.",
+                f'"{name}" is to have {show_bytes(memory, node)}, and the largest NUMA node of {desired.host} has '
+                f"{show_bytes(node, memory)}: NUMA spanning is off there, so that no machine may lie on two nodes.",
                 "Give it less `memory`, or allow spanning (`Set-VMHost -NumaSpanningEnabled $true`, then restart the "
                 "service vmms) and plan again.",
                 address=str(change.address),

@@ -8,7 +8,7 @@ from rarms_iac.manifest.checks.violation import Violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host, HypervHost, ProviderKind, WinRmConnect
 from rarms_iac.model.mmcss import OFF, is_taken_as_is, taken_for
-from rarms_iac.model.quantities import in_processors, show_bytes
+from rarms_iac.model.quantities import in_processors, write_bytes
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.wording import list_names, quoted
 
@@ -34,14 +34,15 @@ def nothing_kept_for_host(system: System) -> Iterator[Violation]:
         lacks = []
         if here and in_processors(host.keep_for_host.processor, host.logical_processors) == 0:
             lacks.append("no processor time")
-        if here and host.keep_for_host.memory < memory:
-            lacks.append(f"{show_bytes(host.keep_for_host.memory)} of the {show_bytes(memory)} that they need")
+        kept_memory = host.keep_for_host.memory
+        if here and kept_memory < memory:
+            lacks.append(f"{write_bytes(kept_memory)} of the {write_bytes(memory)} that they need")
         if lacks:
             yield Violation(
                 path=("hosts", host.name, "keep_for_host"),
                 detail=f'{list_names(component.name for component in here)} may run on "{host.name}" itself, but '
                 f"`keep_for_host` keeps {' and '.join(lacks)}. Partitions may get all the rest.",
-                advice=f"Write `keep_for_host: {{ processor: ..., memory: {show_bytes(memory)} }}` with what they "
+                advice=f"Write `keep_for_host: {{ processor: ..., memory: {write_bytes(memory)} }}` with what they "
                 "need.",
                 values={
                     "components": tuple(component.name for component in here),

@@ -16,7 +16,7 @@ from rarms_iac.manifest.checks.system_lookups import (
 from rarms_iac.manifest.checks.violation import Path, Violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host
-from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, machine_memory, show_bytes
+from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, machine_memory, write_bytes
 from rarms_iac.model.system import Component, PartitionRequest, RunsOn, System, bound_together
 from rarms_iac.model.wording import list_names, list_others
 
@@ -260,11 +260,11 @@ def partition_memory_below_members(system: System, partition: PartitionRequest) 
     components = members(system, partition)
     needed = sum(component.memory for component in components)
     if partition.memory is not None and partition.memory < needed:
-        each = list_names(f"{component.name} {show_bytes(component.memory)}" for component in components)
+        each = list_names(f"{component.name} {write_bytes(component.memory)}" for component in components)
         yield Violation(
             path=("partitions", partition.name, "memory"),
-            detail=f'"{partition.name}" has {show_bytes(partition.memory)}, but its components need '
-            f"{show_bytes(needed)} ({each}).",
+            detail=f'"{partition.name}" has {write_bytes(partition.memory)}, but its components need '
+            f"{write_bytes(needed)} ({each}).",
             advice="Raise the memory, or remove it: the partition then gets the sum.",
             values={"has_memory_bytes": partition.memory, "needs_memory_bytes": needed},
         )
@@ -277,8 +277,8 @@ def memory_over_host(system: System) -> Iterator[Violation]:
             largest = max(hosts, key=lambda host: (_memory_for_partitions(host), host.name))
             yield Violation(
                 path=(section, name, "memory"),
-                detail=f'"{name}" needs {show_bytes(memory)}, but "{largest.name}" has '
-                f"{show_bytes(max(0, _memory_for_partitions(largest)))} for partitions.",
+                detail=f'"{name}" needs {write_bytes(memory)}, but "{largest.name}" has '
+                f"{write_bytes(max(0, _memory_for_partitions(largest)))} for partitions.",
                 advice="Lower the memory, keep less for the host, or allow a larger host.",
                 values={
                     "needs_memory_bytes": memory,
@@ -297,8 +297,8 @@ def memory_not_a_machines(system: System) -> Iterator[Violation]:
             less = f" or {down // _MEBIBYTE} MiB" if down >= LEAST_MEMORY else ""
             yield Violation(
                 path=(section, name, "memory"),
-                detail=f'"{name}" has {show_bytes(memory)}, but Hyper-V takes an even number of MiB, at least '
-                f"{show_bytes(LEAST_MEMORY)}.",
+                detail=f'"{name}" has {write_bytes(memory)}, but Hyper-V takes an even number of MiB, at least '
+                f"{write_bytes(LEAST_MEMORY)}.",
                 advice=f"Write {up // _MEBIBYTE} MiB{less}.",
                 values={"has_memory_bytes": memory, "fits_memory_bytes": up},
             )

@@ -2,19 +2,18 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from fractions import Fraction
 
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.layout import Cause, Infeasible, Layout
-from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_percent, show_processors
-from rarms_iac.model.wording import in_a_row, list_names, number
+from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
+from rarms_iac.model.wording import in_a_row, list_names, natural_order, number
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.infeasibility.conflict import Conflict, conflicts, evident_conflicts
 from rarms_iac.planner.infeasibility.edits import Variant
 from rarms_iac.planner.infeasibility.ways_out import ways_out
 from rarms_iac.planner.packing.pack import can_pack
-from rarms_iac.planner.packing.values import Bin, Item, free_in, free_on, is_move, least_cost, least_memory
+from rarms_iac.planner.packing.values import Bin, Item, free_on, is_move, least_cost, least_memory
 from rarms_iac.planner.problem import Problem, problem_of, solve
 
 MOST_NAMES = 12
@@ -42,7 +41,7 @@ def explain_infeasibility(answer: Infeasible, problem: Problem, start: Variant) 
             message=f"{causes[0].message} Only where partitions are now forbids a layout: {_describe_moves(needed)}.",
             values={**causes[0].values, "would_move": tuple(needed)},
         )
-    names = sorted({item.name for conflict in found for item in conflict.items})
+    names = sorted({item.name for conflict in found for item in conflict.items}, key=natural_order)
     return replace(
         answer,
         proven=answer.proven or all(conflict.proven for conflict in found),
@@ -148,27 +147,23 @@ def _describe_smt(conflict: Conflict, host: Bin) -> str:
 
 
 def _processors_exceed(conflict: Conflict, problem: Problem) -> str:
-    """As in: FDP 70 %, SRP 30 % and PPP 20 % need 120 % of the two logical processors."""
+    """As in: FDP 1.4 LP, SRP 0.6 LP and PPP 0.4 LP need 2.4 LP; onboard has 2 LP to promise."""
+    exceeded = _sum_exceeds(conflict, problem, least_cost, show_lp_percent, free_on(conflict.bins).percent)
     if len(conflict.bins) > 1:
-        return _sum_exceeds(conflict, problem, least_cost, show_lp_percent, free_on(conflict.bins).percent)
-    host = conflict.bins[0]
+        return exceeded
+    (host,) = conflict.bins
     whole = host.capacity.logical_processors
-
-    def share(percent: int | Fraction) -> str:
-        return show_percent(Fraction(percent) / whole)
-
     promised = (
-        (100 * (whole - host.capacity.processors), "kept for the host"),
-        (load_of(host.foreign_claims).percent, "taken by unmanaged machines"),
+        (whole - host.capacity.processors, "are kept for the host"),
+        (load_of(host.foreign_claims).processors, "are taken by unmanaged machines"),
     )
-    parts = [f"{share(amount)} {purpose}" for amount, purpose in promised if amount]
-    note = f"; {share(max(0, free_in(host).percent))} is free beside {in_a_row(parts)}" if parts else ""
-    message = f"{_needs(conflict, least_cost, share)} of the {_logical_processors(host)}{note}."
-    return f"{message}{_all_together(conflict, problem, least_cost, share)}"
+    parts = [f"{show_processors(amount)} {purpose}" for amount, purpose in promised if amount]
+    return f"{exceeded} Of its {show_processors(whole)}, {in_a_row(parts)}." if parts else exceeded
 
 
 def _memory_exceeds(conflict: Conflict, problem: Problem) -> str:
-    return _sum_exceeds(conflict, problem, least_memory, show_bytes, free_on(conflict.bins).memory)
+    free, needed = free_on(conflict.bins).memory, sum(map(least_memory, conflict.items))
+    return _sum_exceeds(conflict, problem, least_memory, lambda memory: show_bytes(memory, free, needed), free)
 
 
 def _sum_exceeds(
@@ -188,14 +183,17 @@ def _all_together(conflict: Conflict, problem: Problem, need: Callable[[Item], i
     """
     if len(conflict.items) == len(problem.items) or len(conflict.bins) < len(problem.bins):
         return ""
-    both = "Both" if len(problem.items) == 2 else f"All {number(len(problem.items))}"
-    return f" {both} partitions together need {show(sum(map(need, problem.items)))}."
+    conflicting = {item.name for item in conflict.items}
+    others = sorted((item.name for item in problem.items if item.name not in conflicting), key=natural_order)
+    return f" With {list_names(others, MOST_NAMES)}, it is {show(sum(map(need, problem.items)))} in all."
 
 
 def _needs(conflict: Conflict, need: Callable[[Item], int], show: Callable[[int], str]) -> str:
-    ordered = sorted(conflict.items, key=lambda item: (-need(item), item.name))
+    if len(conflict.items) == 1:
+        return f"{conflict.items[0].name} needs {show(need(conflict.items[0]))}"
+    ordered = sorted(conflict.items, key=lambda item: (-need(item), natural_order(item.name)))
     shares = list_names((f"{item.name} {show(need(item))}" for item in ordered), MOST_NAMES)
-    return f"{shares} {'needs' if len(ordered) == 1 else 'need'} {show(sum(map(need, ordered)))}"
+    return f"{shares} need {show(sum(map(need, ordered)))}"
 
 
 def _logical_processors(host: Bin) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 
+from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.packing.highs import Nodes
 from rarms_iac.planner.packing.pack import can_pack, without_hopeless_claims
 from rarms_iac.planner.packing.values import Bin, Item, free_in, least_cost, least_memory
@@ -82,7 +83,7 @@ def _by_sums(items: Sequence[Item], bins: Sequence[Bin]) -> Sequence[Conflict]:
 
 
 def _by_name(items: Sequence[Item]) -> Sequence[Item]:
-    return sorted(items, key=lambda item: item.name)
+    return sorted(items, key=lambda item: natural_order(item.name))
 
 
 def _hosts_of(items: Sequence[Item], bins: Sequence[Bin]) -> Sequence[Bin]:
@@ -107,7 +108,7 @@ def _fewest_beyond(
     """The fewest of a group that need more than its hosts have in sum; empty: no group does."""
     found: list[Sequence[Item]] = []
     for group in _groups(items):
-        ordered = sorted(group, key=lambda item: (-need(item), item.name))
+        ordered = sorted(group, key=lambda item: (-need(item), natural_order(item.name)))
         fitting = bisect_right(
             [*accumulate(map(need, ordered))], sum(max(0, room(host)) for host in _hosts_of(group, bins))
         )
@@ -132,7 +133,7 @@ def _by_packing(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> 
     start = next((group for group in _groups(items) if len(group) < len(items) and conflict(group)), items)
     if start is items and not proven:
         return Conflict(items=_by_name(items), bins=_hosts_of(items, bins), proven=False, smallest=False)
-    remaining = sorted(start, key=lambda item: (least_cost(item), least_memory(item), item.name))
+    remaining = sorted(start, key=lambda item: (least_cost(item), least_memory(item), natural_order(item.name)))
     step = len(remaining)
     while step > 1:
         step = -(-step // 2)

@@ -20,13 +20,12 @@ from rarms_iac.model.quantities import (
     ShareOfHost,
     guaranteed,
     show_amount,
-    show_bytes,
-    show_percent,
     show_processors,
+    write_bytes,
 )
 from rarms_iac.model.state import HostFacts
 from rarms_iac.model.system import AtLeast, Component, CpuRequest, Measured, PartitionRequest, Threshold
-from rarms_iac.model.wording import in_a_row
+from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.planner.combining.candidates import compound_of
 from rarms_iac.planner.combining.oracle import coi_as_measured, total
 from rarms_iac.planner.groups import Group, may_share
@@ -179,7 +178,7 @@ def memory_relaxations(problem: Problem) -> Iterator[RelaxationRange]:
 
 
 def _more_memory(host: str, mib: int) -> Edits:
-    message = f"{show_bytes(mib * _MIB)} more memory on {host}"
+    message = f"{write_bytes(mib * _MIB)} more memory on {host}"
     return (Edit(message, lambda variant: _grown([host], variant, memory=mib * _MIB)),)
 
 
@@ -200,7 +199,9 @@ def processor_relaxations(problem: Problem) -> Iterator[RelaxationRange]:
         names = [host.name for host in hosts]
         there = [group for group in problem.groups if problem.claims[group.name].keys() & set(names)]
         measured = any(map(depends_on_a_log, there))
-        wide = sorted(member.name for group in there for member in _as_wide_as_its_host(group, problem))
+        wide = sorted(
+            (member.name for group in there for member in _as_wide_as_its_host(group, problem)), key=natural_order
+        )
         yield RelaxationRange(
             amounts=range(MORE_PROCESSORS, 0, -1),
             edits_at=partial(_more_processors, names, wide, hosts[0].logical_processors),
@@ -264,7 +265,9 @@ def pair_relaxations(problem: Problem, partitions: Collection[str]) -> Iterator[
         A relaxation for each pair, its amounts CRs of the compound; all have to be measured.
     """
     groups = [group for group in problem.groups if group.name in partitions and depends_on_a_log(group)]
-    for minor, leader in combinations(sorted(groups, key=lambda group: (group.criticality, group.name)), 2):
+    for minor, leader in combinations(
+        sorted(groups, key=lambda group: (group.criticality, natural_order(group.name))), 2
+    ):
         hosts = [name for name in problem.claims[minor.name] if name in problem.claims[leader.name]]
         if hosts and may_share(minor, leader):
             yield _pair_relaxation(minor, leader, hosts, problem)
@@ -279,8 +282,8 @@ def _pair_relaxation(minor: Group, leader: Group, hosts: Sequence[str], problem:
     compound, members = compound_of(parts), (*minor.members, *leader.members)
     reserves = range(compound.reserve, (total(parts) - 1) // compound.processors + 1)
 
-    def share(reserve: int) -> str:
-        return show_percent(Fraction(reserve * compound.processors, host.logical_processors))
+    def amount_of(reserve: int) -> str:
+        return show_processors(guaranteed(reserve, compound.processors))
 
     def edits_at(reserve: int) -> Edits:
         amount = ProcessorTime(guaranteed(reserve, compound.processors))
@@ -296,8 +299,8 @@ def _pair_relaxation(minor: Group, leader: Group, hosts: Sequence[str], problem:
 
         return (
             Edit(
-                f"{minor.name} and {leader.name} together need {share(reserves[0])} to {share(reserves[-1])} of "
-                f"{in_a_row(hosts, 'or')}, and up to {share(reserve)} fits",
+                f"{minor.name} and {leader.name} together need {amount_of(reserves[0])} to "
+                f"{amount_of(reserves[-1])} on {in_a_row(hosts, 'or')}, and up to {amount_of(reserve)} fits",
                 apply,
             ),
         )

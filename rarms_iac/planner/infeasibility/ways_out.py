@@ -7,7 +7,7 @@ from itertools import chain, islice, zip_longest
 from types import MappingProxyType
 
 from rarms_iac.model.layout import Relaxation, RelaxationKind
-from rarms_iac.model.wording import in_a_row
+from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.infeasibility.edits import Edit, Edits, RelaxationRange, Variant, VariantPlanner, smallest_edits
 from rarms_iac.planner.infeasibility.relaxations import (
@@ -45,7 +45,7 @@ def ways_out(
         nothing; after them what else may be enough, and has to be measured.
     """
     planner = VariantPlanner(start=start)
-    groups = sorted(problem.groups, key=lambda group: (group.criticality, group.name))
+    groups = sorted(problem.groups, key=lambda group: (group.criticality, natural_order(group.name)))
     memory = list(islice(memory_relaxations(problem), MOST_WAYS_OUT))
     processors = list(islice(processor_relaxations(problem), MOST_WAYS_OUT))
     kinds = (

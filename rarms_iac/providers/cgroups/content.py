@@ -178,8 +178,9 @@ def lack_of_memory(wanted: PartitionSettings, machine: str, state: State) -> str
     taken = sum(other.settings.memory for other in _others_running(machine, state))
     if taken + wanted.memory <= state.facts.memory:
         return ""
-    free = show_bytes(max(0, state.facts.memory - taken))
-    return f"{wanted.name} needs {show_bytes(wanted.memory)}, and of {show_bytes(state.facts.memory)} {free} are free"
+    free = max(0, state.facts.memory - taken)
+    needed, room = show_bytes(wanted.memory, free), show_bytes(free, wanted.memory)
+    return f"{wanted.name} needs {needed}, and of {show_bytes(state.facts.memory)} {room} are free"
 
 
 def lack_of_reserve(wanted: PartitionSettings, machine: str, state: State) -> str:

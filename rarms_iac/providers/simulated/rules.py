@@ -20,7 +20,7 @@ from rarms_iac.model.operations import (
     StartPartition,
     StopPartition,
 )
-from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, show_bytes
+from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, show_bytes, write_bytes
 from rarms_iac.model.state import HostFacts, PartitionSettings, RunState
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine
 
@@ -195,10 +195,11 @@ def _refuse_lack_of_memory(
     taken = sum(other.settings.memory for other in _others_with_resources(machine, content))
     if taken + wanted.memory <= facts.memory:
         return None
+    free = max(0, facts.memory - taken)
     return Refusal(
         message=(
-            f"{wanted.name} needs {show_bytes(wanted.memory)}, and of {show_bytes(facts.memory)} "
-            f"{show_bytes(max(0, facts.memory - taken))} are free"
+            f"{wanted.name} needs {show_bytes(wanted.memory, free)}, and of {show_bytes(facts.memory)} "
+            f"{show_bytes(free, wanted.memory)} are free"
         ),
         advice="Stop another machine, or give it less memory.",
     )
@@ -250,8 +251,8 @@ def out_of_range(settings: PartitionSettings) -> str:
     if not 1 <= settings.processors <= most:
         return f"generation {settings.generation} has 1 to {most} virtual processors, not {settings.processors}"
     if settings.memory < LEAST_MEMORY or settings.memory % MEMORY_GRAIN:
-        least = show_bytes(LEAST_MEMORY)
-        return f"a machine has an even number of MiB, at least {least}, not {show_bytes(settings.memory)}"
+        least = write_bytes(LEAST_MEMORY)
+        return f"a machine has an even number of MiB, at least {least}, not {write_bytes(settings.memory)}"
     return _cpu_out_of_range(settings.reserve, settings.limit, settings.weight)
 
 

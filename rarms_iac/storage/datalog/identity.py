@@ -13,7 +13,7 @@ from typing import Any, get_type_hints
 
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.measurement import CONFINEMENT, EnvironmentSetup, PlatformFacts
-from rarms_iac.model.quantities import Bytes, Milliseconds, Percent, show_bytes
+from rarms_iac.model.quantities import Bytes, Milliseconds, Percent, write_bytes
 from rarms_iac.model.run import Run
 from rarms_iac.model.system import Component, TaskRequest
 from rarms_iac.storage.datalog.log import Header, Identity
@@ -109,7 +109,7 @@ def _setup_parts(subject: LogSubject) -> Iterator[tuple[str, str]]:
     setup = subject.setup
     if subject.fixes_processors:
         yield PROCESSORS, str(setup.processors)
-    yield "memory", show_bytes(setup.memory)
+    yield "memory", write_bytes(setup.memory)
     yield "limit", f"{setup.limit} %"
     yield "weight", str(setup.weight)
     yield "confinement", subject.confinement
@@ -173,7 +173,7 @@ def _text(value: Any, hint: Any) -> str:
         unit = " ms" if _is(hint, Milliseconds) else " %" if _is(hint, Percent) else ""
         return f"{_decimal(value)}{unit}"
     if _is(hint, Bytes):
-        return show_bytes(value)
+        return write_bytes(value)
     return "none" if value is None else str(value)
 
 

@@ -53,7 +53,7 @@ def test_two_reserves_of_60_per_cent_do_not_fit_one_host(tmp_path: Path) -> None
     found = validated(manifest(tmp_path, component("a"), component("b")))
 
     assert codes(found.findings) == ["RARMS014"]
-    assert "a 60 % and b 60 % need 120 % of the two logical processors" in found.findings[0].detail
+    assert "a 1.2 LP and b 1.2 LP need 2.4 LP; onboard has 1.9 LP to promise." in found.findings[0].detail
     assert found.fails()
 
 
@@ -63,7 +63,7 @@ def test_memory_in_sum_and_memory_of_what_was_never_measured_count(tmp_path: Pat
     )
 
     assert codes(found.findings) == ["RARMS120", "RARMS101"]
-    assert "3584 MiB" in found.findings[0].detail
+    assert "3.5 GiB" in found.findings[0].detail
 
 
 def test_what_fits_has_no_findings(tmp_path: Path) -> None:
@@ -142,7 +142,7 @@ def test_a_folder_is_walked_and_an_overlay_is_read_with_its_manifest(tmp_path: P
     found = validated(tmp_path)
 
     assert codes(found.findings) == ["RARMS014"]
-    assert "a 60 % and arm 60 %" in found.findings[0].detail
+    assert "a 1.2 LP and arm 1.2 LP" in found.findings[0].detail
     assert sorted(Path(file).name for file in found.sources) == ["rarms.yaml", "rarms.yaml", "robot-7.yaml"]
 
 

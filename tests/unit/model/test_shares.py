@@ -3,6 +3,8 @@
 from fractions import Fraction
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rarms_iac.model.quantities import (
     NotAQuantity,
@@ -15,6 +17,7 @@ from rarms_iac.model.quantities import (
     show_bytes,
     show_processors,
     show_reserve,
+    write_bytes,
 )
 
 
@@ -35,13 +38,19 @@ def test_a_share_that_is_of_no_host_does_not_say_so() -> None:
 
 
 def test_bytes_have_few_digits() -> None:
-    assert [show_bytes(size) for size in (33464376 * 1024, 1537 * 2**20, 4 * 2**30, 0, 1500)] == [
-        "31.9 GiB",
-        "1537 MiB",
-        "4 GiB",
-        "0 B",
-        "1500 B",
-    ]
+    sizes = (33464376 * 1024, 3584 * 2**20, 1537 * 2**20, 4 * 2**30, 512 * 2**20, 1500, 0)
+    assert list(map(show_bytes, sizes)) == ["31.9 GiB", "3.5 GiB", "1.5 GiB", "4 GiB", "512 MiB", "1.5 KiB", "0 B"]
+
+
+def test_two_amounts_that_differ_never_read_alike_in_one_sentence() -> None:
+    assert show_bytes(1026 * 2**20, 2**30) == "1.002 GiB"
+    assert show_bytes(2**30, 1026 * 2**20) == "1 GiB"
+    assert show_bytes(2**30, 2**30) == "1 GiB"
+
+
+@given(st.integers(0, 2**49))
+def test_what_is_written_of_memory_is_exact(size: int) -> None:
+    assert parse_quantity(write_bytes(size), Unit.MEMORY) == (Unit.MEMORY, Fraction(size))
 
 
 def test_amounts_have_two_decimals_and_shares_say_of_what() -> None:

@@ -127,7 +127,7 @@ def test_what_is_kept_for_the_host_and_what_strangers_hold_is_not_promised() -> 
 
     found = planned(system, with_stranger(holder))
     assert codes(found.findings) == ["RARMS014"]
-    free = "50 % is free beside 10 % kept for the host and 40 % taken by unmanaged machines."
+    free = "Of its 2 LP, 0.2 LP are kept for the host and 0.8 LP are taken by unmanaged machines."
     assert free in found.findings[0].detail
     asleep = replace(holder, settings=replace(holder.settings, running=False), state=RunState.OFF)
     assert layout(system, with_stranger(asleep)).partitions
@@ -140,8 +140,8 @@ def test_memory_counts_the_partitions_that_are_not_in_the_conflict_too() -> None
     found = planned(a_system(hosts=[a_host(memory="1 GiB")], components=components)).findings
 
     assert found[0].detail == (
-        "seams 1 GiB and motion 512 MiB need 1536 MiB; onboard has 1 GiB to promise. "
-        "All three partitions together need 1792 MiB."
+        "seams 1 GiB and motion 512 MiB need 1.5 GiB; onboard has 1 GiB to promise. "
+        "With messages, it is 1.8 GiB in all."
     )
     assert "768 MiB more memory on onboard" in str(found[0].advice)
 

@@ -30,7 +30,7 @@ def shown(source: str, place: Place) -> list[str]:
 def test_the_form_is_code_place_line_detail_advice_and_a_count() -> None:
     finding = EXCEEDED.at(
         at(2, 25, path="hosts.onboard.logical_processors"),
-        "FDP 70 %, SRP 30 % and PPP 20 % need 120 % of the two logical processors.",
+        "FDP 1.4 LP, SRP 0.6 LP and PPP 0.4 LP need 2.4 LP; onboard has 2 LP to promise.",
         "Relax an APT, or let `rarms tune` combine the least critical CoIs.",
         values={},
     )
@@ -44,7 +44,8 @@ error[RARMS014] Reservations exceed the platform
   robot.yaml:2:25, hosts.onboard.logical_processors
   2 |     logical_processors: 2
     |                         ^
-  FDP 70 %, SRP 30 % and PPP 20 % need 120 % of the two logical processors.
+  FDP 1.4 LP, SRP 0.6 LP and PPP 0.4 LP need 2.4 LP; onboard has 2 LP to
+  promise.
   Relax an APT, or let `rarms tune` combine the least critical CoIs.
 
 1 error.

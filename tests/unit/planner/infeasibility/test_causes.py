@@ -65,7 +65,7 @@ def test_the_sum_of_those_that_must_be_on_one_host_is_told() -> None:
     assert isinstance(planning.answer, Infeasible)
     assert planning.answer.conflict == ("a", "b")
     assert [(finding.code, finding.address) for finding in planning.findings] == [("RARMS014", "host/right")]
-    assert planning.findings[0].detail == "a 60 % and b 60 % need 120 % of the two logical processors."
+    assert planning.findings[0].detail == "a 1.2 LP and b 1.2 LP need 2.4 LP; right has 2 LP to promise."
     expected = {"partitions": ("a", "b"), "hosts": ("right",), "needs_lp": 2.4, "has_lp": 2.0, "proven": True}
     assert expected.items() <= planning.findings[0].values.items()
 
@@ -75,7 +75,7 @@ def test_where_others_need_the_same_host_all_are_summed_up_as_well() -> None:
 
     planning = planned(a_system(hosts=[a_host(logical_processors=2, memory="16 GiB")], components=components))
 
-    sums = "a 60 % and b 50 % need 110 % of the two logical processors. All three partitions together need 120 %."
+    sums = "a 1.2 LP and b 1 LP need 2.2 LP; onboard has 2 LP to promise. With c, it is 2.4 LP in all."
     assert [finding.detail for finding in planning.findings] == [sums]
 
 
