@@ -38,13 +38,8 @@ _JOINING = (
     | operations.SetSecureBoot
 )
 
-READER, DEVICE_READER = "Get-PartitionReading", "Get-DeviceReading"
-"""What reads a machine that was there before the plan; the second one also what `_DEVICES` names."""
-
-READERS = (f"{READER} ", f"{DEVICE_READER} ")
-
-_DEVICES = frozenset({"secure_boot", "disks", "snapshots"})
-"""Readings of a machine that only some steps are about."""
+READER = "Get-PartitionReading"
+"""What reads a machine: `-Machine` one that was there before the plan, by its id; `-Name` one that the plan makes."""
 
 VALUE = "value:"
 """Stands before a task class's value in readings."""
@@ -70,7 +65,7 @@ class ScriptPiece:
 
 def clustered(piece: ScriptPiece) -> ScriptPiece:
     """The piece of a machine that a failover cluster has too: its reader accepts that."""
-    return replace(piece, read=f"{piece.read} -Clustered") if piece.read.startswith(READERS) else piece
+    return replace(piece, read=f"{piece.read} -Clustered") if piece.read.startswith(f"{READER} -Machine") else piece
 
 
 def cluster_updated(piece: ScriptPiece, machine: str) -> ScriptPiece:
@@ -90,7 +85,7 @@ def joined(piece: ScriptPiece, following: ScriptPiece) -> ScriptPiece:
             calls[same] += values
         else:
             calls = [old for old in calls if old != new] + [new]
-    is_new = piece.read.startswith("Get-NewPartitionReading")
+    is_new = piece.read.startswith(f"{READER} -Name")
     return replace(
         piece,
         action="give it all its settings, and its name last" if is_new else f"{piece.action}; {following.action}",
@@ -100,11 +95,38 @@ def joined(piece: ScriptPiece, following: ScriptPiece) -> ScriptPiece:
     )
 
 
-def pieces_of(step: Step) -> tuple[ScriptPiece, ...]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NewFiles:
+    """Where the files of a machine lie that a plan makes: whole paths, as its scripts hold them."""
+
+    plan: str  # its id, which pending names and names of disks hold
+    disk_folder: str  # of the host, where a partition says nothing else
+
+    def pending_name(self, creation: operations.CreatePartition) -> str:
+        """What the machine is called while it is made; a dot cannot occur in a manifest's name."""
+        return f"{creation.partition}.rarms-{self.plan}"
+
+    def disk(self, creation: operations.CreatePartition) -> str:
+        """Its disk: in the partition's folder, or in the host's own.
+
+        Raises:
+            NoLiteral: the host did not tell its folder.
+        """
+        folder = (creation.vm_path or self.disk_folder).removesuffix(SLASH)
+        if not folder:
+            raise NoLiteral(creation.partition, "its host did not tell where it puts disks, and no folder is said")
+        return f"{folder}{SLASH}{operations.disk_file(creation, self.plan)}"
+
+    def folder(self, creation: operations.CreatePartition, name: str) -> str:
+        """The folder that Hyper-V makes for a machine of this name."""
+        return f"{creation.vm_path.removesuffix(SLASH)}{SLASH}{name}"
+
+
+def pieces_of(step: Step, files: NewFiles) -> tuple[ScriptPiece, ...]:
     """The step as guarded pieces, in their order; one for everything but the making of a machine."""
     match step.operation:
         case operations.CreatePartition() as creation:
-            return _creation_pieces(step, creation)
+            return _creation_pieces(step, creation, files)
         case operations.RestorePartition(partition=partition):
             raise NoLiteral(partition, "a machine of Hyper-V is not made again")
         case operations.RemoveDisk() as removal:
@@ -142,14 +164,12 @@ def _piece(step: Step, operation: operations.MachineOperation | operations.TaskO
     )
 
 
-def creation_undo_pieces(step: Step, creation: operations.CreatePartition) -> tuple[ScriptPiece, ...]:
+def creation_undo_pieces(step: Step, creation: operations.CreatePartition, files: NewFiles) -> tuple[ScriptPiece, ...]:
     """The pieces that remove a machine that the same plan made, unless it was given something since, and its disk."""
-    path = _disk_path(creation)
+    path = literal(files.disk(creation)) if creation.image else ""
     machine = replace(
         _piece(step, operations.RemovePartition(partition=creation.partition)),
-        read=call(
-            "Get-MadePartitionReading", Name=literal(creation.partition), **({"Disk": path} if creation.image else {})
-        ),
+        read=call(READER, Name=literal(creation.partition), **({"Disk": path} if creation.image else {})),
         before={"exists": True, "added": ""},
     )
     pieces = [machine]
@@ -161,10 +181,10 @@ def creation_undo_pieces(step: Step, creation: operations.CreatePartition) -> tu
             ScriptPiece(
                 address=f"{step.address}/folder",
                 action="remove its folders, where they are empty",
-                read=call("Get-FolderReading", **_folder(creation)),
+                read=call("Get-FolderReading", **_folders(creation, files)),
                 before={},
                 after={"folders": 0},
-                calls=(call("Remove-PartitionFolder", **_folder(creation)),),
+                calls=(call("Remove-PartitionFolder", **_folders(creation, files)),),
             )
         )
     return tuple(pieces)
@@ -180,9 +200,8 @@ def _reader(step: Step) -> str:
     if task := SYSTEM_RESPONSIVENESS if at.responsiveness else at.task:
         return call("Get-TaskClassReading", Task=literal(task))
     if at.machine:
-        reader = READER if _DEVICES.isdisjoint([*step.before, *step.after]) else DEVICE_READER
-        return call(reader, Machine=literal(at.machine.lower()))
-    return call("Get-NewPartitionReading", Name=literal(at.partition))
+        return call(READER, Machine=literal(at.machine.lower()))
+    return call(READER, Name=literal(at.partition))
 
 
 def fits(step: Step) -> str:
@@ -272,7 +291,7 @@ def _plain(values: Mapping[str, object] | None) -> object:
     return None if values is None else {name: encode(value) for name, value in values.items()}
 
 
-def _creation_pieces(step: Step, creation: operations.CreatePartition) -> tuple[ScriptPiece, ...]:
+def _creation_pieces(step: Step, creation: operations.CreatePartition, files: NewFiles) -> tuple[ScriptPiece, ...]:
     """The machine, its disk, and what Hyper-V gives it by itself."""
     address, read = str(step.address), _reader(step)
 
@@ -282,9 +301,11 @@ def _creation_pieces(step: Step, creation: operations.CreatePartition) -> tuple[
             address=address, action=action, read=read, before=before, after=after, calls=(call,), joins=True
         )
 
-    made = [replace(piece(step.title, {**step.before, **_FREE}, step.after, _new_machine(creation)), joins=False)]
+    made = [
+        replace(piece(step.title, {**step.before, **_FREE}, step.after, _new_machine(creation, files)), joins=False)
+    ]
     if creation.image:
-        disk = _disk_path(creation)
+        disk = literal(files.disk(creation))
         attach = call("Add-PartitionDisk", Path=disk)
         made += [
             _new_disk(f"{address}/disk", creation.image, disk),
@@ -305,12 +326,14 @@ def _creation_pieces(step: Step, creation: operations.CreatePartition) -> tuple[
     if creation.generation == 2 and (creation.image or creation.secure_boot):
         made.append(piece(*_firmware(creation)))
     if creation.vm_path:
-        made.append(piece("its own folder", {}, {}, call("Move-NewPartition", **_folder(creation))))
+        made.append(piece("its own folder", {}, {}, call("Move-NewPartition", **_folders(creation, files))))
     return tuple(made)
 
 
-def _folder(creation: operations.CreatePartition) -> dict[str, Literal]:
-    return {"Folder": literal(creation.vm_path), "Name": literal(creation.partition)}
+def _folders(creation: operations.CreatePartition, files: NewFiles) -> dict[str, Literal]:
+    """The folders of the pending name and of the final one."""
+    names = {"From": files.pending_name(creation), "To": creation.partition}
+    return {parameter: literal(files.folder(creation, name)) for parameter, name in names.items()}
 
 
 def _firmware(creation: operations.CreatePartition) -> tuple[str, Readings, Readings, str]:
@@ -331,9 +354,9 @@ def _secure_boot(secure_boot: str) -> dict[str, Literal]:
     return {"EnableSecureBoot": literal("On"), "SecureBootTemplate": literal(secure_boot)}
 
 
-def _new_machine(creation: operations.CreatePartition) -> str:
+def _new_machine(creation: operations.CreatePartition, files: NewFiles) -> str:
     new = {
-        "Name": "(" + call("Get-PendingName", Name=literal(creation.partition)) + ")",
+        "Name": literal(files.pending_name(creation)),
         "Generation": literal(creation.generation),
         "MemoryStartupBytes": literal(creation.memory),
         "NoVHD": "",
@@ -341,12 +364,6 @@ def _new_machine(creation: operations.CreatePartition) -> str:
     new |= {"SwitchName": literal(creation.switch)} if creation.switch else {}
     new |= {"Path": literal(creation.vm_path)} if creation.vm_path else {}
     return call("Hyper-V\\New-VM", **new)
-
-
-def _disk_path(creation: operations.CreatePartition) -> str:
-    suffix = operations.disk_file(creation, "").rpartition(".")[2]
-    path = {"Folder": literal(creation.vm_path), "Name": literal(creation.partition), "Type": literal(suffix)}
-    return "(" + call("Get-DiskPath", **path) + ")"
 
 
 def _new_disk(address: str, image: str, path: str) -> ScriptPiece:

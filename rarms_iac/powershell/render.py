@@ -28,8 +28,7 @@ from rarms_iac.model.wording import remark
 from rarms_iac.powershell.guests import back, forward, step_of
 from rarms_iac.powershell.literals import Literal, literal
 from rarms_iac.powershell.pieces import (
-    DEVICE_READER,
-    READER,
+    NewFiles,
     ScriptPiece,
     cluster_updated,
     clustered,
@@ -131,7 +130,7 @@ def render_apply(
         NoLiteral: a value cannot be written into a script.
     """
     undo = render_undo(host_plan, plan, inside, accept_scheduler=accept_scheduler, form=form)
-    steps = _clustered(_forward(host_plan, inside), host_plan)
+    steps = _clustered(_forward(host_plan, plan, inside), host_plan)
     return _fill(host_plan, plan, inside, steps, form, accept_scheduler=accept_scheduler, undo=undo)
 
 
@@ -149,7 +148,7 @@ def render_undo(
         NoLiteral: a value cannot be written into a script.
     """
     first: dict[int, tuple[int, Step]] = {}  # of each step its first part: what comes after goes with it
-    for number, done in enumerate(_forward(host_plan, inside)):
+    for number, done in enumerate(_forward(host_plan, plan, inside)):
         for step in done.steps:
             first.setdefault(id(step), (number, step))
     steps: list[_GuardedPiece] = []
@@ -161,9 +160,9 @@ def render_undo(
             continue
         back = step.reversed(str(step.undo.operation))
         if isinstance(step.operation, CreatePartition):
-            pieces = creation_undo_pieces(back, step.operation)
+            pieces = creation_undo_pieces(back, step.operation, _new_files(host_plan, plan))
         else:
-            pieces = pieces_of(back)
+            pieces = pieces_of(back, _new_files(host_plan, plan))
         gone = lost.get(step.address)
         steps += (_GuardedPiece(piece=piece, steps=(back,), undoes=undoes, lost=gone) for piece in pieces)
     steps = _clustered(_joined(steps), host_plan)
@@ -198,9 +197,14 @@ def _inside(step: Step) -> str:
     return step.address.partition if step.address.task else ""
 
 
-def _forward(host_plan: HostPlan, inside: str) -> list[_GuardedPiece]:
+def _new_files(host_plan: HostPlan, plan: Plan) -> NewFiles:
+    return NewFiles(plan=plan.id, disk_folder=host_plan.facts.disk_folder)
+
+
+def _forward(host_plan: HostPlan, plan: Plan, inside: str) -> list[_GuardedPiece]:
     chosen = [step for step in host_plan.steps if _inside(step) == inside]
-    return _joined(_GuardedPiece(piece=piece, steps=(step,)) for step in chosen for piece in pieces_of(step))
+    files = _new_files(host_plan, plan)
+    return _joined(_GuardedPiece(piece=piece, steps=(step,)) for step in chosen for piece in pieces_of(step, files))
 
 
 def _clustered(steps: Sequence[_GuardedPiece], host_plan: HostPlan) -> list[_GuardedPiece]:
@@ -222,26 +226,15 @@ def _clustered(steps: Sequence[_GuardedPiece], host_plan: HostPlan) -> list[_Gua
 
 
 def _joined(pieces: Iterable[_GuardedPiece]) -> list[_GuardedPiece]:
-    """Those that stand together and can be done together as one step; a machine has one reader in all its steps."""
+    """Those that stand together and can be done together as one step."""
     steps: list[_GuardedPiece] = []
-    for new in _with_one_reader(list(pieces)):
+    for new in pieces:
         old = steps[-1] if steps else new
         if old is not new and _can_join(old, new):
             steps[-1] = replace(old, piece=joined(old.piece, new.piece), steps=old.steps + new.steps)
         else:
             steps.append(new)
     return steps
-
-
-def _with_one_reader(pieces: Sequence[_GuardedPiece]) -> list[_GuardedPiece]:
-    """Where a step is about a machine's devices, all its steps read them: what was done is looked at by the last."""
-    wide = {step.piece.address: step.piece.read for step in pieces if step.piece.read.startswith(DEVICE_READER)}
-    return [
-        replace(step, piece=replace(step.piece, read=wide[step.piece.address]))
-        if step.piece.address in wide and step.piece.read.startswith(READER)
-        else step
-        for step in pieces
-    ]
 
 
 def _can_join(old: _GuardedPiece, new: _GuardedPiece) -> bool:
@@ -319,7 +312,7 @@ def _head(
     system = f"the guest of partition {inside}" if inside else "the host itself"
     undo = script_name(host_plan, inside, undo=True)
     planned = [step for guarded in steps for step in guarded.steps]
-    table = machine_table(planned, host_plan.changes, plan.id, host_plan.facts.disk_folder)
+    table = machine_table(planned, host_plan.changes, _new_files(host_plan, plan))
     made = {step.address for step in planned if isinstance(step.operation, CreatePartition)}
     lost = sorted({step.undo.message for step in planned if step.undo.level is not UndoLevel.FULL})
     summaries = partition_summaries(step for step in planned if not table or step.address not in made)

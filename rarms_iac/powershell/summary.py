@@ -4,12 +4,12 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from rarms_iac.model.changes import SLASH, Change, Create
-from rarms_iac.model.operations import CreatePartition, disk_file
+from rarms_iac.model.operations import CreatePartition
 from rarms_iac.model.plan import Step
 from rarms_iac.model.quantities import show_bytes, show_lp_percent
 from rarms_iac.model.state import Partition, PartitionSettings
 from rarms_iac.model.wording import counted, remark
-from rarms_iac.powershell.pieces import ScriptPiece
+from rarms_iac.powershell.pieces import NewFiles, ScriptPiece
 
 _MADE, _REMOVED, _STOPPED, _DELETED = "New-VM", "Remove-VM", "Stop-Partition", "Remove-DiskFile"
 _PARTITION = "partition/"
@@ -42,14 +42,13 @@ def summary_lines(pieces: Sequence[ScriptPiece]) -> tuple[str, str]:
 _COLUMNS = ("machine", "processors", "reserve", "memory", "disk", "switch", "secure boot", "start")
 
 
-def machine_table(steps: Sequence[Step], changes: Iterable[Change], plan: str, disk_folder: str) -> tuple[str, ...]:
+def machine_table(steps: Sequence[Step], changes: Iterable[Change], files: NewFiles) -> tuple[str, ...]:
     """Tell what the machines are that a script makes.
 
     Args:
         steps: the plan's, of one script.
         changes: of the host.
-        plan: its id, which names of new disks hold.
-        disk_folder: where the host puts disks that no folder was named for.
+        files: where their disks lie.
 
     Returns:
         A line of titles and one for each machine, in the order in which they are made; nothing where none is.
@@ -61,7 +60,7 @@ def machine_table(steps: Sequence[Step], changes: Iterable[Change], plan: str, d
             made.setdefault(step.operation.partition, step.operation)
     machines = ((creation, wanted.get(name)) for name, creation in made.items())
     rows = [
-        tuple(map(remark, _row(creation, machine.settings, plan, disk_folder)))
+        tuple(map(remark, _row(creation, machine.settings, files)))
         for creation, machine in machines
         if isinstance(machine, Partition)
     ]
@@ -74,9 +73,8 @@ def machine_table(steps: Sequence[Step], changes: Iterable[Change], plan: str, d
     )
 
 
-def _row(creation: CreatePartition, settings: PartitionSettings, plan: str, disk_folder: str) -> tuple[str, ...]:
-    folder = (creation.vm_path or disk_folder).removesuffix("\\")
-    disk = f"{folder}\\{disk_file(creation, plan)} from {creation.image}" if creation.image else "none"
+def _row(creation: CreatePartition, settings: PartitionSettings, files: NewFiles) -> tuple[str, ...]:
+    disk = f"{files.disk(creation)} from {creation.image}" if creation.image else "none"
     return (
         creation.partition,
         str(settings.processors),

@@ -217,6 +217,11 @@ def module_text(form: ScriptForm, entry: str = ENTRY) -> str:
     return text.replace("\r\n", "\n").rstrip("\n")
 
 
+def receiver_text() -> str:
+    """What of the module takes scripts from standard input and runs the first, with LF: its last section."""
+    return read(f"{MODULE_FOLDER}/{MODULE_FILES[1]}").partition("# === receiver: ")[2].partition("\n")[2].rstrip()
+
+
 def part_text(name: str) -> str:
     """One of `MEASURING_PARTS`, with LF."""
     return read(f"parts/{name}.ps1")

@@ -164,7 +164,7 @@ class AccessList(Thing):
     def do_getowner(self, kind: Value) -> Value:
         return Record(Value=self.file.owner)
 
-    def do_setsecuritydescriptorsddlform(self, sddl: Value) -> Value:
+    def do_setsecuritydescriptorsddlform(self, sddl: Value, sections: Value = "All") -> Value:
         self.sddl = text(sddl)
         return EMPTY
 

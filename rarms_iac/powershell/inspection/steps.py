@@ -51,14 +51,11 @@ def _calls(text: str) -> Mapping[str, frozenset[str]]:
 
 
 _READERS = _calls(r"""
-    Get-PartitionReading Machine Clustered
-    Get-DeviceReading Machine Clustered
-    Get-NewPartitionReading Name
-    Get-MadePartitionReading Name Disk
+    Get-PartitionReading Machine Clustered Name Disk
     Get-TaskClassReading Task
     Get-GuestTaskClassReading Task Application Replace
     Get-DiskReading Path Parent Everywhere
-    Get-FolderReading Folder Name
+    Get-FolderReading From To
 """)
 _SETTERS = _calls(r"""
     Hyper-V\New-VM Name Generation MemoryStartupBytes NoVHD SwitchName Path
@@ -82,12 +79,15 @@ _SETTERS = _calls(r"""
     Restore-TaskClass Task Application
     Remove-DiskFile Path
     Add-PartitionDisk Path
-    Move-NewPartition Folder Name
-    Remove-PartitionFolder Folder Name
+    Move-NewPartition From To
+    Remove-PartitionFolder From To
     Remove-NetworkAdapter
 """)
 # NOTE: what rarms no longer writes, and the journals of earlier versions hold.
 _FORMER_READERS = _calls(r"""
+    Get-DeviceReading Machine Clustered
+    Get-NewPartitionReading Name
+    Get-MadePartitionReading Name Disk
     Read-Partition Machine
     Read-PartitionDevice Machine
     Read-NewPartition Name
@@ -114,9 +114,11 @@ _MEASURES = _calls(f"""
     Add-GuestWork {_WORK}
 """)
 _VALUES = _calls(r"""
+    Hyper-V\Get-VMHardDiskDrive VM
+""")
+_FORMER_VALUES = _calls("""
     Get-PendingName Name
     Get-DiskPath Folder Name Type
-    Hyper-V\Get-VMHardDiskDrive VM
 """)
 _CAPACITY = _calls("Test-Capacity Processors Reserve Memory")
 _SWITCHES = frozenset({"Clustered", "Differencing", "Everywhere", "Force", "NoVHD"})
@@ -308,4 +310,4 @@ def _parameter_text(call: CommandCall, name: str) -> str:
     inside = only_call(statements[0]) if value.type == "parenthesized_expression" and len(statements) == 1 else None
     if inside is None:
         raise _OtherForm(value, f"{text_of(value)[:40]} is no literal")
-    return f"-{name} ({_call_text(inside, _VALUES)})"
+    return f"-{name} ({_call_text(inside, {**_VALUES, **_FORMER_VALUES})})"

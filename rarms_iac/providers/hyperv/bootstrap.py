@@ -1,6 +1,6 @@
 """The fixed command at the other end of ssh: its words, and the frame in which all else comes to its standard input.
 
-`templates/powershell/loader.ps1.j2` and `bootstrap.ps1`, the receiver, say how the input is read there. The command's
+`templates/powershell/loader.ps1.j2` and the module's `Receive-RarmsPlan` say how the input is read there. The command's
 words are plain ASCII without spaces or quotes, so that it means the same to cmd.exe, PowerShell and every other shell
 that sshd may start.
 """
@@ -14,7 +14,7 @@ from functools import cache
 
 from rarms_iac.model.host import Receiver
 from rarms_iac.model.version import __version__
-from rarms_iac.powershell.templates import as_script, fill, read
+from rarms_iac.powershell.templates import as_script, fill, read, receiver_text
 from rarms_iac.providers.interface import ScriptBundle, WaitLimits
 
 SHELLS = ("pwsh", "powershell")
@@ -36,7 +36,7 @@ _NAME = re.compile(r"[a-z0-9][a-z0-9.-]*\.ps1|Rarms/Rarms\.ps[dm]1")
 
 def render_receiver() -> bytes:
     """What takes scripts from standard input and runs the first: its text travels ahead of them."""
-    return as_script(read("bootstrap.ps1"))
+    return fill("bootstrap.ps1.j2", {"receiver": receiver_text()})
 
 
 def render_loader() -> bytes:

@@ -6,7 +6,7 @@
     Description          = 'Does the plans of rarms: each script of a plan calls it.'
     PowerShellVersion    = '5.1'
     CompatiblePSEditions = @('Desktop', 'Core')
-    FunctionsToExport    = @('Invoke-RarmsPlan', 'Test-RarmsPlan')
+    FunctionsToExport    = @('Invoke-RarmsPlan', 'Test-RarmsPlan', 'Receive-RarmsPlan')
     CmdletsToExport      = @()
     VariablesToExport    = @()
     AliasesToExport      = @()

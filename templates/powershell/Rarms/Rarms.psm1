@@ -71,15 +71,11 @@ function Invoke-RarmsPlan {
 function Test-RarmsPlan {
     <#
     .SYNOPSIS
-        Tells of each step of a plan whether the host is in the state that is wanted, and writes nothing.
-    .DESCRIPTION
-        Gives an object a step, with Address, Action, InDesiredState and Disruption: stops, removes, deletes or nothing.
+        Gives an object for each step of a plan: Address, Action, InDesiredState, Disruption; and writes nothing.
     .PARAMETER Path
         The script of a plan.
     .PARAMETER Run
         What a script hands over, as Invoke-RarmsPlan takes it.
-    .EXAMPLE
-        Test-RarmsPlan -Path .\cell.ps1
     #>
     [CmdletBinding(PositionalBinding = $false)]
     param([string] $Path = '', [System.Collections.IDictionary] $Run = $null)
@@ -93,20 +89,15 @@ function Initialize-Run {
     # What a run knows when it begins.
     param([System.Collections.IDictionary] $Run)
     $script:Code = 1                # how the script will end: 0, 1 or 3
-    $script:Json = [bool] $Run.AsJson
     $script:Current = $script:Whole # the step that is read or done: what fails, fails there
     $script:Ending = $null          # of the event that ends the run, where the run itself ends it
     $script:Plan = @{ Plan = '' }   # the run's facts, which the plan gives
     $script:Steps = @()             # those of the plan
     $script:Handle = $null          # of the owner's file while this run holds the computer; it ends with its process
-    $script:Caller = $Run.Caller
-    $script:ScriptPath = $Run.ScriptPath
-    $script:ModulePath = $Run.ModulePath
+    $script:Run = $Run              # what the script handed over
     $script:Preview = $Run.Preview -or $Run.Test
     # With it, nothing that is called by mistake changes anything either.
     $script:WhatIfPreference = $script:Preview
-    $script:Confirmation = $Run.Confirmation
-    $script:LockTimeout = $Run.LockTimeout
     $script:Target = $null          # address and reader of the steps that are added
     $script:Wanted = @()            # the names that are read for
     $script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
@@ -125,7 +116,6 @@ function Initialize-Run {
     $script:Sound = [long] 0        # bytes of the journal that are whole records
     $script:Past = @()              # the runs before the one that the journal holds
     $script:Started = $null         # its first record: which run was the last one here
-    $script:StartedAt = ''          # when that one began
     $script:Closing = ''            # how it was closed: done or abandoned
     $script:Recorded = [hashtable]::new($script:Ordinal)  # by number of a step: what it says of it
     $script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many runs there were
@@ -208,13 +198,10 @@ function Add-Step {
         [scriptblock] $Set, [scriptblock] $Fits = $null, [string] $Undoes = '', [string] $Lost = ''
     )
     $address = $script:Target.Address
-    $needs = @($address)
-    $lies = $address -creplace '^([^/]+/[^/]+)/.*$', '$1'
-    if ($lies -cne $address) { $needs = @($lies, $address) }
     $script:Steps += @{
         Number = $script:Steps.Count; Address = $address; Read = $script:Target.Read
         # It builds on the steps of its own address, and on those of the machine that it lies in.
-        Needs = $needs
+        Needs = @(($address -creplace '^([^/]+/[^/]+)/.*$', '$1'), $address)
         Before = [hashtable]::new($Before, $script:Ordinal); After = [hashtable]::new($After, $script:Ordinal)
         Action = $Action; Set = $Set; Fits = $Fits; Undoes = $Undoes; Lost = $Lost
     }
@@ -277,7 +264,13 @@ function Assert-Host {
         $wanted = $made[$at].After
         # A guest puts an entry of its own ahead of its disk once it runs: that was compared when it was set.
         [void] $wanted.Remove('boots_from')
-        $live = Get-Settled -Name $wanted.Keys -Until $settled
+        $live = Get-Reading -Name $wanted.Keys
+        while ($live['state'] -ceq 'busy' -and [DateTime]::UtcNow -lt $settled) {
+            # Its guest restarts just now.
+            Start-Sleep -Milliseconds 500
+            $script:Known.Clear()
+            $live = Get-Reading -Name $wanted.Keys
+        }
         foreach ($name in @(Compare-Reading -Live $live -Expected $wanted)) {
             # The keys above several records are cleared with the last of them.
             if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
@@ -298,7 +291,7 @@ function Invoke-Step {
     $script:Current = $Step
     $leave = Get-Leave -Step $Step
     if ($leave) { return Write-RunEvent -Kind 'step' -Step $Step -Status 'unchanged' -Detail $leave }
-    if (Test-Path -LiteralPath ($script:ScriptPath + '.stop')) {
+    if (Test-Path -LiteralPath ($script:Run.ScriptPath + '.stop')) {
         # The maker of that file beside the script wants it to end before the next step.
         $script:Current = $script:Whole
         Stop-Run -Kind 'run' -Status 'stopped' -Code 1 -Detail 'asked to stop; run it again to go on'
@@ -345,11 +338,11 @@ function Invoke-Step {
 function Test-Wanted {
     # What -WhatIf or the user at the prompt says. -AsJson is for a program: no "What if" line between its events.
     param([string] $Address, [string] $Action)
-    if ($script:Json -and $script:Preview) { return $false }
+    if ($script:Run.AsJson -and $script:Preview) { return $false }
     # The caller's ShouldProcess reads it where it is called.
-    $ConfirmPreference = $script:Confirmation
+    $ConfirmPreference = $script:Run.Confirmation
     try {
-        $script:Caller.ShouldProcess($Address, $Action)
+        $script:Run.Caller.ShouldProcess($Address, $Action)
     } catch {
         throw 'this has to be confirmed, and no console answers here: run the script in a console, or with -Force'
     }
@@ -379,18 +372,6 @@ function Get-Reading {
     $read = $script:Current.Read
     $script:Wanted = if ($null -eq $Step) { $Name } else { @($Step.Before.Keys) + @($Step.After.Keys) }
     & $read
-}
-
-function Get-Settled {
-    # What the host shows of these names; a guest that restarts just now is waited for.
-    param([string[]] $Name, $Until)
-    $live = Get-Reading -Name $Name
-    while ($live['state'] -ceq 'busy' -and [DateTime]::UtcNow -lt $Until) {
-        Start-Sleep -Milliseconds 500
-        $script:Known.Clear()
-        $live = Get-Reading -Name $Name
-    }
-    $live
 }
 
 function Compare-Step {
@@ -442,7 +423,7 @@ function Test-Agreed {
 
 function Write-RunEvent {
     param([string] $Kind, [System.Collections.IDictionary] $Step = $script:Whole, [string] $Status, [string] $Detail)
-    if ($script:Json) {
+    if ($script:Run.AsJson) {
         ConvertTo-AsciiJson -Value ([ordered] @{
             format = 'rarms-event/1'; kind = $Kind; plan = $script:Plan.Plan; number = $Step.Number
             total = $script:Steps.Count; address = $Step.Address; status = $Status; detail = $Detail
@@ -471,25 +452,21 @@ function ConvertTo-AsciiJson {
 function Show-Run {
     # A preview: first what is stopped, removed and deleted, then every step that is not done, with what it comes after.
     $shown = @(Get-Preview)
-    $losses = [hashtable]::new($script:Ordinal)
-    foreach ($one in $shown) {
-        $loss = if ($one.Status -ceq 'previewed') { Get-Loss -Step $one.Step }
-        if ($loss) { $losses[$loss] = [string] $losses[$loss] + ', ' + $one.Step.Address }
-    }
+    $ahead = @(foreach ($one in $shown) { if ($one.Status -ceq 'previewed') { $one } })
     $lines = @(foreach ($loss in @('stops', 'removes', 'deletes')) {
-        if ($losses[$loss]) { $loss + $losses[$loss].Substring(1) }
+        $at = @(foreach ($one in $ahead) { if ((Get-Loss -Step $one.Step) -ceq $loss) { $one.Step.Address } })
+        if ($at.Count) { $loss + ' ' + ($at -join ', ') }
     })
     $detail = if ($lines.Count) { $lines -join '; ' } else { 'nothing is stopped, removed or deleted' }
     Write-RunEvent -Kind 'run' -Status 'previewed' -Detail $detail
     foreach ($one in $shown) {
-        if ($script:Json -or $one.Status -ceq 'unchanged') {
+        if ($script:Run.AsJson -or $one.Status -ceq 'unchanged') {
             Write-RunEvent -Kind 'step' -Step $one.Step -Status $one.Status -Detail $one.Detail
         } else {
             [void] (Test-Wanted -Address $one.Step.Address -Action $one.Detail)
         }
     }
-    $count = @(foreach ($one in $shown) { if ($one.Status -ceq 'previewed') { $one } }).Count
-    $detail = '{0} of {1} steps are to do; nothing was changed' -f $count, $shown.Count
+    $detail = '{0} of {1} steps are to do; nothing was changed' -f $ahead.Count, $shown.Count
     Write-RunEvent -Kind 'run' -Status 'previewed' -Detail $detail
 }
 
@@ -544,7 +521,8 @@ function Get-Loss {
 # === lock: one run at a time on this computer, in a folder that only Administrators and SYSTEM may write to.
 function Lock-Host {
     # A preview holds nothing. The folder comes first: no other account may open, and so hold, what lies in it.
-    if ($script:LockTimeout -lt 0 -or $script:LockTimeout -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
+    $wait = $script:Run.LockTimeout
+    if ($wait -lt 0 -or $wait -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
     if ($script:Preview) { return }
     $path = $script:OwnerFile
     # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to all.
@@ -552,12 +530,10 @@ function Lock-Host {
     else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
     if (Test-Path -LiteralPath $path) { Assert-Owner -Path $path }
     Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
-    $until = [DateTime]::UtcNow.AddMilliseconds(1000 * $script:LockTimeout)
-    $mode = [System.IO.FileMode]::OpenOrCreate
+    $until = [DateTime]::UtcNow.AddMilliseconds(1000 * $wait)
     while ($null -eq $script:Handle) {
         try {
-            $access = [System.IO.FileAccess]::Write
-            $script:Handle = [System.IO.FileStream]::new($path, $mode, $access, [System.IO.FileShare]::Read)
+            $script:Handle = [System.IO.FileStream]::new($path, 'OpenOrCreate', 'Write', 'Read')
         } catch [System.IO.IOException] {
             if (-not ([DateTime]::UtcNow -lt $until)) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + (Get-Holder)) }
             Start-Sleep -Milliseconds 500
@@ -571,20 +547,12 @@ function Lock-Host {
 
 function Get-Holder {
     # Who holds this computer. It is open for writing, so it is opened shared for that.
-    $text = ''
     try {
-        $access = [System.IO.FileAccess]::Read
-        $share = [System.IO.FileShare]::ReadWrite
-        $stream = [System.IO.FileStream]::new($script:OwnerFile, [System.IO.FileMode]::Open, $access, $share)
-        try {
-            $data = [byte[]]::new(300)
-            $text = [System.Text.Encoding]::ASCII.GetString($data, 0, $stream.Read($data, 0, 300))
-        } finally {
-            $stream.Dispose()
-        }
-    } catch {
-        Write-Verbose -Message $_.Exception.Message
-    }
+        $stream = [System.IO.FileStream]::new($script:OwnerFile, 'Open', 'Read', 'ReadWrite')
+        $data = [byte[]]::new(300)
+        try { $text = [System.Text.Encoding]::ASCII.GetString($data, 0, $stream.Read($data, 0, 300)) }
+        finally { $stream.Dispose() }
+    } catch { $text = '' }
     if ($text) { $text } else { 'an unknown user' }
 }
 
@@ -593,15 +561,6 @@ function Unlock-Host {
     $script:Handle.Dispose()
     # Another run may hold it by now.
     try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
-}
-
-function Protect-Path {
-    # The owner is said, not left to the account: what a policy or an ssh logon makes of new files differs.
-    param([string] $Path, [string] $Descriptor)
-    if ($env:OS -cne 'Windows_NT') { return }
-    $acl = Get-Acl -LiteralPath $Path
-    $acl.SetSecurityDescriptorSddlForm($Descriptor)
-    Set-Acl -LiteralPath $Path -AclObject $acl
 }
 
 function Assert-Owner {
@@ -644,7 +603,6 @@ function Import-Journal {
         else {
             $script:Started = $record
             $script:Past = @($record.history)
-            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }
@@ -658,19 +616,12 @@ function Get-Sealed {
     '{0},"length":{1},"checksum":"{2}"}}{3}' -f ($Text -creplace '\}$', ''), $Text.Length, $digest, [char] 10
 }
 
-function Get-Sha256 {
-    param([byte[]] $Data, [int] $Count = $Data.Length)
-    $hash = [System.Security.Cryptography.SHA256]::Create()
-    ([System.BitConverter]::ToString($hash.ComputeHash($Data, 0, $Count)) -replace '-', '').ToLowerInvariant()
-}
-
 function Add-Record {
     # It is on the disk when this returns. A torn end is cut off first.
     param([System.Collections.IDictionary] $Record, [string] $Path = $script:Journal)
     if ($script:Preview) { return }
     [byte[]] $data = [System.Text.Encoding]::ASCII.GetBytes((Get-Sealed -Text (ConvertTo-AsciiJson -Value $Record)))
-    $mode = [System.IO.FileMode]::OpenOrCreate
-    $stream = [System.IO.FileStream]::new($Path, $mode, [System.IO.FileAccess]::Write)
+    $stream = [System.IO.FileStream]::new($Path, 'OpenOrCreate', 'Write')
     try {
         $stream.SetLength($script:Sound)
         $stream.Position = $script:Sound
@@ -687,11 +638,11 @@ function Clear-Journal {
     $last = $script:Started
     if ($null -eq $last) { return }
     $closing = if ($script:Closing) { $script:Closing } else { $null }
-    $robot = if ($null -eq $last.PSObject.Properties['robot']) { '' } else { $last.robot } # an early version wrote none
+    $robot = if ($last.PSObject.Properties['robot']) { $last.robot } else { '' } # an early version wrote none
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $script:StartedAt; closing = $closing; robot = $robot
+        started_at = $last.started_at; closing = $closing; robot = $robot
     }
     $script:Touched.Clear()
     foreach ($number in @(if ($script:Plan.Run -ceq 'undo') { $script:Recorded.Keys })) {
@@ -709,7 +660,7 @@ function Write-FirstRecord {
     $undo = ''
     if ($plan.Undo) {
         # It must lie beside this one, as it was made.
-        $path = [System.IO.Path]::Combine([System.IO.Path]::GetDirectoryName($script:ScriptPath), $plan.Undo)
+        $path = [System.IO.Path]::Combine([System.IO.Path]::GetDirectoryName($script:Run.ScriptPath), $plan.Undo)
         if (-not (Test-Path -LiteralPath $path)) { throw ('{0} must lie beside this script: put it there' -f $path) }
         $data = [System.IO.File]::ReadAllBytes($path)
         $undo = [System.Text.Encoding]::ASCII.GetString($data)
@@ -728,17 +679,17 @@ function Write-FirstRecord {
     $script:Sound = [long] 0
     $record = [ordered] @{
         run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
-        robot = $plan.Robot; script = [System.IO.File]::ReadAllText($script:ScriptPath); undo = $undo
+        robot = $plan.Robot; script = [System.IO.File]::ReadAllText($script:Run.ScriptPath); undo = $undo
         # As text without the T of ISO dates, which 7 would read back as a date; a cast knows no culture.
         started_at = [string] [DateTime]::UtcNow -creplace '^(..)/(..)/(....) (.*)$', '$3-$1-$2 $4 UTC'
         history = @($script:Past)
         serials = $script:Serials; touched = @($script:Touched.Keys | Sort-Object); kind = 'run_started'
     }
     # The script and its undo need it, too; a script in one file holds it.
-    if ($script:ModulePath) {
+    if ($script:Run.ModulePath) {
         $record['module'] = [hashtable]::new($script:Ordinal)
         foreach ($name in @('Rarms.psd1', 'Rarms.psm1')) {
-            $path = [System.IO.Path]::Combine($script:ModulePath, $name)
+            $path = [System.IO.Path]::Combine($script:Run.ModulePath, $name)
             $record['module'][$name] = [System.IO.File]::ReadAllText($path)
         }
     }
@@ -763,8 +714,13 @@ function Assert-VmHost {
     if ($vmHost.Name -ne $plan.Computer) {
         Stop-Run -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
     }
-    if ($plan.Identity -and (Get-HostIdentity) -cne $plan.Identity) {
-        Stop-Run -Detail ('this {0} is not the one that the plan was made for: make a plan for this one' -f $vmHost.Name)
+    if ($plan.Identity) {
+        # What tells this Windows from every other, as observe.ps1 works it out.
+        $id = [string] (Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Cryptography').GetValue('MachineGuid')
+        $id = Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes('rarms host ' + $id.Trim().ToLowerInvariant()))
+        if ($id.Substring(0, 32) -cne $plan.Identity) {
+            Stop-Run -Detail ('this {0} is not the one that the plan was made for: make a plan for this one' -f $vmHost.Name)
+        }
     }
     # An undo gives back, and promises nothing.
     if ($plan.Run -ceq 'undo') { return }
@@ -776,13 +732,6 @@ function Assert-VmHost {
     if (Test-RootScheduler) {
         throw 'the hypervisor runs its root scheduler, under which reserve, limit and weight have no effect'
     }
-}
-
-function Get-HostIdentity {
-    # What tells this Windows from every other, as observe.ps1 works it out.
-    $id = [string] (Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Cryptography').GetValue('MachineGuid')
-    $data = [System.Text.Encoding]::ASCII.GetBytes('rarms host ' + $id.Trim().ToLowerInvariant())
-    (Get-Sha256 -Data $data).Substring(0, 32)
 }
 
 function Test-RootScheduler {
@@ -815,23 +764,28 @@ function Assert-Guest {
 
 # === machines: how virtual machines are found, read and marked: never by their names.
 function Get-PartitionReading {
-    # What the host shows of the machine with this id.
-    param([string] $Machine, [switch] $Clustered)
-    Get-MachineReading -Machine $Machine -Clustered $Clustered
-}
-
-function Get-MachineReading {
-    # As Get-PartitionReading, for its other callers.
-    param([string] $Machine, [bool] $Clustered)
+    # Of the machine with this id, or of the one that this plan makes under this name: of it also whether it was given
+    # more than this disk since, as an undo must not take it away with that.
+    param([string] $Machine = '', [string] $Name = '', [string] $Disk = '', [switch] $Clustered)
     $live = Get-Known
     if (-not $live.Count) {
-        $found = @(Find-Machine -Machine $Machine)
+        if ($Name) { $Machine = $script:Machines[$Name] }
+        $found = @(if ($Machine) { Find-Machine -Machine $Machine } else { Find-NewMachine -Name $Name })
         # Of what was done nothing is to be changed.
-        if ($script:Current.Contains('Set')) { foreach ($vm in $found) { Assert-Untied -Vm $vm -Clustered $Clustered } }
-        Add-MachineReading -Live $live -Found $found
+        $guarded = -not $Name -and $script:Current.Contains('Set')
+        foreach ($vm in $found) { if ($guarded) { Assert-Untied -Vm $vm -Clustered $Clustered } }
+        if ($found.Count -gt 1) { Stop-Run -Detail ('{0} machines answer to it' -f $found.Count) }
+        $live['exists'] = $found.Count -eq 1
+        $live['vm'] = $null
+        foreach ($vm in $found) { Add-MachineReading -Live $live -Vm $vm }
+        if ($Name -and $live['exists']) { $script:Machines[$Name] = $live['machine'] }
     }
-    Add-ProcessorReading -Live $live
     $script:Vm = $live['vm']
+    if ($live['exists']) { Add-DeviceReading -Live $live }
+    if (Test-Unread -Live $live -Name 'taken') { $live['taken'] = Test-Stranger -Name $Name }
+    if ($live['exists'] -and (Test-Unread -Live $live -Name 'added')) {
+        $live['added'] = @(Get-Addition -Name $Name -Disk $Disk -Live $live) -join ', '
+    }
     $live
 }
 
@@ -857,41 +811,6 @@ function Get-MachineList {
     # All machines of the host, listed once for all that is read until something changes.
     if (-not $script:Known.Contains('machines')) { $script:Known['machines'] = @(Hyper-V\Get-VM) }
     $script:Known['machines']
-}
-
-function Add-MachineReading {
-    # Into the reading: whether there is the machine, and what it says of itself.
-    param([System.Collections.IDictionary] $Live, $Found)
-    if ($Found.Count -gt 1) { Stop-Run -Detail ('{0} machines answer to it' -f $Found.Count) }
-    $Live['exists'] = $Found.Count -eq 1
-    $Live['vm'] = $null
-    if (-not $Found.Count) { return }
-    $vm = $Found[0]
-    $mark = Get-Mark -Vm $vm
-    $Live['vm'] = $vm
-    $Live['machine'] = ([string] $vm.Id).ToLowerInvariant()
-    $Live['name'] = [string] $vm.Name
-    $Live['generation'] = [long] $vm.Generation
-    $Live['processors'] = [long] $vm.ProcessorCount
-    $Live['memory'] = [long] $vm.MemoryStartup
-    $Live['dynamic_memory'] = [bool] $vm.DynamicMemoryEnabled
-    $Live['start_action'] = ConvertTo-Word -Value $vm.AutomaticStartAction
-    $Live['stop_action'] = ConvertTo-Word -Value $vm.AutomaticStopAction
-    $Live['checkpoints'] = ConvertTo-Word -Value $vm.CheckpointType
-    $Live['state'] = ConvertTo-RunState -State $vm.State
-    $Live['running'] = $Live['state'] -ceq 'running'
-    $Live['mark'] = if ($mark.Name) { '{0}/{1}' -f $mark.Application, $mark.Name } else { '' }
-    $Live['set'] = $mark.Set
-}
-
-function Add-ProcessorReading {
-    # Only where one of these is asked for: a machine that is stopped or removed needs none of them.
-    param([System.Collections.IDictionary] $Live)
-    if (-not $Live['exists'] -or -not (Test-Unread -Live $Live -Name 'reserve', 'limit', 'weight')) { return }
-    $cpu = Get-Device -Kind 'processors' -Vm $Live['vm']
-    $Live['reserve'] = [long] $cpu.Reserve
-    $Live['limit'] = [long] $cpu.Maximum
-    $Live['weight'] = [long] $cpu.RelativeWeight
 }
 
 function Get-Device {
@@ -923,44 +842,35 @@ function Test-Unread {
 function Get-Mark {
     # Our line in a machine's notes. One that names another machine's id was copied and is none; so are two of them.
     param($Vm)
-    if (Test-Replica -Vm $Vm) { return @{ Application = ''; Name = ''; Set = '' } }
     $found = @(@([string] $Vm.Notes -split '\n') | Where-Object -FilterScript { $_ -cmatch $script:MarkForm })
-    if ($found.Count -eq 1 -and $found[0] -cmatch $script:MarkForm -and $Matches['vm'] -ceq (Get-ShortId -Vm $Vm)) {
+    $sound = $found.Count -eq 1 -and -not (Test-Replica -Vm $Vm) -and $found[0] -cmatch $script:MarkForm
+    if ($sound -and $Matches['vm'] -ceq (Get-ShortId -Vm $Vm)) {
         return @{ Application = $Matches['app']; Name = $Matches['name']; Set = $Matches['set'] }
     }
     @{ Application = ''; Name = ''; Set = '' }
 }
 
 function Assert-Untied {
-    # A replica, a shielded machine and one of a cluster are not the host's alone; a plan may accept the last.
     param($Vm, [bool] $Clustered)
-    $tie = Get-Tie -Vm $Vm
-    if ($tie -ceq 'of a failover cluster' -and $Clustered) { $tie = '' }
-    if (-not $tie -and (Test-Shielded -Vm $Vm)) { $tie = 'shielded' }
+    $tie = Get-Tie -Vm $Vm -Clustered $Clustered
     if ($tie) { Stop-Run -Detail ('machine {0} ({1}) is {2}, and not changed here' -f $Vm.Name, $Vm.Id, $tie) }
 }
 
 function Get-Tie {
-    # What a machine says itself of who else decides over it; nothing of one that is the host's alone.
-    param($Vm)
+    # Who else decides over a machine, so that it is not changed here; a plan may accept a cluster. Asked once a run.
+    param($Vm, [bool] $Clustered = $false)
     if (Test-Replica -Vm $Vm) { return 'a replica of one on another host' }
-    $clustered = $Vm.PSObject.Properties['IsClustered']
-    if ($null -ne $clustered -and $clustered.Value) { return 'of a failover cluster' }
-    ''
+    $known = $Vm.PSObject.Properties['IsClustered']
+    if (-not $Clustered -and $null -ne $known -and $known.Value) { return 'of a failover cluster' }
+    $id = [string] $Vm.Id
+    if (-not $script:Shielded.Contains($id)) { $script:Shielded[$id] = [bool] (Hyper-V\Get-VMSecurity -VM $Vm).Shielded }
+    if ($script:Shielded[$id]) { 'shielded' }
 }
 
 function Test-Replica {
     # A replica has the id and the notes of its primary, so that our mark on it says nothing.
     param($Vm)
     @('Replica', 'TestReplica', 'ExtendedReplica') -ccontains [string] $Vm.ReplicationMode
-}
-
-function Test-Shielded {
-    # Asked once a run of each machine.
-    param($Vm)
-    $id = [string] $Vm.Id
-    if (-not $script:Shielded.Contains($id)) { $script:Shielded[$id] = [bool] (Hyper-V\Get-VMSecurity -VM $Vm).Shielded }
-    $script:Shielded[$id]
 }
 
 function Get-ShortId {
@@ -991,16 +901,36 @@ function ConvertTo-Word {
     ([string] $Value -creplace '(?<=[a-z])(?=[A-Z])', '_').ToLowerInvariant()
 }
 
-# === devices: one call for each kind that is wanted and was not read yet.
-function Get-DeviceReading {
-    param([string] $Machine, [switch] $Clustered)
-    Add-DeviceReading -Live (Get-MachineReading -Machine $Machine -Clustered $Clustered)
+function Add-MachineReading {
+    # What a machine says of itself.
+    param([System.Collections.IDictionary] $Live, $Vm)
+    $mark = Get-Mark -Vm $Vm
+    $Live['vm'] = $Vm
+    $Live['machine'] = ([string] $Vm.Id).ToLowerInvariant()
+    $Live['name'] = [string] $Vm.Name
+    $Live['generation'] = [long] $Vm.Generation
+    $Live['processors'] = [long] $Vm.ProcessorCount
+    $Live['memory'] = [long] $Vm.MemoryStartup
+    $Live['dynamic_memory'] = [bool] $Vm.DynamicMemoryEnabled
+    $Live['start_action'] = ConvertTo-Word -Value $Vm.AutomaticStartAction
+    $Live['stop_action'] = ConvertTo-Word -Value $Vm.AutomaticStopAction
+    $Live['checkpoints'] = ConvertTo-Word -Value $Vm.CheckpointType
+    $Live['state'] = ConvertTo-RunState -State $Vm.State
+    $Live['running'] = $Live['state'] -ceq 'running'
+    $Live['mark'] = if ($mark.Name) { '{0}/{1}' -f $mark.Application, $mark.Name } else { '' }
+    $Live['set'] = $mark.Set
 }
 
 function Add-DeviceReading {
+    # One call for each kind that is asked for and was not read yet: a machine that is removed needs none of them.
     param([System.Collections.IDictionary] $Live)
     $vm = $Live['vm']
-    if (-not $Live['exists']) { return $Live }
+    if (Test-Unread -Live $Live -Name 'reserve', 'limit', 'weight') {
+        $cpu = Get-Device -Kind 'processors' -Vm $vm
+        $Live['reserve'] = [long] $cpu.Reserve
+        $Live['limit'] = [long] $cpu.Maximum
+        $Live['weight'] = [long] $cpu.RelativeWeight
+    }
     if (Test-Unread -Live $Live -Name 'secure_boot', 'boots_from') {
         $firmware = Hyper-V\Get-VMFirmware -VM $vm
         $off = [string] $firmware.SecureBoot -ceq 'Off'
@@ -1014,25 +944,19 @@ function Add-DeviceReading {
     foreach ($kind in @('disks', 'snapshots')) {
         if (Test-Unread -Live $Live -Name $kind) { $Live[$kind] = @(Get-Device -Kind $kind -Vm $vm).Count }
     }
-    $Live
+}
+
+function Get-Addition {
+    # What a machine that this plan made has beside this disk: other disks, another name, a checkpoint.
+    param([string] $Name, [string] $Disk, [System.Collections.IDictionary] $Live)
+    foreach ($drive in @(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm)) {
+        if (-not (Test-SamePath -Left $drive.Path -Right $Disk)) { 'disk ' + $drive.Path }
+    }
+    if (@($Name, (Get-PendingName -Name $Name)) -cnotcontains $Live['name']) { 'name ' + $Live['name'] }
+    if (@(Hyper-V\Get-VMSnapshot -VM $script:Vm).Count) { 'a checkpoint' }
 }
 
 # === making: the machine that this plan makes: it carries our mark, or before that the plan's pending name.
-function Get-NewPartitionReading {
-    param([string] $Name)
-    $live = Get-Known
-    if (-not $live.Count) {
-        $id = $script:Machines[$Name]
-        $found = @(if ($id) { Find-Machine -Machine $id } else { Find-NewMachine -Name $Name })
-        Add-MachineReading -Live $live -Found $found
-        if ($live['exists']) { $script:Machines[$Name] = $live['machine'] }
-    }
-    Add-ProcessorReading -Live $live
-    if (Test-Unread -Live $live -Name 'taken') { $live['taken'] = Test-Stranger -Name $Name }
-    $script:Vm = $live['vm']
-    Add-DeviceReading -Live $live
-}
-
 function Find-NewMachine {
     param([string] $Name)
     $pending = Get-PendingName -Name $Name
@@ -1069,47 +993,33 @@ function Add-PartitionDisk {
 
 function Move-NewPartition {
     # Hyper-V made a folder of the pending name, and a new name would leave it so. What is there already is not moved again.
-    param([string] $Folder, [string] $Name)
-    $path = Get-PartitionFolder -Folder $Folder -Name $Name
-    if ([string] $script:Vm.Path -ne $path) {
-        Hyper-V\Move-VMStorage -VM $script:Vm -VirtualMachinePath $path -SnapshotFilePath $path -SmartPagingFilePath $path
+    param([string] $From, [string] $To)
+    if ([string] $script:Vm.Path -ne $To) {
+        Hyper-V\Move-VMStorage -VM $script:Vm -VirtualMachinePath $To -SnapshotFilePath $To -SmartPagingFilePath $To
     }
-    Remove-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name (Get-PendingName -Name $Name))
-}
-
-function Get-PartitionFolder {
-    param([string] $Folder, [string] $Name)
-    '{0}\{1}' -f ($Folder -creplace '\\$', ''), $Name
+    Remove-PartitionFolder -From $From -To $To
 }
 
 function Get-FolderReading {
-    # How many folders are left empty where this plan made a machine: of its pending name, and of its final one.
-    param([string] $Folder, [string] $Name)
-    $count = 0
-    foreach ($one in @((Get-PendingName -Name $Name), $Name)) {
-        if (Test-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name $one)) { $count += 1 }
-    }
-    @{ folders = $count }
+    # How many of the two are left empty.
+    param([string] $From, [string] $To)
+    @{ folders = @(Get-EmptyFolder -Path $From, $To).Count }
 }
 
 function Remove-PartitionFolder {
-    param([string] $Folder, [string] $Name)
-    foreach ($one in @((Get-PendingName -Name $Name), $Name)) {
-        Remove-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name $one)
-    }
-}
-
-function Remove-EmptyFolder {
     # Never with what lies in it.
-    param([string] $Path)
-    if (Test-EmptyFolder -Path $Path) { [System.IO.Directory]::Delete($Path) }
+    param([string] $From, [string] $To)
+    foreach ($path in @(Get-EmptyFolder -Path $From, $To)) { [System.IO.Directory]::Delete($path) }
 }
 
-function Test-EmptyFolder {
-    param([string] $Path)
-    if (-not (Test-Path -LiteralPath $Path)) { return $false }
-    $link = [System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint
-    -not $link -and -not @(Get-ChildItem -LiteralPath $Path -Force).Count
+function Get-EmptyFolder {
+    # Those that are there, lead nowhere else and hold nothing.
+    param([string[]] $Path)
+    foreach ($one in $Path) {
+        if (-not (Test-Path -LiteralPath $one)) { continue }
+        $link = [System.IO.File]::GetAttributes($one) -band [System.IO.FileAttributes]::ReparsePoint
+        if (-not $link -and -not @(Get-ChildItem -LiteralPath $one -Force).Count) { $one }
+    }
 }
 
 function Remove-NetworkAdapter {
@@ -1121,56 +1031,48 @@ function Remove-NetworkAdapter {
 function Test-Capacity {
     # Whether all promises fit with this machine's new one: in sum, in memory, and each processor onto a logical one.
     param([long] $Processors, [long] $Reserve, [long] $Memory)
-    $others = @(foreach ($vm in @(Get-MachineList)) {
-        if ([string] $vm.Id -ceq [string] $script:Vm.Id) { continue }
-        $ours = (Get-Mark -Vm $vm).Application -ceq $script:Plan.Application
-        $active = @('off', 'saved') -cnotcontains (ConvertTo-RunState -State $vm.State)
-        # A replica starts at a failover only.
-        $starts = -not (Test-Replica -Vm $vm) -and [string] $vm.AutomaticStartAction -cne 'Nothing'
-        if ($active -or (-not $ours -and $starts)) { $vm }
-    })
-    $cpu = if ($script:Plan.ThreadsPerCore -eq 1) { $null } else { Get-Device -Kind 'processors' -Vm $script:Vm }
+    $plan = $script:Plan
+    $all = @(Get-MachineList)
+    $cpu = if ($plan.ThreadsPerCore -eq 1) { $null } else { Get-Device -Kind 'processors' -Vm $script:Vm }
     $claims = @(@{ Cores = Get-CoreCount -Cpu $cpu -Processors $Processors; Reserve = $Reserve })
-    $needed = $claims[0].Cores * $script:Plan.ThreadsPerCore * $Reserve
-    $taken = [long] 0
+    $needed = $claims[0].Cores * $plan.ThreadsPerCore * $Reserve
+    $percent = $plan.Percent
+    $bytes = $plan.Memory
     $promised = @()
-    $bytes = $Memory
-    if ($others.Count) {
-        foreach ($cpu in @(foreach ($vm in $others) { Get-Device -Kind 'processors' -Vm $vm })) {
-            $cores = Get-CoreCount -Cpu $cpu -Processors $cpu.Count
-            $claims += @{ Cores = $cores; Reserve = [long] $cpu.Reserve }
-            $share = $cores * $script:Plan.ThreadsPerCore * [long] $cpu.Reserve
-            $taken += $share
-            if ($share) { $promised += '{0} {1}' -f $cpu.VMName, (ConvertTo-Processor -Percent $share) }
-        }
-        foreach ($vm in $others) { $bytes += [long] $vm.MemoryStartup }
+    foreach ($vm in $all) {
+        if ([string] $vm.Id -ceq [string] $script:Vm.Id) { continue }
+        $ours = (Get-Mark -Vm $vm).Application -ceq $plan.Application
+        # A replica starts at a failover only.
+        $starts = -not $ours -and -not (Test-Replica -Vm $vm) -and [string] $vm.AutomaticStartAction -cne 'Nothing'
+        if (-not $starts -and @('off', 'saved') -ccontains (ConvertTo-RunState -State $vm.State)) { continue }
+        $bytes -= [long] $vm.MemoryStartup
+        $cpu = Get-Device -Kind 'processors' -Vm $vm
+        $claim = @{ Cores = Get-CoreCount -Cpu $cpu -Processors $cpu.Count; Reserve = [long] $cpu.Reserve }
+        $claims += $claim
+        $share = $claim.Cores * $plan.ThreadsPerCore * $claim.Reserve
+        $percent -= $share
+        if ($share) { $promised += '{0} {1}' -f $vm.Name, (ConvertTo-Processor -Percent $share) }
     }
-    $room = [long] (($script:Plan.Memory - $bytes + $Memory) / 1048576)
-    $free = ConvertTo-Processor -Percent ($script:Plan.Percent - $taken)
-    $needed = ConvertTo-Processor -Percent $needed
-    $script:Shortage = 'needs {0} and {1} MiB, free {2} and {3} MiB' -f $needed, [long] ($Memory / 1048576), $free, $room
+    $free = '{0} and {1} MiB' -f (ConvertTo-Processor -Percent $percent), [long] ($bytes / 1048576)
+    $asked = '{0} and {1} MiB' -f (ConvertTo-Processor -Percent $needed), [long] ($Memory / 1048576)
+    $script:Shortage = 'needs {0}, free {1}' -f $asked, $free
     if ($promised.Count) { $script:Shortage += ', promised: ' + ($promised -join ', ') }
-    $nodes = @(foreach ($one in $script:Nodes) { if (@($one.ProcessorsAvailability).Count -ge $Processors) { $one } })
-    $nodes = @(foreach ($one in $nodes) { if ($one.MemoryTotal -ge $Memory / 1048576) { $one } })
+    $nodes = @(foreach ($one in $script:Nodes) {
+        if (@($one.ProcessorsAvailability).Count -ge $Processors -and $one.MemoryTotal -ge $Memory / 1048576) { $one }
+    })
     if ($script:Nodes.Count -and -not $nodes.Count) {
         $script:Shortage = 'it is larger than each NUMA node, and this host lets none lie on two: allow NUMA spanning'
         return $false
     }
-    $percent = [long] 0
-    $free = @(100) * $script:Plan.Cores
-    foreach ($one in $claims) {
-        $percent += $one.Cores * $script:Plan.ThreadsPerCore * $one.Reserve
-        if ($one.Reserve -gt 0 -and $one.Cores -gt $free.Count) { return $false }
-    }
-    if ($percent -gt $script:Plan.Percent -or $bytes -gt $script:Plan.Memory) { return $false }
+    if ($needed -gt $percent -or $Memory -gt $bytes) { return $false }
     # Machines as wide as the host lie on every core; of the others the largest go first, each to the first place.
     $wide = 0
     $sizes = @()
     foreach ($one in $claims) {
-        if ($one.Cores -eq $free.Count) { $wide += $one.Reserve }
-        else { $sizes += @($one.Reserve) * $one.Cores }
+        if ($one.Reserve -gt 0 -and $one.Cores -gt $plan.Cores) { return $false }
+        if ($one.Cores -eq $plan.Cores) { $wide += $one.Reserve } else { $sizes += @($one.Reserve) * $one.Cores }
     }
-    for ($at = 0; $at -lt $free.Count; $at++) { $free[$at] -= $wide }
+    $free = @(100 - $wide) * $plan.Cores
     foreach ($size in @($sizes | Sort-Object -Descending)) {
         $at = 0
         while ($at -lt $free.Count -and $free[$at] -lt $size) { $at++ }
@@ -1261,20 +1163,6 @@ function Get-DiskReading {
     $live
 }
 
-function Get-MadePartitionReading {
-    # As Get-NewPartitionReading, and what the machine was given since: an undo must not take it away with that.
-    param([string] $Name, [string] $Disk = '')
-    $live = Get-NewPartitionReading -Name $Name
-    if (-not $live['exists'] -or -not (Test-Unread -Live $live -Name 'added')) { return $live }
-    $added = @(foreach ($drive in @(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm)) {
-        if (-not (Test-SamePath -Left $drive.Path -Right $Disk)) { 'disk ' + $drive.Path }
-    })
-    if (@($Name, (Get-PendingName -Name $Name)) -cnotcontains $live['name']) { $added += 'name ' + $live['name'] }
-    if (@(Hyper-V\Get-VMSnapshot -VM $script:Vm).Count) { $added += 'a checkpoint' }
-    $live['added'] = $added -join ', '
-    $live
-}
-
 function Test-DiskUse {
     # Whether a machine or one of its checkpoints has this disk, or one that grows out of it.
     param([string] $Path)
@@ -1297,14 +1185,6 @@ function Test-SamePath {
     # Windows tells paths apart neither by case nor by the direction of a slash.
     param([string] $Left, [string] $Right)
     $Left.Replace('/', '\') -eq $Right.Replace('/', '\')
-}
-
-function Get-DiskPath {
-    # Where this plan puts a new disk of a partition: in its folder, or in the host's own.
-    param([string] $Folder, [string] $Name, [string] $Type)
-    if (-not $Folder) { $Folder = (Hyper-V\Get-VMHost).VirtualHardDiskPath }
-    # Not Join-Path, which wants the drive to be there while the steps are still compared.
-    '{0}\{1}-{2}.{3}' -f ($Folder -creplace '\\$', ''), $Name, $script:Plan.Plan, $Type
 }
 
 function Remove-DiskFile {
@@ -1497,4 +1377,114 @@ function Restore-TaskClass {
         $type = $one.Value.kind -creplace '^sz$', 'string'
         Write-TaskValue -Task $Task -Name $one.Name -Type $type -Value $one.Value.data
     }
+}
+
+# === receiver: what ssh, WinRM or a script with the installed module starts: scripts come on its standard input.
+function Receive-RarmsPlan {
+    <#
+    .SYNOPSIS
+        Takes scripts from standard input, checks their SHA-256, runs the first, and gives its exit code.
+    .DESCRIPTION
+        Input: 8 digits, the length of a table; the table, a line for the arguments and one `name length sha256` a file;
+        then their bytes. Text that ends with a dot, `3 run 45 55.`, is laid beside the script, which reads it; `o` says
+        that nothing follows and it goes on; anything else, or the input's end, asks it to stop before its next step.
+    .PARAMETER Source
+        Where they come from. Without it: standard input, after a line that names the version of this module.
+    .EXAMPLE
+        exit (Receive-RarmsPlan)
+    #>
+    [CmdletBinding(PositionalBinding = $false)]
+    param([System.IO.Stream] $Source = $null)
+    if ($null -eq $Source) {
+        $Source = [Console]::OpenStandardInput()
+        [Console]::Out.WriteLine('rarms-receiver/1 ready ' + $MyInvocation.MyCommand.Module.Version)
+    }
+    $folder = ''
+    try {
+        $ascii = [System.Text.Encoding]::ASCII
+        $data = [byte[]]::new(8)
+        Read-Stream -From $Source -Into $data
+        $data = [byte[]]::new([int] $ascii.GetString($data))
+        Read-Stream -From $Source -Into $data
+        $table = @($ascii.GetString($data) -split '\n')
+        if ($table[0] -cnotmatch '^( |-AsJson|-Force|-Abandon|-LockTimeout [0-9]{1,6})*$') { throw 'bad arguments' }
+        $folder = Get-OwnFolder
+        $main = ''
+        for ($at = 1; $at -lt $table.Count; $at++) {
+            $part = @($table[$at] -split ' ')
+            if ($part[0] -cnotmatch '^([a-z0-9][a-z0-9.-]*\.ps1|Rarms/Rarms\.ps[dm]1)$') { throw 'bad name' }
+            $data = [byte[]]::new([int] $part[1])
+            Read-Stream -From $Source -Into $data
+            if ((Get-Sha256 -Data $data) -cne $part[2]) { throw ($part[0] + ' is not what was sent') }
+            $path = [System.IO.Path]::Combine($folder, $part[0])
+            [void] [System.IO.Directory]::CreateDirectory([System.IO.Path]::GetDirectoryName($path))
+            [System.IO.File]::WriteAllBytes($path, $data)
+            if (-not $main) { $main = $path }
+        }
+        $start = [System.Diagnostics.ProcessStartInfo]::new()
+        $start.FileName = [System.Diagnostics.Process]::GetCurrentProcess().MainModule.FileName
+        $form = '-NoProfile -NonInteractive -ExecutionPolicy RemoteSigned -File "{0}" {1}'
+        $start.Arguments = $form -f $main, $table[0]
+        $start.UseShellExecute = $false
+        $start.RedirectStandardInput = $true
+        $child = [System.Diagnostics.Process]::Start($start)
+        $child.StandardInput.Close()
+        $data = [byte[]]::new(99)
+        $more = $Source.ReadAsync($data, 0, 99)
+        while (-not $child.WaitForExit(200)) {
+            if ($null -eq $more -or -not $more.IsCompleted) { continue }
+            $line = $ascii.GetString($data, 0, $more.Result)
+            $more = $null
+            if ($line -ceq 'o') { continue }
+            $kind = if ($line -cmatch '\.$') { '.next' } else { '.stop' }
+            [System.IO.File]::WriteAllText($main + $kind, $line)
+            $more = if ($line) { $Source.ReadAsync($data, 0, 99) }
+        }
+        $child.ExitCode
+    } catch {
+        [Console]::Out.WriteLine('rarms-bootstrap/1 failed ' + ($_.Exception.Message -replace '\s+', ' '))
+        90
+    } finally {
+        try {
+            if ($folder) { [System.IO.Directory]::Delete($folder, $true) }
+        } catch {
+            [Console]::Error.WriteLine('rarms could not remove ' + $folder)
+        }
+    }
+}
+
+function Read-Stream {
+    # Fills the array; the connection must not end before.
+    param([System.IO.Stream] $From, [byte[]] $Into)
+    $at = 0
+    while ($at -lt $Into.Length) {
+        $count = $From.Read($Into, $at, $Into.Length - $at)
+        if ($count -eq 0) { throw 'the input ended too early' }
+        $at += $count
+    }
+}
+
+function Get-OwnFolder {
+    # A new one, which only its user can read.
+    if ($env:OS -cne 'Windows_NT') { return [System.IO.Directory]::CreateTempSubdirectory('rarms-').FullName }
+    $folder = [System.IO.Path]::GetTempPath() + 'rarms-' + [guid]::NewGuid().ToString('N')
+    [void] [System.IO.Directory]::CreateDirectory($folder)
+    $user = [System.Security.Principal.WindowsIdentity]::GetCurrent().User.Value
+    Protect-Path -Path $folder -Descriptor ('D:P(A;OICI;FA;;;' + $user + ')') -Sections 'Access'
+    $folder
+}
+
+function Protect-Path {
+    # The owner is said, not left to the account: what a policy or an ssh logon makes of new files differs.
+    param([string] $Path, [string] $Descriptor, [string] $Sections = 'All')
+    if ($env:OS -cne 'Windows_NT') { return }
+    $acl = Get-Acl -LiteralPath $Path
+    $acl.SetSecurityDescriptorSddlForm($Descriptor, $Sections)
+    Set-Acl -LiteralPath $Path -AclObject $acl
+}
+
+function Get-Sha256 {
+    param([byte[]] $Data, [int] $Count = $Data.Length)
+    $hash = [System.Security.Cryptography.SHA256]::Create()
+    ([System.BitConverter]::ToString($hash.ComputeHash($Data, 0, $Count)) -replace '-', '').ToLowerInvariant()
 }

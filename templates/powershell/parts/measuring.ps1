@@ -48,7 +48,7 @@ function Complete-Measurement {
     foreach ($test in $script:Tests) { Add-TestMachine -Test $test }
     foreach ($work in $script:Works) { Connect-Guest -Work $work }
     Write-Progressed -Partition '' -Status 'reading' -Detail 'ready'
-    while ($script:Works.Count -and -not (Test-Path -LiteralPath ($script:ScriptPath + '.stop'))) { Step-Setting }
+    while ($script:Works.Count -and -not (Test-Path -LiteralPath ($script:Run.ScriptPath + '.stop'))) { Step-Setting }
     Remove-Measurement
     Write-RunEvent -Kind 'run' -Status 'done'
 }
@@ -90,7 +90,7 @@ function Step-Setting {
 
 function Get-NextSetting {
     # Another one is asked for once the whole line is there; of two that came as one, the newer.
-    $path = $script:ScriptPath + '.next'
+    $path = $script:Run.ScriptPath + '.next'
     $text = ''
     try {
         if (Test-Path -LiteralPath $path) { $text = [System.IO.File]::ReadAllText($path) }

@@ -30,7 +30,7 @@ function Connect-Guest {
         } catch {
             # A guest that boots refuses like one with another password.
             $problem = [string] $_.Exception.Message
-            $late = -not ([DateTime]::UtcNow -lt $until) -or (Test-Path -LiteralPath ($script:ScriptPath + '.stop'))
+            $late = -not ([DateTime]::UtcNow -lt $until) -or (Test-Path -LiteralPath ($script:Run.ScriptPath + '.stop'))
             if ($null -ne $script:Ending -or $late) { throw $problem }
             Write-Progressed -Partition $at -Status 'reading' -Detail $problem
         }

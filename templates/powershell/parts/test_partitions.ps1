@@ -25,7 +25,8 @@ function Add-TestMachine {
     }
     $script:Vm = $vm
     Write-Mark
-    $disk = Get-DiskPath -Folder $Test.Folder -Name $Test.Name -Type $Test.Type
+    $folder = if ($Test.Folder) { $Test.Folder } else { (Hyper-V\Get-VMHost).VirtualHardDiskPath }
+    $disk = '{0}\{1}-{2}.{3}' -f ($folder -creplace '\\$', ''), $Test.Name, $script:Plan.Plan, $Test.Type
     $old = Get-DiskReading -Path $disk -Parent $Test.Image -Everywhere
     if ($old.exists -and (-not $old.child -or $old.used)) {
         Stop-Run -Detail ('{0} is not a disk of a measurement: move it' -f $disk)
@@ -55,11 +56,10 @@ function Remove-TestPartition {
     # Removes every test partition with its disk, made by any run: who holds this computer knows that no run measures.
     param([switch] $Tell)
     foreach ($vm in @(Hyper-V\Get-VM)) {
-        if (Get-Tie -Vm $vm) { continue }
         $mark = Get-Mark -Vm $vm
         $called = if ($mark.Name) { $mark.Name + '.rarms-000000000000' } else { [string] $vm.Name }
         if (-not ($called -cmatch '^rarms-p[12]\.rarms-0{12}$')) { continue }
-        if (Test-Shielded -Vm $vm) { continue }
+        if (Get-Tie -Vm $vm) { continue }
         $disks = @(@(Hyper-V\Get-VMHardDiskDrive -VM $vm) | Where-Object -FilterScript {
             [string] $_.Path -cmatch $script:TestDisk
         })
@@ -69,7 +69,9 @@ function Remove-TestPartition {
         $folder = [string] $vm.Path
         Hyper-V\Remove-VM -VM $vm -Force
         foreach ($disk in $disks) { Remove-DiskFile -Path $disk.Path }
-        if ($folder -cmatch $script:TestFolder) { Remove-EmptyFolder -Path $folder }
+        if ($folder -cmatch $script:TestFolder) {
+            foreach ($one in @(Get-EmptyFolder -Path $folder)) { [System.IO.Directory]::Delete($one) }
+        }
         if ($Tell) { Write-Progressed -Partition ($called -creplace '\..*$', '') -Status 'changed' -Detail 'removed' }
     }
 }

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 7f31c730501e, rarms 0.1.0. SHA-256: the undo c1a4bdeaec57cdcf8fe99cd1e7fa4044c60e21db2fa9733f6723e3b1759dd8d0, Rarms.psm1 B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6.
+    Manifest 7f31c730501e, rarms 0.1.0. SHA-256: the undo b040f5010e7913a117b85eaa8426db3e0d3ee05a991bab253615e54621fa1b41, Rarms.psm1 41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A.
 #>
 
 #Requires -Version 5.1
@@ -39,15 +39,15 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f6831e003892'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'c1a4bdeaec57cdcf8fe99cd1e7fa4044c60e21db2fa9733f6723e3b1759dd8d0'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'b040f5010e7913a117b85eaa8426db3e0d3ee05a991bab253615e54621fa1b41'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === speech: it is not there (rarms.yaml:15:3) ================================================
-    Use-Target -Address 'partition/speech' -Read { Get-NewPartitionReading -Name 'speech' }
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
     Add-Step -Action 'make a machine of generation 1 with 512 MiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 1; memory = 536870912
-    } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'speech') -Generation 1 -MemoryStartupBytes 536870912 -NoVHD -SwitchName 'lab' }
+    } -Set { Hyper-V\New-VM -Name 'speech.rarms-f6831e003892' -Generation 1 -MemoryStartupBytes 536870912 -NoVHD -SwitchName 'lab' }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ taken = $false } -After @{
         checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/speech'; memory = 536870912; name = 'speech'
         processors = 1; reserve = 40; set = 'd5cfd870d69d'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
@@ -65,8 +65,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6'
+    'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
+    'Rarms.psm1' = '41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

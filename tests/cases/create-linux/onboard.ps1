@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 1779455672d2, rarms 0.1.0. SHA-256: the undo 157103c00ba6dc78257f4b9e230f29bd6a9d7c77e1040d0eeb15c6d6f7a86245, Rarms.psm1 B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6.
+    Manifest 1779455672d2, rarms 0.1.0. SHA-256: the undo a3a3b69178a393921f64ffde649764431e2fd49b15a65ff0d560bba809d5c49e, Rarms.psm1 41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A.
 #>
 
 #Requires -Version 5.1
@@ -40,33 +40,31 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '3d799ddaf8ca'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '157103c00ba6dc78257f4b9e230f29bd6a9d7c77e1040d0eeb15c6d6f7a86245'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'a3a3b69178a393921f64ffde649764431e2fd49b15a65ff0d560bba809d5c49e'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === vision: it is not there (rarms.yaml:15:3) ================================================
-    Use-Target -Address 'partition/vision' -Read { Get-NewPartitionReading -Name 'vision' }
+    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 1073741824
     } -Set {
-        Hyper-V\New-VM -Name (Get-PendingName -Name 'vision') -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
+        Hyper-V\New-VM -Name 'vision.rarms-3d799ddaf8ca' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
     }
-    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path (Get-DiskPath -Folder 'D:\machines' -Name 'vision' -Type 'vhdx') -Parent 'D:\images\ubuntu-24.04.vhdx' }
+    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision-3d799ddaf8ca.vhdx' -Parent 'D:\images\ubuntu-24.04.vhdx' }
     Add-Step -Action 'make a disk that grows out of D:\images\ubuntu-24.04.vhdx' -Before @{ exists = $false } -After @{
         child = $true; exists = $true
-    } -Set {
-        Hyper-V\New-VHD -Path (Get-DiskPath -Folder 'D:\machines' -Name 'vision' -Type 'vhdx') -ParentPath 'D:\images\ubuntu-24.04.vhdx' -Differencing
-    }
-    Use-Target -Address 'partition/vision' -Read { Get-NewPartitionReading -Name 'vision' }
+    } -Set { Hyper-V\New-VHD -Path 'D:\machines\vision-3d799ddaf8ca.vhdx' -ParentPath 'D:\images\ubuntu-24.04.vhdx' -Differencing }
+    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ disks = 0; taken = $false } -After @{
         boots_from = 'drive'; checkpoints = 'disabled'; disks = 1; dynamic_memory = $false; limit = 100; mark = 'robot/vision'
         memory = 1073741824; name = 'vision'; processors = 2; reserve = 80; secure_boot = 'MicrosoftUEFICertificateAuthority'
         set = '28cc232b41a1'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
     } -Set {
-        Add-PartitionDisk -Path (Get-DiskPath -Folder 'D:\machines' -Name 'vision' -Type 'vhdx')
+        Add-PartitionDisk -Path 'D:\machines\vision-3d799ddaf8ca.vhdx'
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
         Hyper-V\Set-VMFirmware -VM $script:Vm -EnableSecureBoot 'On' -SecureBootTemplate 'MicrosoftUEFICertificateAuthority' -FirstBootDevice (Hyper-V\Get-VMHardDiskDrive -VM $script:Vm)
-        Move-NewPartition -Folder 'D:\machines' -Name 'vision'
+        Move-NewPartition -From 'D:\machines\vision.rarms-3d799ddaf8ca' -To 'D:\machines\vision'
         Write-Mark
         Hyper-V\Set-VMProcessor -VM $script:Vm -Count 2 -Reserve 80 -Maximum 100 -RelativeWeight 100
         Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled'
@@ -79,8 +77,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6'
+    'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
+    'Rarms.psm1' = '41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

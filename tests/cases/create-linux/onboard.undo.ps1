@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 1779455672d2, rarms 0.1.0. SHA-256: Rarms.psm1 B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6.
+    Manifest 1779455672d2, rarms 0.1.0. SHA-256: Rarms.psm1 41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A.
 #>
 
 #Requires -Version 5.1
@@ -44,29 +44,29 @@ $plan = {
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:15:3)
-    Use-Target -Address 'partition/vision' -Read { Get-NewPartitionReading -Name 'vision' }
+    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 3 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
-    Use-Target -Address 'partition/vision' -Read { Get-MadePartitionReading -Name 'vision' -Disk (Get-DiskPath -Folder 'D:\machines' -Name 'vision' -Type 'vhdx') }
+    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' -Disk 'D:\machines\vision-3d799ddaf8ca.vhdx' }
     Add-Step -Action 'remove the machine' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
-    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path (Get-DiskPath -Folder 'D:\machines' -Name 'vision' -Type 'vhdx') -Parent 'D:\images\ubuntu-24.04.vhdx' -Everywhere }
+    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision-3d799ddaf8ca.vhdx' -Parent 'D:\images\ubuntu-24.04.vhdx' -Everywhere }
     Add-Step -Action 'delete the disk that grows out of D:\images\ubuntu-24.04.vhdx' -Undoes 0 -Before @{
         child = $true; exists = $true; used = $false
     } -After @{
         exists = $false
-    } -Set { Remove-DiskFile -Path (Get-DiskPath -Folder 'D:\machines' -Name 'vision' -Type 'vhdx') }
-    Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -Folder 'D:\machines' -Name 'vision' }
+    } -Set { Remove-DiskFile -Path 'D:\machines\vision-3d799ddaf8ca.vhdx' }
+    Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -From 'D:\machines\vision.rarms-3d799ddaf8ca' -To 'D:\machines\vision' }
     Add-Step -Action 'remove its folders, where they are empty' -Undoes 0 -Before @{  } -After @{ folders = 0 } -Set {
-        Remove-PartitionFolder -Folder 'D:\machines' -Name 'vision'
+        Remove-PartitionFolder -From 'D:\machines\vision.rarms-3d799ddaf8ca' -To 'D:\machines\vision'
     }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6'
+    'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
+    'Rarms.psm1' = '41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 7e4a30f86028, rarms 0.1.0. SHA-256: the undo 5b5018aa96829d1bb126077ae7c2d80c18e40ccea5f477a2ffa60eef967a8b80, Rarms.psm1 B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6.
+    Manifest 7e4a30f86028, rarms 0.1.0. SHA-256: the undo a6e7f0521d5d9a157aa5d524e0492529043a25cbca792bba8c7a956ae21edc71, Rarms.psm1 41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A.
 #>
 
 #Requires -Version 5.1
@@ -39,15 +39,15 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'c6c4534eb0ff'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '5b5018aa96829d1bb126077ae7c2d80c18e40ccea5f477a2ffa60eef967a8b80'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'a6e7f0521d5d9a157aa5d524e0492529043a25cbca792bba8c7a956ae21edc71'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === speech: it is not there (rarms.yaml:12:3) ================================================
-    Use-Target -Address 'partition/speech' -Read { Get-NewPartitionReading -Name 'speech' }
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
     Add-Step -Action 'make a machine of generation 2 with 512 MiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 536870912
-    } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'speech') -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
+    } -Set { Hyper-V\New-VM -Name 'speech.rarms-c6c4534eb0ff' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/speech'; memory = 536870912
         name = 'speech'; processors = 1; reserve = 40; set = '9318451c660e'; start_action = 'start'; state = 'off'
@@ -67,8 +67,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6'
+    'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
+    'Rarms.psm1' = '41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

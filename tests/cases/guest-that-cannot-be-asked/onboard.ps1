@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 0501add4415be4d48b47e6290ba04c8ac1042ec9047ee1bef986338fc2e40134, Rarms.psm1 B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 402cb1c1c687e9d6cfc7a519c24dbb4455f6e5f1097e34c7f0d9e90883ec1fb0, Rarms.psm1 41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'd371562e0fc2'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '0501add4415be4d48b47e6290ba04c8ac1042ec9047ee1bef986338fc2e40134'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '402cb1c1c687e9d6cfc7a519c24dbb4455f6e5f1097e34c7f0d9e90883ec1fb0'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -67,8 +67,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6'
+    'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
+    'Rarms.psm1' = '41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

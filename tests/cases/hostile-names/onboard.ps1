@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: the undo 27d8b93e63997404d6434f15928d52b4d553444dd509dbf43e55634b0dd82074, Rarms.psm1 B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6.
+    Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: the undo 15089d7269052ec3a5fd6bc5f53601923bd0bdc7d188bbe3adab61cbfdb44ebb, Rarms.psm1 41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A.
 #>
 
 #Requires -Version 5.1
@@ -39,23 +39,23 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '55573f97842a'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '27d8b93e63997404d6434f15928d52b4d553444dd509dbf43e55634b0dd82074'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '15089d7269052ec3a5fd6bc5f53601923bd0bdc7d188bbe3adab61cbfdb44ebb'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === vision: it is not there (rarms.yaml:15:3) ================================================
-    Use-Target -Address 'partition/vision' -Read { Get-NewPartitionReading -Name 'vision' }
+    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 1073741824
     } -Set {
-        Hyper-V\New-VM -Name (Get-PendingName -Name 'vision') -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName ('' + 'lab ''a'' ' + [char]0x2018 + 'b' + [char]0x2019 + ' ' + [char]0x201A + 'c' + [char]0x201B + ' $(x) `n') -Path ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)')
+        Hyper-V\New-VM -Name 'vision.rarms-55573f97842a' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName ('' + 'lab ''a'' ' + [char]0x2018 + 'b' + [char]0x2019 + ' ' + [char]0x201A + 'c' + [char]0x201B + ' $(x) `n') -Path ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)')
     }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ taken = $false } -After @{
         checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/vision'; memory = 1073741824; name = 'vision'
         processors = 2; reserve = 80; set = '28cc232b41a1'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
     } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
-        Move-NewPartition -Folder ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)') -Name 'vision'
+        Move-NewPartition -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-55573f97842a') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision')
         Write-Mark
         Hyper-V\Set-VMProcessor -VM $script:Vm -Count 2 -Reserve 80 -Maximum 100 -RelativeWeight 100
         Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled'
@@ -68,8 +68,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6'
+    'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
+    'Rarms.psm1' = '41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e325b8ae00e7, rarms 0.1.0. SHA-256: the undo f55d3c982d88882481a004c135e69f50c7b170ed6e819fd8eea55c9558f75ae5, Rarms.psm1 B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6.
+    Manifest e325b8ae00e7, rarms 0.1.0. SHA-256: the undo bf81a945d7824ca92338870833413de5d291238523168bde7da7e761685061de, Rarms.psm1 41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A.
 #>
 
 #Requires -Version 5.1
@@ -40,15 +40,15 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ae29dab6d115'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'f55d3c982d88882481a004c135e69f50c7b170ed6e819fd8eea55c9558f75ae5'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'bf81a945d7824ca92338870833413de5d291238523168bde7da7e761685061de'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === speech: it is not there (rarms.yaml:16:3) ================================================
-    Use-Target -Address 'partition/speech' -Read { Get-NewPartitionReading -Name 'speech' }
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
     Add-Step -Action 'make a machine of generation 2 with 512 MiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 536870912
-    } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'speech') -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
+    } -Set { Hyper-V\New-VM -Name 'speech.rarms-ae29dab6d115' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/speech'; memory = 536870912
         name = 'speech'; processors = 1; reserve = 40; set = 'bebdadca1351'; start_action = 'nothing'; state = 'off'
@@ -63,10 +63,10 @@ $plan = {
     }
 
     # === vision: it is not there (rarms.yaml:12:3) ================================================
-    Use-Target -Address 'partition/vision' -Read { Get-NewPartitionReading -Name 'vision' }
+    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 1073741824
-    } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'vision') -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
+    } -Set { Hyper-V\New-VM -Name 'vision.rarms-ae29dab6d115' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/vision'; memory = 1073741824
         name = 'vision'; processors = 2; reserve = 80; set = '4979768ee9e2'; start_action = 'start'; state = 'off'
@@ -86,8 +86,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6'
+    'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
+    'Rarms.psm1' = '41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 62828619c61e, rarms 0.1.0. SHA-256: the undo f276940453b8794a30dbd4e8b45ff59f576d4514f370bf8ea08ad67872551698, Rarms.psm1 B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6.
+    Manifest 62828619c61e, rarms 0.1.0. SHA-256: the undo 3c227f39a37cc306f98707ee8b4b4ec4e22a62e27f253b9abd33d6f05b18e732, Rarms.psm1 41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A.
     Accepted: RARMS159 The host's scheduler does not honour reserves, onboard runs the root scheduler: reserve, limit and weight of vision would be stored without effect.
 #>
 
@@ -40,15 +40,15 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'dc81d5d49dc0'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'f276940453b8794a30dbd4e8b45ff59f576d4514f370bf8ea08ad67872551698'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '3c227f39a37cc306f98707ee8b4b4ec4e22a62e27f253b9abd33d6f05b18e732'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $true
     }
     # === vision: it is not there (rarms.yaml:12:3) ================================================
-    Use-Target -Address 'partition/vision' -Read { Get-NewPartitionReading -Name 'vision' }
+    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 1073741824
-    } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'vision') -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
+    } -Set { Hyper-V\New-VM -Name 'vision.rarms-dc81d5d49dc0' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/vision'; memory = 1073741824
         name = 'vision'; processors = 2; reserve = 80; set = '28cc232b41a1'; start_action = 'start'; state = 'off'
@@ -68,8 +68,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6'
+    'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
+    'Rarms.psm1' = '41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

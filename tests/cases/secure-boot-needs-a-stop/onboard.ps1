@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 8c6af2d9181e, rarms 0.1.0. SHA-256: the undo f3d562d8da7c47bc2a5243477637289ed27fd1ace660069ac396095e7ecb6f6a, Rarms.psm1 B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6.
+    Manifest 8c6af2d9181e, rarms 0.1.0. SHA-256: the undo e24e7af779edc3592513e6953d4211eb48b30091f27069d1070862435ccd3258, Rarms.psm1 41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A.
 #>
 
 #Requires -Version 5.1
@@ -39,12 +39,12 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ac9942186f87'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'f3d562d8da7c47bc2a5243477637289ed27fd1ace660069ac396095e7ecb6f6a'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'e24e7af779edc3592513e6953d4211eb48b30091f27069d1070862435ccd3258'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === speech: the host differs from the manifest in secure boot; it is stopped to change that (rarms.yaml:19:3)
-    Use-Target -Address 'partition/speech' -Read { Get-DeviceReading -Machine '00000001-5ade-4000-8000-000000000001' }
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
         state = 'off'
@@ -64,8 +64,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6'
+    'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
+    'Rarms.psm1' = '41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

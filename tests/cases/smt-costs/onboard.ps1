@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 47fa15ce444a6729c124d46fcbda1ac96dfddf3b6e8efcb6726f0d6749384aaa, Rarms.psm1 B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6.
+    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 5535203399037830e3ee6e6e0afa39f9456b5495f33eb21a361063a407838302, Rarms.psm1 41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A.
 #>
 
 #Requires -Version 5.1
@@ -41,15 +41,15 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '91988e6a8f9d'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '47fa15ce444a6729c124d46fcbda1ac96dfddf3b6e8efcb6726f0d6749384aaa'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '5535203399037830e3ee6e6e0afa39f9456b5495f33eb21a361063a407838302'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 8; Cores = 4; ThreadsPerCore = 2; Percent = 800; Memory = 17179869184; AcceptScheduler = $false
     }
     # === mapping: it is not there (rarms.yaml:13:3) ===============================================
-    Use-Target -Address 'partition/mapping' -Read { Get-NewPartitionReading -Name 'mapping' }
+    Use-Target -Address 'partition/mapping' -Read { Get-PartitionReading -Name 'mapping' }
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 1073741824
-    } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'mapping') -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
+    } -Set { Hyper-V\New-VM -Name 'mapping.rarms-91988e6a8f9d' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/mapping'; memory = 1073741824
         name = 'mapping'; processors = 1; reserve = 50; set = 'b81e386612c8'; start_action = 'start'; state = 'off'
@@ -64,10 +64,10 @@ $plan = {
     }
 
     # === speech: it is not there (rarms.yaml:12:3) ================================================
-    Use-Target -Address 'partition/speech' -Read { Get-NewPartitionReading -Name 'speech' }
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 1073741824
-    } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'speech') -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
+    } -Set { Hyper-V\New-VM -Name 'speech.rarms-91988e6a8f9d' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/speech'; memory = 1073741824
         name = 'speech'; processors = 3; reserve = 95; set = 'e2151f12c2ec'; start_action = 'start'; state = 'off'
@@ -82,10 +82,10 @@ $plan = {
     }
 
     # === vision: it is not there (rarms.yaml:11:3) ================================================
-    Use-Target -Address 'partition/vision' -Read { Get-NewPartitionReading -Name 'vision' }
+    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 1073741824
-    } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'vision') -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
+    } -Set { Hyper-V\New-VM -Name 'vision.rarms-91988e6a8f9d' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/vision'; memory = 1073741824
         name = 'vision'; processors = 2; reserve = 95; set = '93dda9d42ef5'; start_action = 'start'; state = 'off'
@@ -101,11 +101,11 @@ $plan = {
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 95 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
-    Use-Target -Address 'partition/speech' -Read { Get-NewPartitionReading -Name 'speech' }
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 3 -Reserve 95 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
-    Use-Target -Address 'partition/mapping' -Read { Get-NewPartitionReading -Name 'mapping' }
+    Use-Target -Address 'partition/mapping' -Read { Get-PartitionReading -Name 'mapping' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 50 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
@@ -113,8 +113,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6'
+    'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
+    'Rarms.psm1' = '41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 50d1c3071fb5, rarms 0.1.0. SHA-256: the undo c9168f39cdcb2a53ee3a11a927fef0112cfc8c89bed091f46dde12fef6019e9a, Rarms.psm1 B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6.
+    Manifest 50d1c3071fb5, rarms 0.1.0. SHA-256: the undo 10b4bb116a6b92ff27c653a1d2f8cf7fb234018c1fd80fbae15b4a42a46fcb88, Rarms.psm1 41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A.
 #>
 
 #Requires -Version 5.1
@@ -41,15 +41,15 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1ad36b4789f6'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'c9168f39cdcb2a53ee3a11a927fef0112cfc8c89bed091f46dde12fef6019e9a'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '10b4bb116a6b92ff27c653a1d2f8cf7fb234018c1fd80fbae15b4a42a46fcb88'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === door: it is not there (rarms.yaml:14:3) ==================================================
-    Use-Target -Address 'partition/door' -Read { Get-NewPartitionReading -Name 'door' }
+    Use-Target -Address 'partition/door' -Read { Get-PartitionReading -Name 'door' }
     Add-Step -Action 'make a machine of generation 2 with 256 MiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 268435456
-    } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'door') -Generation 2 -MemoryStartupBytes 268435456 -NoVHD }
+    } -Set { Hyper-V\New-VM -Name 'door.rarms-1ad36b4789f6' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/door'; memory = 268435456; name = 'door'
         processors = 1; reserve = 20; set = 'f0a37ddc6e3e'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
@@ -63,10 +63,10 @@ $plan = {
     }
 
     # === speech: it is not there (rarms.yaml:13:3) ================================================
-    Use-Target -Address 'partition/speech' -Read { Get-NewPartitionReading -Name 'speech' }
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
     Add-Step -Action 'make a machine of generation 2 with 512 MiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 536870912
-    } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'speech') -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
+    } -Set { Hyper-V\New-VM -Name 'speech.rarms-1ad36b4789f6' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/speech'; memory = 536870912
         name = 'speech'; processors = 1; reserve = 40; set = '1d0501056ae3'; start_action = 'start'; state = 'off'
@@ -81,10 +81,10 @@ $plan = {
     }
 
     # === vision: it is not there (rarms.yaml:12:3) ================================================
-    Use-Target -Address 'partition/vision' -Read { Get-NewPartitionReading -Name 'vision' }
+    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 1073741824
-    } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'vision') -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
+    } -Set { Hyper-V\New-VM -Name 'vision.rarms-1ad36b4789f6' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/vision'; memory = 1073741824
         name = 'vision'; processors = 2; reserve = 80; set = 'ea5adfba1827'; start_action = 'start'; state = 'off'
@@ -100,11 +100,11 @@ $plan = {
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
-    Use-Target -Address 'partition/speech' -Read { Get-NewPartitionReading -Name 'speech' }
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
-    Use-Target -Address 'partition/door' -Read { Get-NewPartitionReading -Name 'door' }
+    Use-Target -Address 'partition/door' -Read { Get-PartitionReading -Name 'door' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 20 -Memory 268435456 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
@@ -112,8 +112,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6'
+    'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
+    'Rarms.psm1' = '41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.guest.vision.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo d55eead946c10f6b7ebe6192475e4cc61b85ce904e96e17caf3936105c958fd9, Rarms.psm1 B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 73fcbfb0a03359d5f62c36304effe25b2c998a5862c1f1f079702a1ff9ae97cc, Rarms.psm1 41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1fe5fc6a41cd'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = 'd55eead946c10f6b7ebe6192475e4cc61b85ce904e96e17caf3936105c958fd9'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '73fcbfb0a03359d5f62c36304effe25b2c998a5862c1f1f079702a1ff9ae97cc'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: what the guest holds is not known here: its own record decides; threads see it when it restarts (rarms.yaml:12:65)
@@ -64,8 +64,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5B3889F9C503F16FC147CE9299F54DE43244C6003C0BB6C2E577C46E491039C1'
-    'Rarms.psm1' = 'B3241BB1A40480912AA046A2B62AD98C7910CA7D36E5BD30ADE87034D59BD3E6'
+    'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
+    'Rarms.psm1' = '41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

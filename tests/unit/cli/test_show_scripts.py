@@ -61,7 +61,7 @@ def test_numbers_are_those_of_the_file_and_the_module_is_left_out(
     assert (": the module, fixed (SHA-256" in shown) is (form == "single")
     assert "function " not in shown
     assert ("function Lock-Host" in piped) is (form == "single")
-    assert "Hyper-V\\New-VM -Name (Get-PendingName -Name 'torch-motion')" in shown
+    assert "Hyper-V\\New-VM -Name 'torch-motion.rarms-" in shown
 
 
 def test_the_module_lies_beside_the_scripts_that_do_not_hold_it(plan: str, folder: Path, single: Path) -> None:

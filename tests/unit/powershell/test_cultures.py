@@ -16,7 +16,6 @@ TEXTS = {
     "module": read("Rarms/Rarms.psm1"),
     **{f"part {name}": part_text(name) for name in MEASURING_PARTS},
     "observe": read("observe.ps1"),
-    "bootstrap": read("bootstrap.ps1"),
 }
 templates = pytest.mark.parametrize("name", TEXTS)
 

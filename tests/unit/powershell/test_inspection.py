@@ -143,7 +143,7 @@ def test_mutants_of_the_plan_in_a_script_of_another_version_are_caught() -> None
         ("Hyper-V\\Start-VM -VM $script:Vm", "Hyper-V\\Start-VM -VM $script:Vm -VM $script:Vm"),
         ("Hyper-V\\Start-VM -VM $script:Vm", "Hyper-V\\Stop-VM -VM $script:Vm"),
         ("Hyper-V\\Start-VM -VM $script:Vm", "Get-PartitionReading -Machine 'x'"),
-        ("(Get-PendingName -Name ", "(Remove-DiskFile -Path "),
+        ("(Hyper-V\\Get-VMHardDiskDrive -VM $script:Vm)", "(Remove-DiskFile -Path 'x')"),
         ("Guest = ''", "Guest = ''; Guard = { Write-Mark }"),
         ("Guest = ''", "Guest = ''; Guard = 'x'"),
     ],

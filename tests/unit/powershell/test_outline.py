@@ -2,7 +2,7 @@ import pytest
 
 from rarms_iac.model.plan import Readings
 from rarms_iac.powershell.outline import MachineVariable, ScriptCall, outline
-from rarms_iac.powershell.pieces import pieces_of
+from rarms_iac.powershell.pieces import NewFiles, pieces_of
 from rarms_iac.powershell.render import insides, render_apply, render_observe, render_scripts, render_undo
 from tests.unit.powershell.plans import rendered_plan
 
@@ -12,7 +12,8 @@ def test_a_script_says_all_that_its_plan_says() -> None:
 
     told = [step for inside in insides(on) for step in outline(render_apply(on, plan, inside)).steps]
 
-    for part in (part for step in on.steps for part in pieces_of(step)):
+    files = NewFiles(plan=plan.id, disk_folder=on.facts.disk_folder)
+    for part in (part for step in on.steps for part in pieces_of(step, files)):
         steps = [step for step in told if step.address == part.address]
         assert any(_lower(part.after) <= _lower(step.after) for step in steps), part
         assert any(_lower(part.before) <= _lower(step.before) for step in steps), part
@@ -42,12 +43,12 @@ def test_a_set_block_is_read_call_by_call() -> None:
     )
 
 
-def test_what_a_function_makes_of_literals_is_a_call_inside() -> None:
+def test_a_value_that_a_cmdlet_gives_is_a_call_inside() -> None:
     steps = outline(render_apply(*rendered_plan())).steps
-    (child,) = (call for step in steps for call in step.calls if call.name == "Hyper-V\\New-VHD")
+    (firmware,) = (call for step in steps for call in step.calls if call.name == "Hyper-V\\Set-VMFirmware")
 
-    path = ScriptCall(name="Get-DiskPath", parameters={"Folder": "D:\\vms", "Name": "planning", "Type": "vhdx"})
-    assert child.parameters == {"Path": path, "ParentPath": "D:\\images\\robot's.vhdx", "Differencing": True}
+    drive = ScriptCall(name="Hyper-V\\Get-VMHardDiskDrive", parameters={"VM": MachineVariable()})
+    assert firmware.parameters["FirstBootDevice"] == drive
 
 
 def test_the_run_and_what_an_undo_takes_back() -> None:
@@ -66,7 +67,7 @@ def test_the_run_and_what_an_undo_takes_back() -> None:
         brought_back = {name: value for name, value in done.before.items() if name != "taken"}
         after = {name: value for name, value in step.after.items() if name != "empty"}  # what a kill may have left
         assert _lower(after) == _lower(brought_back)
-        if step.read.name == "Get-MadePartitionReading":
+        if "added" in step.before:
             assert step.before == {"exists": True, "added": ""}
         elif step.read.name == "Get-DiskReading":
             assert step.before == {"exists": True, "child": True, "used": False}
