@@ -110,13 +110,13 @@ components:
 
 
 def over_ssh(count: int) -> list[Figure]:
-    """Apply to so many slices of this machine over its own sshd, and remove them.
+    """Plan so many slices of this machine over its own sshd, apply the plans, and remove the slices.
 
     Args:
         count: slices.
 
     Returns:
-        The wall time; nothing where this machine offers no control groups, or no sshd.
+        The wall times; nothing where this machine offers no control groups, or no sshd.
     """
     if NEEDS["ssh"].missing() or NEEDS["control-groups"].missing():
         print("No slices over ssh: they need root, control groups and sshd.")
@@ -129,21 +129,30 @@ def over_ssh(count: int) -> list[Figure]:
             path.write_text(f"hosts: {{ onboard: {{ linux: {{ slice: fleet-{path.stem} }} }} }}\n", encoding="utf-8")
         absent = [{"hosts": "all", "gather_facts": False, "tasks": [{"rarms.fleet.apply": {"state": "absent"}}]}]
         (folder / "absent.yml").write_text(json.dumps(absent), encoding="utf-8")
+        raw = [{"hosts": "all", "gather_facts": False, "tasks": [{"ansible.builtin.raw": "true"}]}]
+        (folder / "raw.yml").write_text(json.dumps(raw), encoding="utf-8")
         words = ("ansible-playbook", "-i", "robots.fleet.yml", "-f", str(FORKS))
+        path = remote.environment["PATH"]
+        walk(folder, (*words, "raw.yml"), path)  # it leaves a connection of each robot open, as Ansible does
+        taken: dict[str, Walk] = {}
         try:
-            taken = walk(folder, (*words, "site.yml"), remote.environment["PATH"])
+            taken["Ansible's own raw"] = walk(folder, (*words, "raw.yml"), path)
+            taken["planned"] = walk(folder, (*words, "site.yml", "--check"), path)
+            taken["applied"] = walk(folder, (*words, "site.yml"), path)
         finally:
-            walk(folder, (*words, "absent.yml"), remote.environment["PATH"])
+            walk(folder, (*words, "absent.yml"), path)
             for slices in STATE_FOLDER.glob("fleet-r-*"):
                 shutil.rmtree(slices)
-    print(f"{count:5} slices over ssh applied     {taken}", flush=True)
+    for name, walked in taken.items():
+        print(f"{count:5} over ssh, {name:21} {walked}", flush=True)
     return [
         Figure(
-            name=f"{count} slices applied over ssh",
-            value=taken.wall_s,
+            name=f"{count} slices over ssh, {name}",
+            value=walked.wall_s,
             unit="s",
-            at_most=SSH_GOAL_S if count == OVER_SSH else None,
+            at_most=SSH_GOAL_S if name == "planned" and count == OVER_SSH else None,
         )
+        for name, walked in taken.items()
     ]
 
 
