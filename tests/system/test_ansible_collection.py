@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER
+from tests.contracts.test_measuring_contract import JOBS
 from tests.needs import CHECKOUT, require
 from tests.standin.remote import WINRM_PASSWORD, a_remote, a_server, by_winrm
 from tests.system.test_remote_host import an_empty_host
@@ -248,6 +249,14 @@ def test_a_robot_measures_and_proves(fleet: Fleet) -> None:
     assert measured.changed == ["r-1"], "one robot of the platform"
     assert list((fleet.folder / "measurements" / "cell").rglob("*.jsonl"))
 
+    assert fleet.play(APPLY, options=("--limit", "r-1")).changed == ["r-1"]
+    shutil.rmtree(fleet.folder / "measurements")
+    assert fleet.play(role).changed == ["r-2"], "the first that is idle"
+    shutil.rmtree(fleet.folder / "measurements")
+    busy = fleet.play(role, options=("--limit", "r-1"))
+    assert "RARMS115" in busy.results["r-1"]["msg"]
+    assert fleet.play(role, options=("--limit", "r-1", "-e", "rarms_measure_stop_partitions=true")).changed == ["r-1"]
+
     refused = fleet.play(APPLY, {"rarms.fleet.prove": {}})
     assert "load_host: true" in refused.results["r-1"]["msg"]
     proven = fleet.play({"rarms.fleet.prove": {"load_host": True}})
@@ -347,6 +356,60 @@ def test_a_robot_behind_winrm_has_no_password_in_a_file(fleet: Fleet) -> None:
     assert (listed["ansible_connection"], listed["ansible_psrp_protocol"]) == ("psrp", "https")
     assert (listed["ansible_host"], listed["ansible_port"]) == ("cell", 5986)
     assert "lookup('ansible.builtin.env', 'NAME')" in listed["ansible_password"]
+
+
+MEASURED = """\
+schema: rarms/v1
+application: { name: robot }
+policy: { measuring: { setting: 20 s, proof: 40 s } }
+hosts:
+  onboard: { provider: linux, memory: 1 GiB, keep_for_host: { processor: 0 %, memory: 256 MiB }, platform: bench }
+components:
+  eyes:
+    criticality: 20
+    memory: 64 MiB
+    processors: 1
+    cpu: { reserve: measured }
+    apt: { mean_response_time: { at_most: 200 ms } }
+    interference: busy-loop
+    run:
+      command: [python3, jobs.py, '0.006', '0', '1']
+      until: { elapsed: 2 s }
+      samples: { from: json_lines, response_time: { field: ms, unit: ms } }
+"""
+
+
+@pytest.mark.alone
+@pytest.mark.needs("ssh", "control-groups")
+def test_a_robot_behind_ssh_measures_and_proves_itself(tmp_path: Path) -> None:
+    with a_server(tmp_path) as remote:
+        (tmp_path / "fleet").mkdir()
+        fleet = a_fleet(tmp_path / "fleet", MEASURED, remote.environment["PATH"])
+        (fleet.folder / "jobs.py").write_text(JOBS, encoding="utf-8")
+        processors = len(os.sched_getaffinity(0))
+        reached = f"logical_processors: {processors}, connect: {{ ssh: cell }}, linux: {{ slice: fleet-bench }}"
+        fleet.add("m-1", f"hosts: {{ onboard: {{ {reached} }} }}\n")
+        where = {"folder": str(tmp_path / "robot"), "executable": str(ANSIBLE / "rarms")}
+        role = {f"rarms_measure_{name}": value for name, value in where.items()}
+        try:
+            measured = fleet.play(
+                {"ansible.builtin.import_role": {"name": "rarms.fleet.measure"}, "vars": role},
+                vars={"ansible_python_interpreter": sys.executable},
+            )
+            assert measured.changed == ["m-1"], measured.out
+            assert list((fleet.folder / "measurements" / "bench" / "eyes").glob("busy-loop.jsonl"))
+            assert fleet.play(APPLY).changed == ["m-1"]
+            proven = fleet.play({"rarms.fleet.prove": {"load_host": True, **where}})
+            assert proven.results["m-1"]["proof"]["kind"] == "prove", proven.out
+            proofs = [path for path in (fleet.folder / "measurements").rglob("*") if '"robot":"m-1"' in _text(path)]
+            assert proofs, "the proof came back, and names the robot"
+        finally:
+            fleet.play({"rarms.fleet.apply": {"state": "absent"}})
+            shutil.rmtree(STATE_FOLDER / "fleet-bench", ignore_errors=True)
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8").replace('": "', '":"') if path.is_file() else ""
 
 
 def test_a_robot_pulls_its_own_configuration(fleet: Fleet, tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from ansible_collections.rarms.fleet.plugins.plugin_utils.robot import (
 )
 
 if not RARMS_MISSING:
+    from rarms_iac.app.control import Control, always_consents, never_consents
     from rarms_iac.app.experiments.measure import measure_components
     from rarms_iac.app.experiments.measure_request import MeasureRequest
     from rarms_iac.model.host import ProviderKind
@@ -26,15 +27,22 @@ class ActionModule(RobotAction):
     """`rarms.fleet.measure`."""
 
     _supports_check_mode = False
-    ARGUMENTS = {**RUN_ON_ROBOT, "components": {"type": "list", "elements": "str", "default": []}}
+    ARGUMENTS = {
+        **RUN_ON_ROBOT,
+        "components": {"type": "list", "elements": "str", "default": []},
+        "stop_partitions": {"type": "bool", "default": False},
+    }
 
     def act(self, robot: Robot, arguments: Mapping[str, Any]) -> Result:
         if robot.provider is ProviderKind.SIMULATED:
-            outcome = measure_components(robot.hosts, MeasureRequest(components=tuple(arguments["components"])))
+            request = MeasureRequest(components=tuple(arguments["components"]))
+            control = Control(consents=always_consents if arguments["stop_partitions"] else never_consents)
+            outcome = measure_components(robot.hosts, request, control)
             answer, logs = json_value(outcome), sorted({result.log for result in outcome.experiments})
         else:
             channel = self.channel(robot)
-            ran = run_on_robot(channel, robot, arguments, ["measure", *arguments["components"]])
+            stop = ["--stop-partitions"] if arguments["stop_partitions"] else []
+            ran = run_on_robot(channel, robot, arguments, ["measure", *arguments["components"], *stop])
             answer, logs = ran["answer"], fetch_measurements(channel, robot, arguments["folder"])
         new = sum(experiment["new"] for experiment in answer.get("experiments", ()))
         result = {"changed": new > 0, "measured": answer, "logs": logs, "new_settings": new}

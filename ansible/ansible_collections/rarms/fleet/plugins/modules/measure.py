@@ -20,6 +20,12 @@ options:
     type: list
     elements: str
     default: []
+  stop_partitions:
+    description:
+      - Stop the partitions that run on the robot while it measures; they start again afterwards.
+      - Without it, a robot on which partitions run is not measured.
+    type: bool
+    default: false
   folder:
     description: Where the robot keeps the manifest; not used of a simulated robot.
     type: str
