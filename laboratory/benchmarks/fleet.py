@@ -132,15 +132,15 @@ def over_ssh(count: int) -> list[Figure]:
         raw = [{"hosts": "all", "gather_facts": False, "tasks": [{"ansible.builtin.raw": "true"}]}]
         (folder / "raw.yml").write_text(json.dumps(raw), encoding="utf-8")
         words = ("ansible-playbook", "-i", "robots.fleet.yml", "-f", str(FORKS))
-        path = remote.environment["PATH"]
-        walk(folder, (*words, "raw.yml"), path)  # it leaves a connection of each robot open, as Ansible does
+        programs = remote.environment["PATH"]
+        walk(folder, (*words, "raw.yml"), programs)  # it leaves a connection of each robot open, as Ansible does
         taken: dict[str, Walk] = {}
         try:
-            taken["Ansible's own raw"] = walk(folder, (*words, "raw.yml"), path)
-            taken["planned"] = walk(folder, (*words, "site.yml", "--check"), path)
-            taken["applied"] = walk(folder, (*words, "site.yml"), path)
+            taken["Ansible's own raw"] = walk(folder, (*words, "raw.yml"), programs)
+            taken["planned"] = walk(folder, (*words, "site.yml", "--check"), programs)
+            taken["applied"] = walk(folder, (*words, "site.yml"), programs)
         finally:
-            walk(folder, (*words, "absent.yml"), path)
+            walk(folder, (*words, "absent.yml"), programs)
             for slices in STATE_FOLDER.glob("fleet-r-*"):
                 shutil.rmtree(slices)
     for name, walked in taken.items():
