@@ -11,7 +11,7 @@ from math import floor
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind
-from rarms_iac.model.operations import CreatePartition, RemovePartition, StopPartition
+from rarms_iac.model.operations import CreatePartition, RemovePartition, RestorePartition, StopPartition
 from rarms_iac.model.plan import (
     GuestTask,
     HostPlan,
@@ -62,6 +62,7 @@ _TITLES = {
     RunKind.UNDO: "rarms undo script",
 }
 
+NOT_MADE_AGAIN = "the machine is not made again"  # by a script: a simulated host makes it again
 NOT_UNDONE = "Not undone"
 """Begins the lines of a head that say what cannot be taken back."""
 
@@ -156,7 +157,7 @@ def render_undo(
     for undoes, step in reversed(first.values()):
         if isinstance(step.operation, RemovePartition):
             lost[step.address] = undoes
-        if step.undo.operation is None:
+        if step.undo.operation is None or isinstance(step.undo.operation, RestorePartition):
             continue
         back = step.reversed(str(step.undo.operation))
         if isinstance(step.operation, CreatePartition):
@@ -314,7 +315,10 @@ def _head(
     planned = [step for guarded in steps for step in guarded.steps]
     table = machine_table(planned, host_plan.changes, _new_files(host_plan, plan))
     made = {step.address for step in planned if isinstance(step.operation, CreatePartition)}
-    lost = sorted({step.undo.message for step in planned if step.undo.level is not UndoLevel.FULL})
+    lost = sorted(
+        {step.undo.message for step in planned if step.undo.level is not UndoLevel.FULL}
+        | {NOT_MADE_AGAIN for step in planned if isinstance(step.undo.operation, RestorePartition)}
+    )
     summaries = partition_summaries(step for step in planned if not table or step.address not in made)
     risk, calls = summary_lines([guarded.piece for guarded in steps]) if steps else ("", "")
     return {

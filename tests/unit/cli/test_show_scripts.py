@@ -236,3 +236,16 @@ def test_only_the_scripts_that_are_shown_are_inspected(plan: str, monkeypatch: p
 
     assert rarms("show", "--script", plan, "--guest", "torch-motion").code == 0
     assert inspected == ["cell.guest.torch-motion.ps1"]
+
+
+def test_a_machine_that_only_a_simulated_host_makes_again_is_lost_in_the_script(tmp_path: Path) -> None:
+    assert rarms("init", str(tmp_path)).code == 0
+    assert rarms("apply", "--auto-approve", "-f", str(tmp_path)).code == 0
+    path = str(tmp_path / "removal.plan")
+    assert rarms("destroy", "-f", str(tmp_path), "--out", path).code == 0
+
+    shown = rarms("show", "--script", path)
+
+    assert shown.code == 0, shown.err
+    assert "the machine is not made again" in shown.out
+    assert "the machine is not made again" not in rarms("show", path).out, "the simulated host makes it again"
