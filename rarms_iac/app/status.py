@@ -13,9 +13,10 @@ from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.preconditions import no_rights
 from rarms_iac.applying.state_after import totals_after
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
-from rarms_iac.model.commands import APPLY, DRIFT, MEASURE, PLAN, RecommendedCommand, command
+from rarms_iac.model.commands import APPLY, DRIFT, MEASURE, PLAN, START, RecommendedCommand, command
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import PastRun, RunKind, history_of
+from rarms_iac.model.measurement import TEST_PARTITIONS
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import Rights, State, StoppedBy
@@ -42,6 +43,16 @@ class PartitionStatus:
     def reserved_lp(self) -> Fraction:
         """What it is guaranteed, in LPs."""
         return guaranteed(self.reserve, self.processors)
+
+    @property
+    def is_test_partition(self) -> bool:
+        """Whether a measurement made it, which removes it at its end."""
+        return self.name in TEST_PARTITIONS
+
+    @property
+    def is_left_by_measurement(self) -> bool:
+        """Whether it is as a measurement needs it: it ends that way only where it is killed."""
+        return self.is_test_partition or (self.is_stopped and self.stopped_by is StoppedBy.MEASUREMENT)
 
     @property
     def is_stopped(self) -> bool:
@@ -306,6 +317,9 @@ def _next_command(
     }
     if unfinished:
         return NextCommand(command=APPLY, reason=f"finishes the run on {in_a_row(unfinished)}")
+    if any(partition.is_left_by_measurement for host in hosts for partition in host.partitions):
+        reason = "removes the test partitions of a measurement that was cut off, and starts what it stopped"
+        return NextCommand(command=START, reason=reason)
     if unmeasured:
         return NextCommand(command=MEASURE, reason="finds the reservations that are not measured yet")
     if any(kind.is_of_the_host for kind in kinds):

@@ -97,6 +97,8 @@ def describe_partition(partition: PartitionStatus) -> str:
 
 
 def _remarks(partition: PartitionStatus) -> Iterator[str]:
+    if partition.is_test_partition:
+        yield "test partition of a measurement"
     match partition.stopped_by:
         case StoppedBy.USER if not partition.running:
             yield "stopped by `rarms stop`"
@@ -104,7 +106,7 @@ def _remarks(partition: PartitionStatus) -> Iterator[str]:
             yield "stopped to measure"
         case _:
             yield "running" if partition.running else "off"
-    if partition.drift is not None:
+    if partition.drift is not None and not partition.is_left_by_measurement:
         yield TITLES[partition.drift]
 
 

@@ -19,7 +19,7 @@ from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.model.commands import command, prose
+from rarms_iac.model.commands import START, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts
 from rarms_iac.model.host import Host, SimulatedHost
 from rarms_iac.model.loads import Interference
@@ -153,7 +153,7 @@ def stop_own_partitions(session: MeasuringSession, host: MeasuringHost) -> None:
                         " stop them and start them again afterwards, or do it yourself: ",
                         command("stop"),
                         ", later ",
-                        command("start"),
+                        START,
                         ".",
                     ),
                     address=f"host/{host.name}",
