@@ -9,7 +9,7 @@ from typing import assert_never
 
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.host import Connect, Host, HypervHost, ProviderKind
+from rarms_iac.model.host import Connect, Host, HypervHost, LinuxHost, ProviderKind
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.names import is_name
 from rarms_iac.model.state import State, TaskClass
@@ -64,6 +64,22 @@ def open_host(host: Host, folder: str, state_path: str, channel: CommandChannel 
             from rarms_iac.providers.cgroups.provider import LinuxHostProvider
 
             return LinuxHostProvider(host)
+
+
+def state_folder(host: Host) -> Path | None:
+    """Find where a host that is no simulated one keeps journal and state, so that a change of them can be noticed.
+
+    Args:
+        host: as the manifest describes it.
+
+    Returns:
+        A folder of this machine, which need not exist; None: it lies elsewhere, or is no folder.
+    """
+    if host.provider is not ProviderKind.LINUX or host.connect is not None:
+        return None
+    from rarms_iac.providers.cgroups.provider import STATE_FOLDER
+
+    return STATE_FOLDER / (host.settings if isinstance(host.settings, LinuxHost) else LinuxHost()).slice
 
 
 def start_after_boot(owner: str, timeout_ms: int) -> Mapping[str, tuple[str, ...]]:

@@ -107,14 +107,15 @@ def causes_as_findings(
 
 
 def _relaxed_levels(ways: Sequence[Relaxation]) -> Facts:
-    """The APTs that the ways out relax, each as its component, index and level, in three rows of equal length."""
-    levels = [level for way in ways for level in way.levels]
+    """The APTs that the ways out relax, each as its way, component, index and level, in four rows of equal length."""
+    levels = [(number, level) for number, way in enumerate(ways, 1) for level in way.levels]
     if not levels:
         return {}
     return {
-        "relaxed_components": tuple(level.component for level in levels),
-        "relaxed_indexes": tuple(level.index for level in levels),
-        "relaxed_levels": tuple(level.level for level in levels),
+        "relaxed_ways": tuple(str(number) for number, _ in levels),
+        "relaxed_components": tuple(level.component for _, level in levels),
+        "relaxed_indexes": tuple(level.index for _, level in levels),
+        "relaxed_levels": tuple(level.level for _, level in levels),
     }
 
 

@@ -8,7 +8,7 @@ option.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Annotated, ClassVar, assert_never
+from typing import Annotated, ClassVar, Literal, assert_never
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -29,13 +29,14 @@ from rarms_iac.app.experiments.tune import TuneRequest, UnattendedTuning, tune_c
 from rarms_iac.app.hosts import Hosts, last_runs, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.planning import plan as make_plan
+from rarms_iac.app.planning import plan_request
 from rarms_iac.app.requests import SILENCE_MS, HostSelection, ManifestSource, today_utc
 from rarms_iac.app.scripts import ScriptSince, scripts_since
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.applying.run_report import RunEnding, RunReport
-from rarms_iac.model.commands import PLAN, RecommendedCommand, command
+from rarms_iac.model.commands import APPLY, PLAN, START, RecommendedCommand, command
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
-from rarms_iac.model.plan import Plan
+from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.wording import in_a_row, quoted
 from rarms_iac.providers.interface import WaitLimits
 from rarms_iac.studio.work import Ending, Transcript
@@ -55,6 +56,7 @@ class Workspace:
 
     source: ManifestSource
     plan: Plan | None = None
+    does: RecommendedCommand = APPLY  # what makes and does such a plan in a terminal
     scripts: tuple[ScriptSince, ...] = ()  # of the plan
 
     def hosts(self) -> Hosts:
@@ -216,6 +218,7 @@ class PlanAction(Action):
     """Work out what would change, and keep that as the plan of the page."""
 
     changes: ClassVar[bool] = False
+    purpose: ClassVar[Purpose] = Purpose.APPLY
 
     def command(self) -> RecommendedCommand:
         """`rarms plan`."""
@@ -225,11 +228,22 @@ class PlanAction(Action):
         """Plan; the page shows the plan itself."""
         workspace.plan = None
         hosts = workspace.hosts()
-        plan = make_plan(hosts)
+        plan = make_plan(hosts, replace(plan_request(hosts), purpose=self.purpose))
+        workspace.does = START if self.purpose is Purpose.START else APPLY
         workspace.scripts = scripts_since(plan, dict(last_runs(hosts)))
         workspace.plan = plan
         transcript.message(f"Plan {plan.id} is made.")
         return "done"
+
+
+class PlanStartAction(PlanAction):
+    """Work out what starts what was stopped, and ends what a killed measurement left."""
+
+    purpose: ClassVar[Purpose] = Purpose.START
+
+    def command(self) -> RecommendedCommand:
+        """`rarms start`, which shows its plan and asks."""
+        return START
 
 
 class ApplyAction(Action):
@@ -237,10 +251,11 @@ class ApplyAction(Action):
 
     plan: str  # its id, as the page showed it
     application: str  # its name, typed
+    does: Literal["apply", "start"] = "apply"  # verb of the command that makes such a plan
 
     def command(self) -> RecommendedCommand:
-        """`rarms apply`."""
-        return command("apply")
+        """`rarms apply`, or what else shows such a plan and asks."""
+        return command(self.does)
 
     def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:
         """Apply exactly the plan that was shown."""
@@ -264,7 +279,7 @@ class FinishAction(Action):
 
     def command(self) -> RecommendedCommand:
         """`rarms apply`, which finishes first."""
-        return command("apply")
+        return APPLY
 
     def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:
         """Finish it, from its journal."""
@@ -345,6 +360,7 @@ ACTIONS: Mapping[str, type[Action]] = MappingProxyType(
         "tune": TuneAction,
         "prove": ProveAction,
         "plan": PlanAction,
+        "plan-start": PlanStartAction,
         "apply": ApplyAction,
         "finish": FinishAction,
         "undo": UndoAction,

@@ -44,6 +44,11 @@ _ENTRANCE = (
     '<!doctype html><html lang="en"><head><meta charset="utf-8"><meta http-equiv="refresh" content="0; url={path}">'
     '<title>rarms studio</title></head><body><p><a href="{path}">rarms studio</a></p></body></html>'
 )
+_REFUSED = (
+    "403: this studio does not know this browser, and its first address works once.\n"
+    "Go on in the browser in which it was opened. For another browser end rarms studio with Ctrl-C "
+    "and start it again.\n"
+)
 
 
 def _secret() -> str:
@@ -95,11 +100,11 @@ class Guard:
 
         async def send_with_headers(event: "Message") -> None:
             if event["type"] == "http.response.start":
-                MutableHeaders(scope=event).update(HEADERS)
+                MutableHeaders(scope=event).update(HEADERS if answer is None else {**HEADERS, "Connection": "close"})
             await send(event)
 
-        answer = self._answer(Request(scope)) or self._inner
-        await answer(scope, receive, send_with_headers)
+        answer = self._answer(Request(scope))
+        await (answer or self._inner)(scope, receive, send_with_headers)
 
     def _answer(self, request: Request) -> Response | None:
         """What the guard itself answers; None: the browser may pass."""
@@ -108,8 +113,7 @@ class Guard:
         path, method = request.url.path, request.method
         if path == f"{self._keys.path}enter" and method == "GET":
             return self._let_in(request.query_params.get("token", ""))
-        cookie = request.cookies.get(self._cookie, "")
-        if not path.startswith(self._keys.path) or not compare_digest(cookie.encode(), self._keys.cookie.encode()):
+        if not path.startswith(self._keys.path) or not self._has_cookie(request.headers):
             return _refused()
         if request.headers.get("sec-fetch-site", "same-origin") not in {"same-origin", "none"}:
             return _refused()
@@ -119,6 +123,12 @@ class Guard:
         """Whether it names this server, and no other page sent it."""
         origins = headers.getlist("origin")
         return headers.getlist("host") == [self._host] and origins in ([], [f"http://{self._host}"])
+
+    def _has_cookie(self, headers: Headers) -> bool:
+        """Whether any cookie of the name has the value: a server on another port may have set one for every path."""
+        pairs = (pair.strip().partition("=") for line in headers.getlist("cookie") for pair in line.split(";"))
+        values = [value for name, _, value in pairs if name == self._cookie]
+        return any(compare_digest(value.encode(), self._keys.cookie.encode()) for value in values)
 
     def _let_in(self, token: str) -> Response:
         expected = self._keys.token
@@ -145,4 +155,4 @@ class Guard:
 
 
 def _refused() -> Response:
-    return PlainTextResponse("403: open the studio by the address that it printed or opened.\n", 403)
+    return PlainTextResponse(_REFUSED, 403)

@@ -2,7 +2,8 @@
 
 import hashlib
 import os
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,9 +18,10 @@ from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import HostSelection, ManifestSource, today_utc
 from rarms_iac.app.status import History, Overview, history_of_hosts, overview_of
 from rarms_iac.app.use_case_errors import UseCaseError
-from rarms_iac.app.wiring import HOSTS
+from rarms_iac.app.wiring import HOSTS, state_folder
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.model.diagnostics import Diagnostic, Sources, first_of_each_kind, in_order
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.storage.disk import MEASUREMENTS
 
 
@@ -36,38 +38,45 @@ class Knowledge:
     sources: Sources = field(default_factory=dict)  # that the findings point into
 
 
-def files_version(source: ManifestSource) -> str:
-    """Return a digest of what the files beside a manifest look like: their names, sizes and times of change.
+LOOK_SECONDS = 30
+"""How old may be what is known of a host whose files lie on another machine, or are none."""
+
+
+def files_version(source: ManifestSource, folders: Sequence[Path]) -> str:
+    """Return a digest of what files look like: their names, sizes and times of change.
 
     Args:
         source: the manifest and its overlays; data logs and simulated hosts lie below its folder.
+        folders: of hosts on this machine.
     """
     digest = hashlib.sha256()
-    for path in _files(source):
+    for path in _files(source, folders):
         with suppress(OSError):
             status = path.stat()
             digest.update(f"{path}\0{status.st_mtime_ns}\0{status.st_size}\0{status.st_ino}\n".encode(errors="replace"))
     return digest.hexdigest()[:16]
 
 
-def _files(source: ManifestSource) -> Iterator[Path]:
+def _files(source: ManifestSource, more: Sequence[Path]) -> Iterator[Path]:
     yield from (Path(manifest_path(source.manifest)), *map(Path, source.overlays))
-    for name in (MEASUREMENTS, HOSTS):
-        for folder, folders, files in os.walk(Path(folder_of(source.manifest)) / name):
+    own = Path(folder_of(source.manifest))
+    for root in (own / MEASUREMENTS, own / HOSTS, *more):
+        for folder, folders, files in os.walk(root):
             folders.sort()
             yield from (Path(folder, file) for file in sorted(files) if not file.startswith("."))
 
 
-def look(source: ManifestSource) -> Knowledge:
+def look(source: ManifestSource, version: str) -> Knowledge:
     """Read the manifest and the logs, and look at the hosts. Changes nothing.
 
     Args:
         source: the manifest and its overlays; its day is not read, since a studio may run for longer.
+        version: of its files, before they are read.
 
     Returns:
         What is known; what could not be read is told by findings.
     """
-    known = Knowledge(version=files_version(source))
+    known = Knowledge(version=version)
     try:
         manifest = load_manifest(replace(source, today=today_utc()))
         known = replace(known, manifest=manifest, sources=manifest.sources, findings=manifest.findings)
@@ -96,15 +105,35 @@ class Watch:
         self._source = source
         self._lock = Lock()
         self._known: Knowledge | None = None
+        self._looks = 0
 
     def now(self) -> Knowledge:
         """Return what is known; it is looked up anew where a file changed."""
         with self._lock:
-            if self._known is None or self._known.version != files_version(self._source):
-                self._known = look(self._source)
+            version = self._version()
+            if self._known is None or self._known.version != version:
+                self._known = look(self._source, version)
             return self._known
+
+    def version(self, *, at_work: bool) -> str:
+        """Return what changes with each file, and from time to time where a host has no file here.
+
+        Args:
+            at_work: whether a use case runs, which is left alone with its hosts.
+        """
+        with self._lock:
+            if not at_work:
+                self._looks = int(time.monotonic()) // LOOK_SECONDS
+            return self._version()
+
+    def _version(self) -> str:
+        hosts = self._known.manifest.system.hosts.values() if self._known and self._known.manifest else ()
+        folders = [state_folder(host) for host in hosts if host.provider is not ProviderKind.SIMULATED]
+        looks = f"-{self._looks}" if None in folders else ""
+        return f"{files_version(self._source, [folder for folder in folders if folder])}{looks}"
 
     def forget(self) -> None:
         """Have everything looked up anew: a host that is no file may have changed."""
         with self._lock:
-            self._known = None
+            if self._known is not None:
+                self._known = replace(self._known, version="")

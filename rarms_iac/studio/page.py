@@ -3,9 +3,10 @@
 Nothing here decides anything: it is what the use cases said, with boxes for what a terminal asks or takes as options.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from fractions import Fraction
+from types import MappingProxyType
 
 from rarms_iac.app.applying import changed_manifest
 from rarms_iac.app.experiments.measure_request import MeasureRequest
@@ -15,12 +16,13 @@ from rarms_iac.app.options import Option
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.scripts import ScriptSince
 from rarms_iac.app.status import HostOverview, NextCommand, PartitionStatus
-from rarms_iac.model.commands import plain_text, sentences
+from rarms_iac.manifest.load import manifest_path
+from rarms_iac.model.commands import RecommendedCommand, plain_text, sentences
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.quantities import share_of_processors, show_processors
-from rarms_iac.model.wording import natural_order
+from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.studio.actions import Workspace
 from rarms_iac.studio.knowledge import Knowledge
 from rarms_iac.views.console import UNLIMITED, render
@@ -84,9 +86,10 @@ class PlanOnPage:
     summary: str
     changes: Table
     steps: Table  # in this order
+    command: RecommendedCommand  # that makes such a plan and does it
     scripts: tuple[tuple[str, str, str, str], ...]  # name, text, plan that was applied last, difference to it
-    has_steps: bool
-    changed: tuple[str, ...]  # that the manifest has changed since
+    can_be_applied: bool
+    changed: tuple[str, ...]  # that the manifest or a host has changed since
 
 
 STOP_PARTITIONS = Box(
@@ -125,6 +128,8 @@ class StudioOnPage:
     components: tuple[ComponentOnPage, ...]
     next_command: NextCommand | None
     unfinished: bool  # a run on a host did not end
+    left_by_measurement: bool  # a measurement did not end
+    ways: Mapping[str, str]  # by verb of a recommended command, the form that does the same
     plan: PlanOnPage | None
     history: tuple[tuple[str, ...], ...]  # host, when, what, plan, application, by whom, ending
     has_manifest: bool
@@ -133,32 +138,48 @@ class StudioOnPage:
     prove_boxes: tuple[Box, ...] = PROVE_BOXES
 
 
-def page_of(known: Knowledge, workspace: Workspace, *, version: str, manifest_options: str, read_only: bool) -> bytes:
+FORMS = MappingProxyType(
+    {**{verb: verb for verb in ("measure", "tune", "plan", "prove", "undo")}, "start": "plan-start", "apply": "finish"}
+)
+
+
+def page_of(
+    known: Knowledge, workspace: Workspace, *, version: str, works: bool, manifest_options: str, read_only: bool
+) -> bytes:
     """Make the page of what is known.
 
     Args:
         known: of the application.
         workspace: the plan that was made last.
         version: of what is known, for the page to compare.
+        works: whether a use case runs: what it needs on a host for a while is not left by another one.
         manifest_options: what commands end with, such as ` -f cell`.
         read_only: whether nothing may be changed.
 
     Returns:
         HTML in UTF-8.
     """
-    report = _report(known)
+    report = _report(known, workspace)
     overview = known.overview
+    hosts = overview.hosts if overview else ()
+    unfinished = any(host.last_run and host.last_run.closing is None for host in hosts) and not works
+    is_cut_off = any(part.is_left_by_measurement for host in hosts for part in host.partitions) and not works
+    forms = {
+        verb: form
+        for verb, form in FORMS.items()
+        if (form != "finish" or unfinished) and (form != "plan-start" or is_cut_off)
+    }
     studio = StudioOnPage(
         version=version,
         application=report.application,
         read_only=read_only,
         manifest_options=manifest_options,
-        hosts=tuple(map(_host, overview.hosts)) if overview else (),
+        hosts=tuple(map(_host, hosts)),
         components=tuple(_components(known, report)),
-        next_command=overview.next_command if overview else None,
-        unfinished=any(
-            host.last_run and host.last_run.closing is None for host in (overview.hosts if overview else ())
-        ),
+        next_command=overview.next_command if overview and not works else None,
+        unfinished=unfinished,
+        left_by_measurement=is_cut_off,
+        ways=forms,
         plan=_plan(known, workspace, manifest_options),
         history=tuple(_history(known)),
         has_manifest=known.manifest is not None,
@@ -177,9 +198,9 @@ def render_studio(report: Report, findings: Sequence[Diagnostic], studio: Studio
     return render_page(report, findings=findings, style="", script="", policy="", studio=studio)
 
 
-def _report(known: Knowledge) -> Report:
-    """An empty one where nothing could be read."""
-    name = known.manifest.system.application.name if known.manifest else ""
+def _report(known: Knowledge, workspace: Workspace) -> Report:
+    """An empty one where nothing could be read; without an application it is called as its file."""
+    name = known.manifest.system.application.name if known.manifest else manifest_path(workspace.source.manifest)
     return known.report or Report(application=name, description="", measurements=(), capacities=())
 
 
@@ -192,10 +213,10 @@ def _host(host: HostOverview) -> HostOnPage:
     amounts = [("used", partition.reserved_lp, partition.name) for partition in own]
     amounts += [("foreign", host.unmanaged_lp, "unmanaged machines")]
     unpromised = ("kept", totals.kept_lp, "kept for the host")
-    sentence = (
-        f"{show_processors(host.reserved_lp)} of {show_processors(host.capacity_lp)} reserved, "
-        f"{show_processors(host.free_lp)} free"
-    )
+    free = f"{show_processors(host.free_lp)} free"
+    if host.free_lp < 0:
+        free = f"{show_processors(-host.free_lp)} more than may be reserved"
+    sentence = f"{show_processors(host.reserved_lp)} of {show_processors(host.capacity_lp)} reserved, {free}"
     if host.unmanaged_lp:
         sentence += f", {show_processors(host.unmanaged_lp)} by unmanaged machines"
     if totals.kept_lp:
@@ -255,7 +276,14 @@ def _plan(known: Knowledge, workspace: Workspace, manifest_options: str) -> Plan
     plan = workspace.plan
     if plan is None:
         return None
-    notes = changed_manifest(plan, workspace.source)
+    notes = [
+        plain_text(sentences(note.detail, note.advice), manifest_options)
+        for note in changed_manifest(plan, workspace.source)
+    ]
+    serials = {host.name: host.serial for host in known.overview.hosts if host.totals} if known.overview else {}
+    moved = [part.name for part in plan.hosts if serials.get(part.name, part.serial) != part.serial]
+    if moved:
+        notes.append(f"Something was applied to {in_a_row(moved)} since this plan was made: plan again.")
     return PlanOnPage(
         id=plan.id,
         summary=summary(plan),
@@ -263,8 +291,9 @@ def _plan(known: Knowledge, workspace: Workspace, manifest_options: str) -> Plan
         steps=Table(columns=STEPS, rows=tuple(_steps(plan))),
         text=render(plan_text(plan, sources=known.sources, verbose=True), UNLIMITED, manifest=manifest_options),
         scripts=tuple(_script(since) for since in workspace.scripts),
-        has_steps=any(part.steps for part in plan.hosts),
-        changed=tuple(plain_text(sentences(note.detail, note.advice), manifest_options) for note in notes),
+        command=workspace.does,
+        can_be_applied=any(part.steps for part in plan.hosts) and not moved,
+        changed=tuple(notes),
     )
 
 

@@ -7,15 +7,16 @@ server-sent events: the page then asks for itself again. All of it passes `guard
 import asyncio
 import json
 import socket
+import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from http import HTTPStatus
-from threading import Lock
+from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING, TypeVar
 
 import uvicorn
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
@@ -29,8 +30,9 @@ from rarms_iac.model.commands import RecommendedCommand, plain_text, sentences
 from rarms_iac.model.diagnostics import in_order
 from rarms_iac.storage.shipped import shipped_text
 from rarms_iac.studio.actions import ACTIONS, Action, Workspace
+from rarms_iac.studio.connections import MOST_ACCEPTED, BoundedProtocol
 from rarms_iac.studio.guard import Guard, Keys
-from rarms_iac.studio.knowledge import Watch, files_version
+from rarms_iac.studio.knowledge import Watch
 from rarms_iac.studio.levels import LevelAnswer, LevelBody, answer_level
 from rarms_iac.studio.page import page_of
 from rarms_iac.studio.work import Ending, TaskRunner, Transcript, WorkRefused, WorkState
@@ -43,14 +45,14 @@ if TYPE_CHECKING:
 
 LOOPBACK = "127.0.0.1"
 TICK_SECONDS = 0.2
-"""How often work is looked at for news, and the end of the server is asked for."""
+"""How often work is looked at for news, and whether the end is asked for."""
 TICKS_OF_FILES = 3
 TICKS_OF_FILES_AT_WORK = 15
 """Files are looked at this seldom; while something runs seldom enough to leave the processors to it."""
 
 Body = TypeVar("Body", bound=BaseModel)
 
-SCRIPTS = (*MODULES, "studio.js")
+SCRIPTS = (*MODULES, "patch.js", "studio.js")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,18 +65,26 @@ class StudioSettings:
     read_only: bool = False
 
 
+class StopBody(BaseModel):
+    """Which use case is to end."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    number: int
+
+
 class Studio:
     """The application behind the guard.
 
     Args:
         settings: what is served.
-        stop: says when the server is to end.
+        stop: says when what runs is to end.
         watch: keeps what is known; None: of the settings' manifest.
     """
 
     def __init__(self, settings: StudioSettings, stop: StopSignal, watch: Watch | None = None) -> None:
         self._settings = settings
-        self._stop = stop
+        self._closed = Event()
         self._watch = watch or Watch(settings.source)
         self._workspace = Workspace(source=settings.source)
         self._writing = Lock()  # of the manifest
@@ -92,22 +102,28 @@ class Studio:
             Route("/do/{action}", self._do, methods=["POST"]),
         ]
 
+    def close(self) -> None:
+        """End what browsers are told, so that their connections can end."""
+        self._closed.set()
+
     async def _page(self, _request: Request) -> Response:
         return HTMLResponse(await run_in_threadpool(self._render))
 
     def _render(self) -> bytes:
-        version = self._version(self.work.state())  # before the files are read: what changes meanwhile is read again
+        state = self.work.state()
+        version = self._version(state)  # before the files are read: what changes meanwhile is read again
         return page_of(
             self._watch.now(),
             self._workspace,
             version=version,
+            works=not state.ending,
             manifest_options=self._settings.manifest_options,
             read_only=self._settings.read_only,
         )
 
     def _version(self, state: WorkState) -> str:
         """Changes with each file, and with each use case that begins or ends."""
-        return f"{state.number}{state.ending}-{files_version(self._settings.source)}"
+        return f"{state.number}{state.ending}-{self._watch.version(at_work=not state.ending)}"
 
     async def _style(self, _request: Request) -> Response:
         text = f"{shipped_text(f'{FOLDER}/report.css')}{shipped_text(f'{FOLDER}/studio.css')}"
@@ -127,7 +143,7 @@ class Studio:
         sent_work = sent_files = ""
         latest: tuple[int, Ending] | None = None
         tick = 0
-        while not self._stop.should_stop():
+        while not self._closed.is_set():
             state = self.work.state()
             data = json.dumps(asdict(state))
             if data != sent_work:
@@ -143,8 +159,11 @@ class Studio:
             tick += 1
             await asyncio.sleep(TICK_SECONDS)
 
-    async def _stop_work(self, _request: Request) -> Response:
-        self.work.stop()
+    async def _stop_work(self, request: Request) -> Response:
+        body = await _read(request, StopBody)
+        if isinstance(body, Response):
+            return body
+        self.work.stop(body.number)
         return JSONResponse({})
 
     async def _level(self, request: Request) -> Response:
@@ -264,6 +283,9 @@ def serve(
 ) -> None:
     """Serve until the end is asked for; what runs then is stopped as in the terminal, and waited for.
 
+    Use cases run in this thread, where a terminal's run, too: what a signal does to them is the same. The server has a
+    thread of its own.
+
     Args:
         settings: what is served.
         stop: asked several times a second.
@@ -272,32 +294,30 @@ def serve(
 
     Raises:
         RequestError: the port is taken.
+        KeyboardInterrupt: what ran was cut by a second signal, as in the terminal.
     """
     bound = bind(settings.port)
     port = int(bound.getsockname()[1])
     keys, studio = Keys(), Studio(settings, stop, watch)
     config = uvicorn.Config(
         guarded(studio, port, keys), log_config=None, access_log=False, server_header=False, lifespan="off",
-        http="h11", ws="none", proxy_headers=False,
-        timeout_graceful_shutdown=2,
+        log_level="error",  # what strangers send wrongly is no news for the terminal
+        http=BoundedProtocol, backlog=MOST_ACCEPTED, ws="none", proxy_headers=False, timeout_graceful_shutdown=2,
     )  # fmt: skip
     server = StudioServer(config)
 
-    async def end_when_asked() -> None:
-        while not server.started:
-            await asyncio.sleep(0.01)
-        announce(f"http://{LOOPBACK}:{port}{keys.entrance}")
-        while not stop.should_stop():
-            await asyncio.sleep(TICK_SECONDS)
-        server.should_exit = True
-
-    async def run() -> None:
-        ending = asyncio.create_task(end_when_asked())
-        try:
-            await server.serve(sockets=[bound])
-        finally:
-            ending.cancel()
-
+    # NOTE: a daemon. What it still has to say after the last word of the work is worth no waiting.
+    thread = Thread(target=lambda: asyncio.run(server.serve(sockets=[bound])), name="rarms studio", daemon=True)
     with stop.gently():
-        asyncio.run(run())
-        studio.work.wait()
+        thread.start()
+        try:
+            while not server.started and thread.is_alive():
+                time.sleep(0.01)
+            bound.listen(socket.SOMAXCONN)  # those that wait to be accepted wait in the kernel
+            announce(f"http://{LOOPBACK}:{port}{keys.entrance}")
+            while not stop.should_stop() and thread.is_alive():
+                studio.work.run_next(TICK_SECONDS)
+        finally:
+            studio.close()
+            server.should_exit = True
+            thread.join()

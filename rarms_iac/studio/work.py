@@ -1,12 +1,13 @@
-"""One use case at a time, in a thread; the page sees what a terminal would show of it, and may ask for its end."""
+"""One use case at a time; the page sees what a terminal would show of it, and may ask for its end."""
 
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
-from threading import Event, Lock, Thread
+from queue import Empty, Queue
+from threading import Event, Lock
 from typing import TYPE_CHECKING, Literal
 
 from rarms_iac.app.control import StopSignal
@@ -159,7 +160,7 @@ class WorkStop:
 
     @contextmanager
     def gently(self) -> Iterator[None]:
-        """Nothing is to be held back: no signal reaches the thread.
+        """Nothing is to be held back: the server holds signals back all the time.
 
         Yields:
             Once, with nothing.
@@ -177,7 +178,7 @@ class TaskRunner:
     Args:
         server: whether the server ends.
         manifest_options: what recommended commands end with.
-        ended: called, in the thread, after each use case.
+        ended: called after each use case.
     """
 
     def __init__(self, server: StopSignal, manifest_options: str, ended: Callable[[], None]) -> None:
@@ -190,27 +191,28 @@ class TaskRunner:
         self._ending: Ending = "done"
         self._transcript = Transcript(manifest_options)
         self._stop = WorkStop(server)
-        self._thread: Thread | None = None
+        self._waiting: Queue[Task] = Queue()  # at most one
 
     def state(self) -> WorkState:
         """Return how far it is."""
         return self._transcript.state(self._number, self._command, self._ending)
 
-    def stop(self) -> None:
-        """Ask for the end of what runs; what was measured or done stays."""
-        self._stop.ask()
+    def stop(self, number: int) -> None:
+        """Ask for the end of a use case; what was measured or done stays.
 
-    def wait(self) -> None:
-        """Wait until nothing runs."""
-        if self._thread is not None:
-            self._thread.join()
+        Args:
+            number: of the use case; where another one runs by now, it is not stopped.
+        """
+        with self._lock:
+            if number == self._number:
+                self._stop.ask()
 
     def start(self, command: str, task: Task) -> None:
-        """Begin a use case.
+        """Have a use case begun by the thread that calls `run_next`.
 
         Args:
             command: its words in a terminal.
-            task: what is done, in a thread of its own.
+            task: what is done.
 
         Raises:
             WorkRefused: another one runs.
@@ -221,9 +223,19 @@ class TaskRunner:
             self._number += 1
             self._command, self._ending = command, ""
             self._transcript, self._stop = Transcript(self._manifest_options), WorkStop(self._server)
-            # NOTE: no daemon. Python waits for it at the end, so that a host is never left in the middle of a step.
-            self._thread = Thread(target=self._run, args=(task,), name="rarms studio work")
-            self._thread.start()
+            self._waiting.put(task)
+
+    def run_next(self, seconds: float) -> None:
+        """Do the use case that was started, in this thread, to its end.
+
+        Args:
+            seconds: how long to wait for one.
+
+        Raises:
+            KeyboardInterrupt: a signal cut it; what a use case does at its end is done.
+        """
+        with suppress(Empty):
+            self._run(self._waiting.get(timeout=seconds))
 
     def _run(self, task: Task) -> None:
         transcript = self._transcript
@@ -234,6 +246,9 @@ class TaskRunner:
                 transcript.message("Stopped. What is recorded stays: the same command goes on.")
         except RequestError as error:
             transcript.message(sentences(error.message, error.advice))
+        except KeyboardInterrupt:
+            ending = "stopped"
+            raise
         except UseCaseError as error:
             ending = "stopped" if error.outcome is Outcome.INTERRUPTED else "failed"
             transcript.findings(error.findings, error.sources)

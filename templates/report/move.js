@@ -50,19 +50,13 @@ let held = null; // which line, by which pointer, and how far from the line it w
 // Whether a line is being dragged.
 export const isHeld = () => held !== null;
 
-const movable = (plot) => {
-  const line = element(`${plot.id}-line`);
-  line.style.top = `${100 - 100 * heightOf(plot, Number(plot.text))}%`;
-  line.addEventListener("pointerdown", (event) => {
-    if (event.button !== 0 || held !== null) return;
-    const box = line.getBoundingClientRect();
-    held = { plot, by: event.pointerId, offset: event.clientY - (box.top + box.height / 2) };
-    line.setPointerCapture(event.pointerId);
-  });
-  line.addEventListener("keydown", (event) => onKey(plot, event));
-  element(`${plot.id}-field`).addEventListener("click", (event) => {
-    if (!line.contains(event.target) && !event.target.closest("[data-setting]")) toPointer(plot, event);
-  });
+const plotOf = (target) => plots().find((plot) => plot.id === target.closest("[data-plot]")?.dataset.plot);
+
+const hold = (line, event) => {
+  if (event.button !== 0 || held !== null) return;
+  const box = line.getBoundingClientRect();
+  held = { plot: plotOf(line), by: event.pointerId, offset: event.clientY - (box.top + box.height / 2) };
+  line.setPointerCapture(event.pointerId);
 };
 
 const copy = async (button) => {
@@ -112,10 +106,8 @@ const showSamples = (plot, number) => {
 // --- beginning
 
 const begin = (card) => {
-  card.plots.forEach(movable);
   card.plots.forEach(showPlot);
   showCard(card);
-  if (card.plots.length > 0) element(`${card.id}-reset`).addEventListener("click", () => reset(card));
 };
 
 const identityOf = (plot) => `${plot.card.log} ${plot.component} ${plot.index}`;
@@ -145,9 +137,22 @@ for (const end of ["pointerup", "pointercancel"]) {
   });
 }
 addEventListener("resize", () => plots().forEach(makeRoomSoon));
+
+// NOTE: on the document, not on each element: elements may come and go while the page follows the files.
+document.addEventListener("pointerdown", (event) => {
+  const line = event.target.closest(".line");
+  if (line) hold(line, event);
+});
+document.addEventListener("keydown", (event) => {
+  const line = event.target.closest(".line");
+  if (line) onKey(plotOf(line), event);
+});
 document.addEventListener("click", (event) => {
   const copied = event.target.closest("[data-copy]");
   const setting = event.target.closest("[data-setting]");
+  const restored = event.target.closest("[data-reset]");
   if (copied) copy(copied);
-  if (setting) showSamples(plots().find((plot) => plot.id === setting.closest("[data-plot]").dataset.plot), Number(setting.dataset.setting));
+  if (setting) showSamples(plotOf(setting), Number(setting.dataset.setting));
+  else if (event.target.closest(".field") && !event.target.closest(".line")) toPointer(plotOf(event.target), event);
+  if (restored) reset(page.cards.find((card) => card.id === restored.dataset.reset));
 });

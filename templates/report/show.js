@@ -53,7 +53,7 @@ export const showPlot = (plot) => {
 };
 
 const levelSentence = (card, reserve) => {
-  if (reserve === undefined) return "There is no APT yet: move a line.";
+  if (reserve === undefined) return "There is no APT yet: move a line to see what a level needs.";
   const short = wanted(card).filter((plot) => leastReserve([plot]) === null);
   if (reserve === null && short.length === 0) return "No reserve at which all of it was measured is enough.";
   if (short.length > 0) return `Not achieved at any reserve that was measured: ${short.map(inWords).join(", ")}.`;
@@ -92,7 +92,7 @@ export const showCard = (card) => {
   card.reserve = reserveOf(card);
   const reserve = card.reserve;
   element(`${card.id}-reserve`).textContent =
-    reserve === undefined ? "No reserve yet" : reserve === null ? "Not achieved" : `Reserve ${inProcessors(reserve * card.processors)}`;
+    reserve === undefined ? (card.fixed.length > 0 ? "Reserve fixed by the manifest" : "No reserve yet") : reserve === null ? "Not achieved" : `Reserve ${inProcessors(reserve * card.processors)}`;
   element(`${card.id}-bandwidth`).textContent = reserve ? shareOfProcessors(reserve, card.processors) : "";
   element(`${card.id}-level`).textContent = levelSentence(card, reserve);
   element(`${card.id}-reset`).hidden = !card.plots.some((plot) => plot.moved);
@@ -100,7 +100,7 @@ export const showCard = (card) => {
   fill(`${card.id}-command`, commandLines(card));
 };
 
-const textOf = (node, text) => {
+export const textOf = (node, text) => {
   if (node.textContent !== text) node.textContent = text; // nothing is laid out again for the same words
 };
 

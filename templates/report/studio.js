@@ -1,8 +1,11 @@
 // What a server adds: actions are sent to it, what runs is followed, and the page follows the files.
 import { start, isHeld } from "./move.js";
-import { element } from "./show.js";
+import { patch } from "./patch.js";
+import { element, textOf } from "./show.js";
 import { wanted } from "./lookup.js";
 
+const followed = () => [document.querySelector("header.page"), element("main")];
+let served = followed().map((part) => part.cloneNode(true)); // as the server sent them last
 let page = start();
 let version = null; // the last that the server told of
 let refreshing = false;
@@ -111,6 +114,21 @@ const write = async (edit) => {
 
 // --- what runs
 
+const resize = (parent, count, name) => {
+  while (parent.childElementCount > count) parent.lastElementChild.remove();
+  while (parent.childElementCount < count) parent.append(document.createElement(name));
+};
+
+// Rows that stay are not made anew: they may be read, selected and scrolled meanwhile.
+const showRows = (rows) => {
+  const body = element("work-rows");
+  resize(body, rows.length, "tr");
+  rows.forEach((cells, at) => {
+    resize(body.children[at], cells.length, "td");
+    cells.forEach((text, place) => textOf(body.children[at].children[place], text));
+  });
+};
+
 const showWork = (work) => {
   if (work.number === 0) return;
   const isRunning = work.ending === "";
@@ -118,48 +136,39 @@ const showWork = (work) => {
   element("work").hidden = false;
   element("work-command").textContent = work.command;
   element("work-status").textContent = isRunning ? "runs." : { done: "ended.", stopped: "was stopped.", failed: "ended with problems." }[work.ending];
-  element("work-stop").hidden = !isRunning;
+  const stop = element("work-stop");
+  stop.dataset.number = work.number;
+  if (!isRunning && stop === document.activeElement) element("work").focus({ preventScroll: true });
+  stop.hidden = !isRunning;
   const rows = work.current.length > 0 ? [...work.rows, work.current] : work.rows;
-  element("work-rows").replaceChildren(
-    ...rows.map((cells) => {
-      const row = document.createElement("tr");
-      row.replaceChildren(...cells.map((text) => Object.assign(document.createElement("td"), { textContent: text })));
-      return row;
-    }),
-  );
+  showRows(rows);
   element("work-lines").hidden = work.lines.length === 0;
-  element("work-lines").textContent = work.lines.map((text) => text.trimEnd()).join("\n");
+  textOf(element("work-lines"), work.lines.map((text) => text.trimEnd()).join("\n"));
 };
 
 // --- following the files
 
-const kept = (root) => ({
-  open: [...root.querySelectorAll("details")].map((each) => each.open),
-  fields: [...root.querySelectorAll("input, select")].filter((each) => each.id).map((each) => [each.id, each.type === "checkbox" ? each.checked : each.value]),
-  focus: document.activeElement?.id,
-});
-
-const restore = (root, state) => {
-  const details = [...root.querySelectorAll("details")];
-  if (details.length === state.open.length) details.forEach((each, at) => (each.open = state.open[at]));
-  for (const [id, value] of state.fields) {
-    const field = element(id);
-    if (field) field[field.type === "checkbox" ? "checked" : "value"] = value;
-  }
-  root.querySelectorAll("form[data-action]").forEach(showWords);
-  if (state.focus) element(state.focus)?.focus({ preventScroll: true });
+// Where what had the focus is gone, its section has it, or what runs.
+const keepFocus = (focused, section) => {
+  if (focused === document.activeElement || focused === document.body) return;
+  const next = [focused, section, element("work"), element("main")].find((each) => each?.isConnected && !each.hidden);
+  if (next !== focused) next.tabIndex = -1;
+  next.focus({ preventScroll: true });
 };
 
 const refresh = async () => {
   const response = await fetch(".");
   if (!response.ok) throw new Error(String(response.status));
   const fresh = new DOMParser().parseFromString(await response.text(), "text/html");
-  const state = kept(element("main"));
-  element("main").replaceWith(fresh.getElementById("main"));
+  const latest = [fresh.querySelector("header.page"), fresh.getElementById("main")];
+  const focused = document.activeElement;
+  const section = focused.closest("section");
+  followed().forEach((part, at) => patch(part, served[at], latest[at]));
+  served = latest;
   document.title = fresh.title;
-  document.querySelector("header.page").replaceWith(fresh.querySelector("header.page"));
   page = start();
-  restore(element("main"), state);
+  document.querySelectorAll("form[data-action]").forEach(showWords);
+  keepFocus(focused, section);
 };
 
 // While a line is held, the page stays as it is.
@@ -176,6 +185,8 @@ const follow = async (latest) => {
       shown = version;
       await refresh();
     }
+  } catch {
+    element("connection").hidden = false; // until the server's news come again
   } finally {
     refreshing = false;
   }
@@ -208,11 +219,11 @@ document.addEventListener("line", (event) => {
 document.addEventListener("click", (event) => {
   const button = event.target.closest("button");
   if (!button) return;
-  const { preview, component, index, level, measure, way } = button.dataset;
+  const { preview, levels, measure, way } = button.dataset;
   const edit = button.closest("[data-edit]")?.querySelector(".edit");
-  if (button.id === "work-stop") send("stop", {}).catch((problem) => say(problem.message));
+  if (button.id === "work-stop") send("stop", { number: Number(button.dataset.number) }).catch((problem) => say(problem.message));
   if (preview) showPreview(edit, wanted(cardOf(preview)).map(levelOf));
-  if (component) showPreview(edit, [{ component, index, level }]);
+  if (levels) showPreview(edit, JSON.parse(levels));
   if (button.classList.contains("write")) write(edit);
   if (measure) measureOf([measure]);
   if (way) element(way).querySelector("button").focus();

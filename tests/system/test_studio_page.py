@@ -481,9 +481,20 @@ def test_a_killed_server_is_told_and_another_one_goes_on(browser: "WebDriver", s
         assert "start rarms studio again" in shown(browser, "connection")
     with studio(slow) as again:
         opens(browser, again)
+        assert "removes the test partitions of a measurement that was cut off" in shown(browser, "next")
+        assert "test partition of a measurement" in shown(browser, "hosts")
+        keeps(browser, "cut-off")
+        browser.find_element("css selector", "#next button").click()
+        browser.switch_to.active_element.click()
+        assert waits_for_end(browser, "rarms start") == "ended.", shown(browser, "work-lines")
+        assert "rarms start, which shows" in waits_for(
+            browser, "return document.querySelector('#apply .does')?.textContent"
+        )
+        types(browser, "apply-application", "slow")
+        assert waits_for_end(browser, "rarms start") == "ended."
+        waits_for(browser, "return !document.getElementById('hosts').textContent.includes('test partition')")
         press(browser, "measure")
         waits_for(browser, "return document.querySelector('#m1 .dot') !== null")
-        assert "removed" in shown(browser, "work-lines"), "what the killed one left on the host"
 
 
 class Foreign(BaseHTTPRequestHandler):
@@ -613,10 +624,8 @@ def test_where_it_does_not_fit_each_way_out_shows_its_edit(browser: "WebDriver",
     with studio(tmp_path) as served:
         opens(browser, served)
         waits_for(browser, "return document.getElementById('findings') !== null")
-        finding = browser.find_element("css selector", "#findings ~ details, section[aria-labelledby=findings] details")
-        finding.find_element("tag name", "summary").click()
-        way = finding.find_element("css selector", "[data-component=talk]")
-        way.click()
+        finding = browser.find_element("css selector", "section[aria-labelledby=findings] details[open]")
+        finding.find_element("css selector", WAY.format("talk")).click()
         difference = waits_for(
             browser, "return document.querySelector('details .edit:not([hidden]) .difference')?.textContent"
         )
@@ -630,18 +639,44 @@ def test_where_it_does_not_fit_each_way_out_shows_its_edit(browser: "WebDriver",
         assert "% of its VPs" in shown(browser, "work-rows"), "the questions of the search are shown"
         assert "onboard" in shown(browser, "work-lines")
 
+        waits_for(browser, "return document.querySelector(arguments[0])", WAY.format("talk")).click()
+        waits_for(browser, "return document.querySelector('details .edit:not([hidden]) .write:not([hidden])')").click()
         for component in ("talk", "speech"):
-            waits_for(browser, "return document.querySelector(`[data-component=${arguments[0]}]`)", component)
-            browser.execute_script("document.querySelectorAll('#main details').forEach((each) => (each.open = true))")
-            browser.find_element("css selector", f"[data-component={component}]").click()
-            waits_for(browser, "return document.querySelector('details .edit:not([hidden]) .write:not([hidden])')")
-            browser.find_element("css selector", "details .edit:not([hidden]) .write").click()
             waits_for(browser, WRITTEN, component)
-        waits_for(browser, "return !document.querySelector('[data-component]')")
+        waits_for(browser, "return !document.querySelector('[data-levels]')")
         keeps(browser, "fits")
     assert rarms(tmp_path, "plan")
 
 
+def test_what_is_open_shown_and_focused_stays_while_the_page_follows(browser: "WebDriver", tmp_path: Path) -> None:
+    (tmp_path / "rarms.yaml").write_text(TIGHT, encoding="utf-8", newline="\n")
+    rarms(tmp_path, "measure", "speech")
+    with studio(tmp_path) as served:
+        opens(browser, served)
+        details = browser.find_element("css selector", "#m1 details")
+        details.find_element("tag name", "summary").click()
+        browser.find_element("id", "m1-1-line").send_keys("\ue013")  # arrow up
+        browser.find_element("css selector", "[data-preview=m1]").click()
+        write = waits_for(browser, "return document.querySelector('#m1 .edit:not([hidden]) .write:not([hidden])')")
+        difference = browser.find_element("css selector", "#m1 .difference").text
+        browser.execute_script("arguments[0].focus()", write)
+        browser.find_element("id", "measure-first").send_keys("20")
+        browser.execute_script("arguments[0].focus()", write)
+
+        rarms(tmp_path, "measure", "vision")
+        waits_for(browser, "return document.getElementById('m2-name')?.textContent === 'speech'")
+        assert browser.find_element("id", "m1-name").text == "vision", "a curve that came stands before it"
+        assert browser.execute_script("return document.activeElement === arguments[0]", write)
+        assert write.is_displayed()
+        assert browser.find_element("css selector", "#m2 .difference").text == difference
+        assert details.get_attribute("open") is not None
+        assert browser.find_element("id", "measure-first").get_attribute("value") == "20"
+        browser.find_element("id", "m2-1-line").send_keys("\ue013")
+        assert not write.is_displayed(), "what was shown is not what would be written now"
+    assert messages_of_errors(browser) == []
+
+
+WAY = """[data-levels*='"{}"']"""
 WRITTEN = """
     const rows = [...document.querySelectorAll("#components tbody tr")];
     return rows.find((row) => row.firstElementChild.textContent === arguments[0]).textContent.includes("45.8 ms");

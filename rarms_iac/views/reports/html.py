@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import PlatformCapacity, Report
 from rarms_iac.model.commands import command, plain_text, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.quantities import guaranteed, show_processors
 from rarms_iac.statistics.error_probability import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
@@ -142,6 +142,7 @@ def _bar(fit: PlatformCapacity) -> dict[str, str]:
 def _finding(diagnostic: Diagnostic) -> dict[str, object]:
     return {
         "kind": f"{diagnostic.severity}[{diagnostic.code}]",
+        "is_error": diagnostic.severity is Severity.ERROR,
         "summary": diagnostic.summary,
         "detail": diagnostic.detail,
         "advice": plain_text(diagnostic.advice),
@@ -155,10 +156,14 @@ def _finding(diagnostic: Diagnostic) -> dict[str, object]:
     }
 
 
-def _relaxed_levels(diagnostic: Diagnostic) -> list[tuple[str, ...]]:
-    """The levels that its ways out choose: component, index and level of each."""
-    rows = [diagnostic.values.get(f"relaxed_{name}", ()) for name in ("components", "indexes", "levels")]
-    return list(zip(*(row for row in rows if isinstance(row, tuple)), strict=True))
+def _relaxed_levels(diagnostic: Diagnostic) -> list[list[dict[str, str]]]:
+    """The levels that each of its ways out chooses, together where there are several."""
+    names = ("ways", "components", "indexes", "levels")
+    rows = [diagnostic.values.get(f"relaxed_{name}", ()) for name in names]
+    ways: dict[str, list[dict[str, str]]] = {}
+    for way, component, index, level in zip(*(row for row in rows if isinstance(row, tuple)), strict=True):
+        ways.setdefault(way, []).append({"component": component, "index": index, "level": level})
+    return list(ways.values())
 
 
 def _policy(style: str, script: str) -> str:

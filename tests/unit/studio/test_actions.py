@@ -47,7 +47,7 @@ def test_each_action_shows_the_command_that_does_the_same() -> None:
     assert measured.command().text == words
     assert TuneAction(dry_run=True, on_busy_host=True).command().text == "rarms tune --dry-run --on-busy-host"
     assert ProveAction(without_load=True).command().text == "rarms prove --without-load"
-    assert [name for name, kind in ACTIONS.items() if not kind.changes] == ["plan", "undo-preview"]
+    assert [name for name, kind in ACTIONS.items() if not kind.changes] == ["plan", "plan-start", "undo-preview"]
 
 
 def test_a_plan_is_applied_once_after_the_name_was_typed(client: Client) -> None:

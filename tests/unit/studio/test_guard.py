@@ -64,6 +64,21 @@ def test_the_token_works_once_and_gives_a_cookie_that_no_script_and_no_other_sit
     assert f'url={fresh.path}"' in again.text, "the browser that has the cookie is led to the page"
 
 
+def test_a_cookie_of_the_same_name_that_another_server_set_locks_the_user_not_out(client: Client) -> None:
+    name, _, _ = client.cookie.partition("=")
+
+    for cookies in (f"{name}=x; {client.cookie}", f"{client.cookie}; {name}=x", f"{name}=; a=b;{client.cookie}"):
+        assert client.send("GET", client.path, {"Cookie": cookies}).status == 200, cookies
+    assert client.send("GET", client.path, {"Cookie": f"{name}=x; {name}=y"}).status == 403
+
+
+def test_what_is_refused_keeps_no_connection_and_says_what_to_do(client: Client) -> None:
+    refused = client.send("GET", client.path, {})
+
+    assert refused.headers["connection"] == "close"
+    assert "end rarms studio with Ctrl-C and start it again" in refused.text
+
+
 def test_a_wrong_token_leaves_the_right_one_as_it_was(fresh: Client) -> None:
     assert fresh.send("GET", f"{fresh.path}enter?token=wrong", {}).status == 403
     assert fresh.enter().status == 200
@@ -101,7 +116,7 @@ def test_a_post_without_origin_or_of_another_type_is_refused(client: Client, lac
 def test_bodies_are_bounded_and_their_length_is_told(client: Client) -> None:
     address, own = f"{client.path}stop", allowed(client)
 
-    assert client.send("POST", address, own, b" " * MOST_BYTES).status == 200
+    assert client.send("POST", address, own, b'{"number": 0}'.ljust(MOST_BYTES)).status == 200
     assert client.send("POST", address, {**own, "Content-Length": str(MOST_BYTES + 1)}).status == 413
     assert client.send("POST", address, {**own, "Transfer-Encoding": "chunked"}).status == 411
     assert client.send("POST", address, {**own, "Transfer-Encoding": "chunked", "Content-Length": "2"}).status == 411

@@ -29,7 +29,8 @@ PLAN = PlanOnPage(
     changes=Table(columns=CHANGES, rows=(("x",) * len(CHANGES),)),
     steps=Table(columns=STEPS, rows=(("x",) * len(STEPS),)),
     scripts=(("x", "x", "x", "x"),),
-    has_steps=True,
+    command=command("x"),
+    can_be_applied=True,
     changed=("x",),
 )
 STUDIO = StudioOnPage(
@@ -51,6 +52,8 @@ STUDIO = StudioOnPage(
     ),
     next_command=NextCommand(command=command("x"), reason="x"),
     unfinished=True,
+    left_by_measurement=True,
+    ways={},
     plan=PLAN,
     history=(("x",) * 7,),
     has_manifest=True,
