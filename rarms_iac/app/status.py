@@ -306,15 +306,6 @@ def _next_command(
 ) -> NextCommand | None:
     unfinished = [host.name for host in hosts if host.last_run and host.last_run.closing is None]
     kinds = {kind for host in hosts for kind in host.drift_kinds}
-    asked = {
-        (name, index, load)
-        for name, component in system.components.items()
-        for index in component.apt
-        for load in system.policy.interference
-    }
-    holding = {
-        (proof.component, proof.index.name, proof.interference) for proof in proofs if proof.met and not proof.outdated
-    }
     if unfinished:
         return NextCommand(command=APPLY, reason=f"finishes the run on {in_a_row(unfinished)}")
     if any(partition.is_left_by_measurement for host in hosts for partition in host.partitions):
@@ -330,26 +321,32 @@ def _next_command(
         return NextCommand(command=PLAN, reason="shows what is not applied yet")
     if any(host.problems for host in hosts):
         return None
-    missed = sorted(
-        {proof.component for proof in proofs if not proof.met and not proof.outdated and not proof.samples_needed}
-        & {name for name, _, _ in asked}
-    )
-    if missed:
-        again = command("measure", *missed, again=True, stop_partitions=True)
+    partitions = [partition for host in hosts for partition in host.partitions]
+    return _next_proof_command(system, partitions, [proof for proof in proofs if not proof.outdated])
+
+
+def _next_proof_command(
+    system: System, partitions: Sequence[PartitionStatus], proofs: Sequence[ComponentProof]
+) -> NextCommand | None:
+    """What is missing, once all is applied, until every threshold is shown to be met beside every load."""
+    asked = {
+        (name, index, load)
+        for name, component in system.components.items()
+        for index in component.apt
+        for load in system.policy.interference
+    }
+    missed = {proof.component for proof in proofs if not proof.met and not proof.samples_needed}
+    if missed := missed & {name for name, _, _ in asked}:
+        again = command("measure", *sorted(missed), again=True, stop_partitions=True)
         return NextCommand(command=again, reason="measures again what missed its threshold together with all others")
-    stopped = sorted(
-        {partition.name for host in hosts for partition in host.partitions if partition.is_stopped}, key=natural_order
-    )
+    stopped = sorted({partition.name for partition in partitions if partition.is_stopped}, key=natural_order)
     if stopped:
         return NextCommand(command=command("start", *stopped), reason="starts what was stopped")
-    if not asked <= holding:
-        off = sorted(
-            (partition.name for host in hosts for partition in host.partitions if not partition.running),
-            key=natural_order,
-        )
-        if off:
-            reason = "starts what does not run, so that thresholds can be proven"
-            return NextCommand(command=command("start", *off), reason=reason)
-        reason = "runs all components together, and compares them with their thresholds"
-        return NextCommand(command=command("prove"), reason=reason)
-    return None
+    if asked <= {(proof.component, proof.index.name, proof.interference) for proof in proofs if proof.met}:
+        return None
+    off = sorted((partition.name for partition in partitions if not partition.running), key=natural_order)
+    if off:
+        reason = "starts what does not run, so that thresholds can be proven"
+        return NextCommand(command=command("start", *off), reason=reason)
+    reason = "runs all components together, and compares them with their thresholds"
+    return NextCommand(command=command("prove"), reason=reason)

@@ -52,15 +52,7 @@ def desired_hosts(
         return {}, refused
     states = sorted(observed.items())
     if request.purpose is not Purpose.APPLY:
-        names = {group.name for group in groups_of(system)}
-        return {
-            name: Desired(
-                observed=state,
-                state=replace(state, partitions=(), tasks=(), responsiveness=None),
-                unnamed=unnamed_partitions(names, system.moved, state.of(request.application).partitions),
-            )
-            for name, state in states
-        }, ()
+        return {name: _without_layout(request, state) for name, state in states}, ()
     views = {name: host_view(state, request.application) for name, state in states}
     namesakes = tuple(map(_without_place, _namesakes(system, observed, places)))
     first = f"First settle the machine that has a wanted name ({FOREIGN_AT_NAME.code}): it takes room, too."
@@ -80,6 +72,15 @@ def desired_hosts(
     for desired in hosts.values():
         findings += [*desired.findings, *ignored_reserves(desired.state, places)]
     return hosts, tuple(findings)
+
+
+def _without_layout(request: PlanRequest, state: State) -> Desired:
+    names = {group.name for group in groups_of(request.system)}
+    return Desired(
+        observed=state,
+        state=replace(state, partitions=(), tasks=(), responsiveness=None),
+        unnamed=unnamed_partitions(names, request.system.moved, state.of(request.application).partitions),
+    )
 
 
 def _with_valid_acceptances(request: PlanRequest) -> System:

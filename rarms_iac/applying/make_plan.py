@@ -57,34 +57,15 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
         The plan, or None and the errors that forbid one. The same input gives the same plan, to the byte.
     """
     hosts, found = desired_hosts(request, observed)
-    shared = hosts_of_one_machine(request.system, observed, request.places)
-    findings = [*request.findings, *found, *shared]
+    findings = [*request.findings, *found, *hosts_of_one_machine(request.system, observed, request.places)]
     addresses: list[str] = []
     parts: list[HostPlan] = []
     for name, desired in hosts.items():
-        if name not in (request.hosts or observed):
-            continue
-        rules, context = rules_of(request, desired), context_of(request, desired)
-        difference = _difference(request, desired, context, rules)
-        budget = budget_of(request, desired, context, observed)
-        held = hold_back(targeted(difference.changes, request.targets), budget)
-        ordered = order(plan_changes(held.allowed, context), budget)
-        steps, stuck = ((), (ordered.finding,)) if isinstance(ordered, Deadlock) else (ordered.steps, ())
-        guests = _guest_tasks(request, desired, rules)
-        part = _host_plan(request, desired, difference, held, steps)
-        others = others_after(desired.observed, request.application, held.allowed)
-        basis = PlanBasis(
-            context=context,
-            budget=budget,
-            disks=tuple(disk for disk in desired.observed.disks if disk.machine in budget.managed),
-            others=others,
-            named=_named(request, desired),
-        )
-        part = replace(part, guest_tasks=guests or None, basis=basis)
-        parts.append(part)
-        addresses += [str(change.address) for change in (*difference.changes, *guests)]
-        reviewed = (*review_plan(request, desired, part), *guest_scripts_by_hand(part, rules.locate))
-        findings += [*difference.findings, *stuck, *reviewed]
+        if name in (request.hosts or observed):
+            planned = _plan_host(request, desired, observed)
+            parts.append(planned.part)
+            addresses += planned.addresses
+            findings += planned.findings
     findings += unknown_targets(addresses, request.targets)
     remaining, accepted = _split_accepted(request, findings)
     if has_errors(remaining):
@@ -108,6 +89,40 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
     )
     plan, wrong = with_scripts(identified(bare))
     return PlanningResult(plan=None if wrong else plan, findings=in_order((*remaining, *wrong)), accepted=accepted)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _PlannedHost:
+    """The plan of one host, the addresses of all that differs there, and what there is to say of both."""
+
+    part: HostPlan
+    addresses: tuple[str, ...]
+    findings: tuple[Diagnostic, ...]
+
+
+def _plan_host(request: PlanRequest, desired: Desired, observed: Mapping[str, State]) -> _PlannedHost:
+    rules, context = rules_of(request, desired), context_of(request, desired)
+    difference = _difference(request, desired, context, rules)
+    budget = budget_of(request, desired, context, observed)
+    held = hold_back(targeted(difference.changes, request.targets), budget)
+    ordered = order(plan_changes(held.allowed, context), budget)
+    steps, stuck = ((), (ordered.finding,)) if isinstance(ordered, Deadlock) else (ordered.steps, ())
+    guests = _guest_tasks(request, desired, rules)
+    others = others_after(desired.observed, request.application, held.allowed)
+    basis = PlanBasis(
+        context=context,
+        budget=budget,
+        disks=tuple(disk for disk in desired.observed.disks if disk.machine in budget.managed),
+        others=others,
+        named=_named(request, desired),
+    )
+    part = replace(_host_plan(request, desired, difference, held, steps), guest_tasks=guests or None, basis=basis)
+    reviewed = (*review_plan(request, desired, part), *guest_scripts_by_hand(part, rules.locate))
+    return _PlannedHost(
+        part=part,
+        addresses=tuple(str(change.address) for change in (*difference.changes, *guests)),
+        findings=(*difference.findings, *stuck, *reviewed),
+    )
 
 
 def _split_accepted(

@@ -118,7 +118,6 @@ def prove_layout(
         raise RequestError("--without-load is beside no load, and --interference beside one.")
     refuse_unknown(request.interference, hosts.system.interference, "interference")
     names = _measurable_hosts(hosts)
-    proofs: list[LayoutProof] = []
     session = MeasuringSession(
         hosts=hosts, control=control, command="prove", seed=request.seed, lock_timeout_ms=request.lock_timeout_ms
     )
@@ -130,16 +129,9 @@ def prove_layout(
             for name, layout in applied_layouts(hosts, states, everywhere).items()
         }
         refuse_unapplied(hosts, states, everywhere)
-        loads = loads_to_prove(hosts.system, request)
-        thresholds = sum(len(component.apt) for layout in layouts.values() for component in layout.judged)
-        for name, layout in layouts.items():
-            conditions = _conditions(holding, states[name], loads, thresholds)
-            _announce(holding, name, layout, conditions)
-            for each in conditions:
-                proof = _prove(holding, name, layout, each, listener)
-                if proof is None:
-                    return ProveOutcome(proofs=(), findings=(), stopped=True)
-                proofs.append(proof)
+        proofs = _prove_all(holding, layouts, states, loads_to_prove(hosts.system, request), listener)
+    if proofs is None:
+        return ProveOutcome(proofs=(), findings=(), stopped=True)
     with hold_configuration_logs(Path(hosts.folder)):
         _record(hosts, proofs, states)
     return ProveOutcome(
@@ -150,6 +142,27 @@ def prove_layout(
         ),
         not_proven=_not_proven(hosts, layouts),
     )
+
+
+def _prove_all(
+    session: MeasuringSession,
+    layouts: Mapping[str, AppliedLayout],
+    states: Mapping[str, State],
+    loads: Sequence[str],
+    listener: SampleListener,
+) -> list[LayoutProof] | None:
+    """Prove layout after layout, each beside load after load; None: an end was asked for."""
+    proofs: list[LayoutProof] = []
+    thresholds = sum(len(component.apt) for layout in layouts.values() for component in layout.judged)
+    for name, layout in layouts.items():
+        conditions = _conditions(session, states[name], loads, thresholds)
+        _announce(session, name, layout, conditions)
+        for each in conditions:
+            proof = _prove(session, name, layout, each, listener)
+            if proof is None:
+                return None
+            proofs.append(proof)
+    return proofs
 
 
 def loads_to_prove(system: System, request: ProveRequest) -> tuple[str, ...]:

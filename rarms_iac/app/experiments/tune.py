@@ -24,7 +24,7 @@ from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import show_lp_percent
 from rarms_iac.model.version import __version__
 from rarms_iac.planner import planning_findings
-from rarms_iac.planner.combining.oracle import Always, Consent, PlannerReporter, SilentReporter, total
+from rarms_iac.planner.combining.oracle import Always, Coi, Consent, PlannerReporter, SilentReporter, total
 from rarms_iac.planner.combining.paper import SUCCESSFUL, UNABLE, Inquiry
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.layout import plan_layout
@@ -286,7 +286,6 @@ def tuning_run(end: TuningConclusion, strategy: TuningStrategy, *, written: bool
     Returns:
         Amounts in per cent of one logical processor.
     """
-    components = end.subject.system.components
     message = {"successful": SUCCESSFUL, "unable": UNABLE, "nothing_to_do": "", "stopped": ""}[end.ending]
     return TuningRun(
         when=now(),
@@ -304,18 +303,7 @@ def tuning_run(end: TuningConclusion, strategy: TuningStrategy, *, written: bool
             UnprovedNeed(components=doubt.members, shown=doubt.shown, unresolved=doubt.unresolved)
             for doubt in end.doubts
         ),
-        partitions=tuple(
-            TunedPartition(
-                name=coi.name,
-                components=tuple(
-                    component.name for component in most_critical_first(components[name] for name in coi.members)
-                ),
-                processors=coi.processors,
-                reserve=coi.reserve,
-                parts=total(end.parts_of(coi)) if coi in end.compounds else None,
-            )
-            for coi in end.cois
-        ),
+        partitions=tuple(_tuned_partition(end, coi) for coi in end.cois),
         trail=tuple(
             TrailSetting(
                 components=answer.members,
@@ -327,4 +315,15 @@ def tuning_run(end: TuningConclusion, strategy: TuningStrategy, *, written: bool
             for answer in end.trail
         ),
         written=written,
+    )
+
+
+def _tuned_partition(end: TuningConclusion, coi: Coi) -> TunedPartition:
+    components = end.subject.system.components
+    return TunedPartition(
+        name=coi.name,
+        components=tuple(component.name for component in most_critical_first(components[name] for name in coi.members)),
+        processors=coi.processors,
+        reserve=coi.reserve,
+        parts=total(end.parts_of(coi)) if coi in end.compounds else None,
     )
