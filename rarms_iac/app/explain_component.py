@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of
 from rarms_iac.app.explained_partition import ExplainedPartition, ExplainedPlace, partition_to_explain, place_of
-from rarms_iac.app.explained_sharing import own_partitions, partners, previous_tuning
 from rarms_iac.app.explanation import ComponentExplanation, DataLogSummary, ExplainedIndex, Explanation, HostExplanation
 from rarms_iac.app.hosts import observe_hosts, select_hosts
 from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.previous_tuning import previous_tuning
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.model.host import Host
@@ -94,7 +94,6 @@ def _explanation(partition: ExplainedPartition, place: ExplainedPlace, component
         fixed_partition=fixed_partition,
         fixed_members=() if by_log or fixed_partition else tuple(fixed_members),
         previous=previous,
-        own_partitions=own_partitions(partition, place),
         compounds=tuple(previous.rejected(names_of(group.members))) if by_log else (),
         elsewhere=elsewhere(group, chosen, partition.system, partition.reservations),
     )
@@ -122,7 +121,6 @@ def _with_measurements(explanation: Explanation) -> Explanation:
         inconclusive=tuple(sorted({at for curve in curves for at in curve.curve.inconclusive})),
         overloaded=tuple(sorted({at for curve in curves for at in curve.curve.overloaded})),
         remarks=tuple(remark.message for remark in answer.remarks),
-        partners=partners(partition, host),
     )
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from rarms_iac.app.explained_partition import ExplainedPartition, ExplainedPlace
-from rarms_iac.app.explained_sharing import TUNE, OwnPartitions, Partner, PreviousTuning, RejectedCompound
+from rarms_iac.app.previous_tuning import TUNE, PreviousTuning, RejectedCompound
 from rarms_iac.model.commands import PLAN, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.host import Host, SchedulerType
@@ -93,9 +93,7 @@ class Explanation:
     overloaded: tuple[int, ...] = ()  # CRs at which it falls behind its jobs, ascending
     remarks: tuple[str, ...] = ()
     previous: Internal[PreviousTuning]  # of its platform
-    own_partitions: OwnPartitions | None = None  # None: its members have none, or nothing would change
     compounds: tuple[RejectedCompound, ...] = ()
-    partners: tuple[Partner, ...] = ()
     elsewhere: tuple[Elsewhere, ...] = ()
 
     @property
@@ -162,7 +160,7 @@ class Explanation:
     def commands(self) -> tuple[RecommendedCommand, ...]:
         """What measures whether sharing saves something."""
         untried = depends_on_a_log(self.shared.group) and not self.compounds and not self.previous.runs
-        return (TUNE,) if self.partners or untried else ()
+        return (TUNE,) if untried else ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,8 +4,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from rarms_iac.app.explained_sharing import PreviousTuning, RejectedCompound
 from rarms_iac.app.explanation import ComponentExplanation, DataLogSummary, ExplainedIndex, Explanation, HostExplanation
+from rarms_iac.app.previous_tuning import PreviousTuning, RejectedCompound
 from rarms_iac.model.commands import Prose, Wording, prose
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.indexes import index_named, show_threshold, show_value
@@ -353,18 +353,9 @@ def _limit_and_weight(partition: PlacedPartition) -> Iterator[str]:
 
 def _rejected(explanation: Explanation) -> Iterator[Wording]:
     yield from _other_reserves(explanation)
-    if own := explanation.own_partitions:
-        parts = " and ".join(f"{name} {show_processors(reserved)}" for name, reserved in own.reserved_lp.items())
-        reserved = show_processors(explanation.place.partition.reserved)
-        fits = "that fits too" if own.fits else "that does not fit"
-        yield f"apart: {parts}, {show_processors(own.total_lp)} instead of {reserved}; {fits}"
     yield from map(_compound, explanation.compounds)
     if not explanation.compounds:
         yield f"sharing with others: {_why_no_compounds(explanation)}"
-    for partner in explanation.partners:
-        together, apart = show_processors(partner.together_lp), show_processors(partner.apart_lp)
-        sharing = f"sharing with {partner.name}: predicted {together} instead of {apart} apart; "
-        yield prose(sharing, *explanation.commands, " measures it")
     yield from (f"on {other.host}: {other.message}" for other in explanation.elsewhere)
     if not explanation.elsewhere:
         yield "another host: the manifest has no other"
