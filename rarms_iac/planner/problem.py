@@ -153,11 +153,13 @@ def problem_of(
         views=views,
         may_move=may_move,
     )
-    return replace(
-        problem,
-        items=tuple(_item(group.name, _checked_claims(group, problem), problem) for group in groups),
-        bins=tuple(_checked_bin(host, views.get(host.name, HostView())) for host in by_name(system.hosts)),
+    items = tuple(_item(group.name, _checked_claims(group, problem), problem) for group in groups)
+    has_deadlines = any(isinstance(claim, DeadlineClaim) for item in items for claim in item.claims.values())
+    bins = (
+        _checked_bin(host, views.get(host.name, HostView()), has_deadlines=has_deadlines)
+        for host in by_name(system.hosts)
     )
+    return replace(problem, items=items, bins=tuple(bins))
 
 
 def _current_hosts(system: System, groups: Sequence[Group], views: Mapping[str, HostView]) -> Mapping[str, str]:
@@ -170,25 +172,23 @@ def _current_hosts(system: System, groups: Sequence[Group], views: Mapping[str, 
     }
 
 
-def _checked_bin(host: Host, view: HostView) -> Bin:
-    """The host with all that its checks bound."""
+def _checked_bin(host: Host, view: HostView, *, has_deadlines: bool) -> Bin:
+    """The host with all that its checks bound; as `without_checks` has it, where they bound nothing."""
     capacity = capacity_of(host, view.facts)
-    admitted = view.facts.deadline_percent if view.facts else None
-    processors = view.facts.logical_processors if view.facts else host.logical_processors
-    percent = USUAL_DEADLINE_PERCENT if admitted is None else admitted
-    is_linux = host.provider is ProviderKind.LINUX
-    return Bin(
-        name=host.name,
-        capacity=CheckedCapacity(
+    by_script, by_deadline = host.provider is ProviderKind.HYPERV, has_deadlines and host.provider is ProviderKind.LINUX
+    if by_script or by_deadline:
+        admitted = view.facts.deadline_percent if view.facts else None
+        processors = view.facts.logical_processors if view.facts else host.logical_processors
+        percent = USUAL_DEADLINE_PERCENT if admitted is None else admitted
+        capacity = CheckedCapacity(
             logical_processors=capacity.logical_processors,
             processors=capacity.processors,
             memory=capacity.memory,
             sharing=capacity.sharing,
-            by_script=host.provider is ProviderKind.HYPERV,
-            deadline=percent * processors if is_linux else None,
-        ),
-        foreign_claims=view.claims,
-    )
+            by_script=by_script,
+            deadline=percent * processors if by_deadline else None,
+        )
+    return Bin(name=host.name, capacity=capacity, foreign_claims=view.claims)
 
 
 def _checked_claims(group: Group, problem: Problem) -> Mapping[str, Claim]:
@@ -320,7 +320,9 @@ def solve(problem: Problem) -> Layout | Infeasible:
         return Infeasible(proven=True, conflict=(), causes=tuple(causes), relaxations=())
     packing = pack(problem.items, problem.bins)
     if isinstance(packing, NoPacking):
-        packing = pack((unchecked := problem.without_checks()).items, unchecked.bins)
+        unchecked = problem.without_checks()
+        if (unchecked.items, unchecked.bins) != (problem.items, problem.bins):
+            packing = pack(unchecked.items, unchecked.bins)
     if isinstance(packing, NoPacking):
         return Infeasible(proven=packing.proven, conflict=(), causes=(), relaxations=())
     partitions = _partitions_of(problem, packing)
