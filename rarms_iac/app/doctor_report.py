@@ -15,7 +15,7 @@ from rarms_iac.app.hosts import Hosts
 from rarms_iac.model.condition import PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Connect, ProviderKind, SchedulerType, WinRmConnect
-from rarms_iac.model.state import Partition, Rights, RunState, Tie
+from rarms_iac.model.state import Rights, RunState, Tie
 from rarms_iac.model.version import __version__
 
 _VERSION = re.compile(r"[0-9]{1,6}(\.[0-9]{1,6}){1,3}(-(preview|rc)\.?[0-9]{0,3})?", re.ASCII)
@@ -181,13 +181,9 @@ def _machines(host: ExaminedHost) -> MachineCounts:
         ties=Counter(tie for machine in partitions for tie in machine.ties),
         marks_not_believed=sum(bool(machine.foreign_mark) for machine in partitions),
         marked_replicas=sum(bool(machine.foreign_mark) and Tie.REPLICA in machine.ties for machine in partitions),
-        mute=sum(_is_mute(machine) for machine in partitions),
+        mute=sum((machine.state is RunState.RUNNING and not machine.can_be_asked) for machine in partitions),
         automatic_checkpoints=sum(machine.automatic_checkpoints for machine in host.condition.machines),
     )
-
-
-def _is_mute(machine: Partition) -> bool:
-    return machine.state is RunState.RUNNING and not machine.can_be_asked
 
 
 def _by_code(findings: Iterable[Diagnostic]) -> Mapping[str, int]:

@@ -25,8 +25,11 @@ def summary_lines(pieces: Sequence[ScriptPiece]) -> tuple[str, str]:
         A line that counts machines that are added, changed, stopped and removed, and disks that are deleted; and a line
         with how often each call stands in the steps that change something: no other changes anything.
     """
-    calls = [(piece.address, _name(call)) for piece in pieces for call in piece.calls]
-    machines = {name: _machines(calls, name) for name in (_MADE, _REMOVED, _STOPPED)}
+    calls = [(piece.address, call.split(" ", 1)[0].rpartition(SLASH)[2]) for piece in pieces for call in piece.calls]
+    machines = {
+        name: {address.split("/")[1] for address, called in calls if called == name}
+        for name in (_MADE, _REMOVED, _STOPPED)
+    }
     touched = {address.split("/")[1] for address, _ in calls if address.startswith(_PARTITION)}
     changed = touched - machines[_MADE] - machines[_REMOVED]
     deleted = sum(name == _DELETED for _, name in calls)
@@ -85,12 +88,3 @@ def _row(creation: CreatePartition, settings: PartitionSettings, files: NewFiles
         creation.secure_boot or "as made",
         settings.start_action.value.replace("_", " "),
     )
-
-
-def _machines(calls: Iterable[tuple[str, str]], name: str) -> set[str]:
-    return {address.split("/")[1] for address, called in calls if called == name}
-
-
-def _name(call: str) -> str:
-    """The call's cmdlet or function, without its module."""
-    return call.split(" ", 1)[0].rpartition(SLASH)[2]

@@ -235,7 +235,7 @@ def one_line(scalar: Scalar, *, flow: bool = False, quantity: bool = False) -> s
     value = scalar.value
     if quantity and (found := _QUANTITY.fullmatch(value)):
         return f"{found[1]} {found[2]}"
-    if scalar.style == "" and not _breaks_lines(value):
+    if scalar.style == "" and not any(character in value for character in "\n\x85\u2028\u2029"):
         return value or ("null" if flow else "")
     if not value.isprintable():
         return _double(value)
@@ -259,10 +259,6 @@ def block_lines(scalar: Scalar, source: str, room: int) -> list[str] | None:
             return _folded(scalar, source)
         case _:
             return _newly_folded(scalar, room)
-
-
-def _breaks_lines(value: str) -> bool:
-    return any(character in value for character in "\n\x85\u2028\u2029")
 
 
 def _may_be_plain(value: str, *, flow: bool) -> bool:

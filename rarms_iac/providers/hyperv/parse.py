@@ -271,7 +271,7 @@ def values_of(values: Iterable[NamedValue]) -> dict[str, RegistryValue]:
     """Registry values with their types; known names in their usual spelling, as the registry tells no case apart."""
     return {
         _SPELT.get(named_value.name.lower(), named_value.name): RegistryValue(
-            kind=_kind(named_value.kind), data=named_value.data
+            kind=_KINDS.get(named_value.kind.lower(), ValueKind.OTHER), data=named_value.data
         )
         for named_value in values
     }
@@ -317,10 +317,6 @@ def _named(names: Mapping[str, T], name: str, machine: ObservedMachine, field: s
     if name not in names:
         raise NotDecodable(f"machines[{machine.id}].{field}", f"{quoted(name)} is none of {', '.join(names)}")
     return names[name]
-
-
-def _kind(kind: str) -> ValueKind:
-    return _KINDS.get(kind.lower(), ValueKind.OTHER)
 
 
 def _records(keys: Iterable[RecordKey]) -> dict[str, tuple[str, TaskRecord]]:
