@@ -55,7 +55,8 @@ def away_by_window(seed: int) -> dict[int, float]:
         arrival=Every(period_ms=period) if seed % 2 else OneAfterAnother(),
     )
     p1 = VirtualMachine(name="P1", vps=1, reserve=reserve, components=(demand,))
-    p2 = VirtualMachine(name="P2", vps=2, reserve=100 - reserve / 2, weight=10_000, loads=(BusyLoops(),))
+    beside = chance.choice((100 - reserve, 100 - reserve / 2))  # the most on Hyper-V, and all that P1 leaves
+    p2 = VirtualMachine(name="P2", vps=2, reserve=beside, weight=10_000, loads=(BusyLoops(),))
     machine = simulate(ModelMachine(lps=2, machines=(p1, p2), interrupts=1.0), seed)
     windows: dict[int, list[float]] = defaultdict(list)
     now, began, starts = 0.0, 0.0, 0

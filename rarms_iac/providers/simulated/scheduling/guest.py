@@ -66,6 +66,12 @@ class OperatingSystem:
         vp.thread = None
         self._fill(vp)
 
+    def pause(self, thread: Thread) -> None:
+        """The thread stops, and will come back to its VP, which keeps its place among the host's others meanwhile."""
+        if thread.last is not None:
+            self._hypervisor.keep_place(thread.last)
+        self.drop(thread)
+
     def quantum_over(self, vp: VirtualProcessor) -> None:
         """The thread's turn is over: the next of its priority has the VP, and it waits behind all of them."""
         thread = vp.thread

@@ -39,6 +39,7 @@ class HypervisorScheduler:
         "_limited",
         "_read_at",
         "_reserve_clock",
+        "_returning",
         "_shares",
         "_sharing",
         "_taken",
@@ -60,6 +61,7 @@ class HypervisorScheduler:
         self._busy = self._sharing = 0  # the VPs that have a thread, a bit each: now, and when weights were last made
         self._shares: dict[int, list[tuple[VirtualProcessor, float]]] = {}  # by `_busy`
         self._woken: list[VirtualProcessor] = []
+        self._returning: set[VirtualProcessor] = set()  # these begin anew where they stood
         self._level = 0.0  # what is left over has been shared up to here: ms by usable weight
         self.lps = [LogicalProcessor(number) for number in range(lps)]
         for lp in self.lps:
@@ -86,8 +88,19 @@ class HypervisorScheduler:
         """The VP has a thread again."""
         vp.idle(self._clock(), self._window)
         self._busy |= vp.bit
-        self._woken.append(vp)
+        if vp in self._returning:
+            self._returning.discard(vp)
+        else:
+            self._woken.append(vp)
         self._queue(vp)
+
+    def keep_place(self, vp: VirtualProcessor) -> None:
+        """When the VP comes back from its next rest, it owes nothing and is owed what it was before.
+
+        NOTE: for loads that begin anew. As one that comes, each start would bring the others level with it, and so give
+        them a slice that is not reserved, which a load that goes on leaves once in seconds.
+        """
+        self._returning.add(vp)
 
     def rest(self, vp: VirtualProcessor) -> None:
         """The VP has no thread any more; what it had not used of its claim is kept for the window."""

@@ -391,5 +391,5 @@ class BusyLoopProgram(Owner):
 
     def restart(self, pause_ms: float) -> None:
         """Stops, and starts again after a pause."""
-        self._system.drop(self._thread)
+        self._system.pause(self._thread)
         self._agenda.after(pause_ms, self, self.start)

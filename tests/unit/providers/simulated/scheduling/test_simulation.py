@@ -178,3 +178,24 @@ def test_a_burst_is_processor_time_however_long_that_takes() -> None:
 
     consumed = sum(piece.ended - piece.began for piece in pieces if piece.ran == "P2.0")
     assert 0.27 < consumed / 30_000.0 < 0.31, "20 ms at 30 % take up to 67 ms, less what was saved in the gap"
+
+
+def test_a_load_that_begins_anew_gives_p1_nothing_that_it_does_not_reserve() -> None:
+    starts, left_out_ms, counted_ms = 100, 500.0, 500.0
+    demand = JobDemand(component="coi", work_ms=5.0)
+    p1 = VirtualMachine(name="P1", vps=1, reserve=10, components=(demand,))
+    p2 = VirtualMachine(name="P2", vps=4, reserve=90, weight=10_000, loads=(BusyLoops(),))
+    machine = simulate(ModelMachine(lps=4, machines=(p1, p2)), 1)
+    began, counted, seen = 0.0, 0, 0.0
+    for job in machine:
+        now = job.began + job.response
+        if now - began > left_out_ms + counted_ms:
+            counted += 1
+            if counted > starts:
+                break
+            machine.restart_loads()
+            began = now
+        elif counted and now - began > left_out_ms:
+            seen += demand.work_ms
+
+    assert seen / (starts * counted_ms) == pytest.approx(0.10, rel=0.08)
