@@ -44,7 +44,7 @@ class GuestWork:
     partition: str
     credential: str  # under which name the host keeps it
     name: str  # a component's; empty: a load's
-    kind: str  # lines, runs or load
+    kind: str  # lines, runs, load, or calibrated: a load that writes a line when it has counted what it may do
     words: tuple[str, ...]
     folder: str = ""  # in the guest; empty: one of its own, with the files
     environment: Mapping[str, str] | None = None

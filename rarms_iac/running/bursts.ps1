@@ -1,7 +1,8 @@
 # An interfering load that bursts, inside a Windows guest: threads that wake together, work, and sleep.
 # Arguments: how many threads, how long a cycle lasts (us), and which part of it each thread works (per mille; 0: what
 # its partition reserves, in per cent in RARMS_RESERVE). A guest cannot see what is taken from it, so a burst is a counted
-# amount of work: as much as the fastest of a hundred windows of 10 ms did, which nothing interrupted.
+# amount of work: as much as the fastest of a hundred windows of 10 ms did, which nothing interrupted. It writes a line
+# when it has counted that: then the components begin.
 param([int] $Threads, [long] $EveryMicroseconds, [int] $Duty)
 $ErrorActionPreference = 'Stop'
 Add-Type -TypeDefinition @'
@@ -40,6 +41,8 @@ public static class Bursts
     {
         timeBeginPeriod(1);
         long count = (long) (Fastest() * everySeconds * duty);
+        Console.Out.WriteLine("calibrated");
+        Console.Out.Flush();
         double gap = everySeconds * (1 - duty);
         var chance = new Random();
         var together = new Barrier(threads + 1);

@@ -317,7 +317,7 @@ class Started(Thing):
         self.runner, self.program = runner, program
         variables = info.get("EnvironmentVariables")
         reserve = next((text(value) for key, value in variables.items() if text(key) == "RARMS_RESERVE"), "")
-        self.process = Process(name, info.arguments, runner.process, runner.vm.id, reserve=reserve)
+        self.process = Process(name, info.arguments, runner.process, runner.vm.id, reserve=reserve, began=runner.clock)
         host.processes.append(self.process)
         self.closes = runner.clock + self.takes() if program.work_ms and not program.line else float("inf")
         self.ends = float("inf") if program.stays else self.closes

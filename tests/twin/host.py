@@ -102,6 +102,7 @@ class Process:
     vm: str  # id
     alive: bool = True
     reserve: str = ""  # what RARMS_RESERVE tells it
+    began: float = 0.0  # ms of the host's clock
 
 
 @dataclass(slots=True, kw_only=True)

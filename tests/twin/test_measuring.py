@@ -359,8 +359,24 @@ def test_what_was_measured_is_applied_and_proven(
 BURSTS = MANIFEST.replace("busy-loop", "bursts-50")
 
 
+COUNTS = Program(work_ms=500, line="calibrated")
+"""`bursts.ps1` on the twin: it writes its line when it has counted, and goes on."""
+
+
+def test_components_begin_when_bursts_have_counted_what_a_processor_does(measured: Measured) -> None:
+    host = a_measurable_windows(powershell=COUNTS)
+
+    (result,) = measured(host, BURSTS, reserves=(40,)).experiments
+
+    (setting,) = result.settings
+    (load,) = (process for process in host.processes if "bursts.ps1" in process.arguments)
+    first = next(process for process in host.processes if process.program == "vision.exe")
+    assert first.began - load.began >= COUNTS.work_ms * 100 / int(load.reserve) * 0.97
+    assert setting.series[0].samples
+
+
 def test_bursts_in_a_guest_are_told_what_their_partition_reserves(measured: Measured) -> None:
-    host = a_measurable_windows()
+    host = a_measurable_windows(powershell=COUNTS)
 
     (result,) = measured(host, BURSTS, reserves=(40, 70)).experiments
     loads = [process for process in host.processes if "bursts.ps1" in process.arguments]

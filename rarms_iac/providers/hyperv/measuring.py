@@ -339,12 +339,14 @@ def load_works(partition: str, credential: str, load: Interference, processors: 
         processors: virtual ones, to keep busy where the load does not say how many.
     """
 
-    def program(words: tuple[str, ...], instances: int = 1, files: Mapping[str, str] | None = None) -> GuestWork:
+    def program(
+        words: tuple[str, ...], instances: int = 1, files: Mapping[str, str] | None = None, kind: str = "load"
+    ) -> GuestWork:
         return GuestWork(
             partition=partition,
             credential=credential,
             name="",
-            kind="load",
+            kind=kind,
             words=words,
             instances=instances,
             files=files,
@@ -362,7 +364,7 @@ def load_works(partition: str, credential: str, load: Interference, processors: 
         case Bursts(every=every, duty=duty, threads=threads):
             numbers = (str(threads or processors), str(round(1000 * every)), str(round(10 * duty) if duty else 0))
             words = (*POWERSHELL_FILE, "bursts.ps1", *numbers)
-            yield program(words, files={"bursts.ps1": _base64(HERE / "bursts.ps1")})
+            yield program(words, files={"bursts.ps1": _base64(HERE / "bursts.ps1")}, kind="calibrated")
         case Stress():
             raise ValueError("an obstacle says that it cannot run there")
         case _:

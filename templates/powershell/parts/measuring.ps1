@@ -115,18 +115,36 @@ function Use-Setting {
             Hyper-V\Set-VMProcessor -VM $vm -Reserve $wanted
         }
     }
+    foreach ($work in $script:Works) { if (-not $work.Told.Name) { Start-Work -Work $work -Words $words } }
+    Wait-Load
     $script:Clock = [System.Diagnostics.Stopwatch]::StartNew()
     $script:Due = [long] 0
-    foreach ($work in $script:Works) {
-        $session = $script:Sessions[[string] $work.number]
-        for ($at = 0; $at -lt $script:Tests.Count; $at++) {
-            if ($script:Tests[$at].Name -ceq $work.Partition) { $work.Told.reserve = [long] $words[$at + 2] }
-        }
-        $told = ConvertTo-AsciiJson -Value $work.Told
-        $job = Invoke-Command -Session $session -ScriptBlock (Get-GuestRunner) -ArgumentList $told -AsJob
-        $script:Jobs += @{ Name = $work.Told.Name; Job = $job }
-    }
+    foreach ($work in $script:Works) { if ($work.Told.Name) { Start-Work -Work $work -Words $words } }
     Write-Seen -Name '' -Seen 'begun'
+}
+
+function Start-Work {
+    param([System.Collections.IDictionary] $Work, [string[]] $Words)
+    $session = $script:Sessions[[string] $Work.number]
+    for ($at = 0; $at -lt $script:Tests.Count; $at++) {
+        if ($script:Tests[$at].Name -ceq $Work.Partition) { $Work.Told.reserve = [long] $Words[$at + 2] }
+    }
+    $told = ConvertTo-AsciiJson -Value $Work.Told
+    $job = Invoke-Command -Session $session -ScriptBlock (Get-GuestRunner) -ArgumentList $told -AsJob
+    $script:Jobs += @{ Name = $Work.Told.Name; Job = $job }
+}
+
+function Wait-Load {
+    # Until each load runs, and bursts have counted what a processor does while nothing else runs.
+    foreach ($job in $script:Jobs) {
+        while (-not (@(Receive-Job -Job $job.Job) -join '').Contains('loaded')) {
+            if (@('NotStarted', 'Running') -cnotcontains [string] $job.Job.State) {
+                throw ('{0} ended inside its guest: {1}' -f $job.Name, $job.Job.State)
+            }
+            if (Test-Path -LiteralPath ($script:Run.ScriptPath + '.stop')) { return }
+            Start-Sleep -Milliseconds 100
+        }
+    }
 }
 
 function Stop-Work {

@@ -1,7 +1,8 @@
 # What runs inside guests: programs, each in a session of its own, and the runner there that starts and hears it.
 
 function Add-GuestWork {
-    # Something that runs inside a guest. Kind: lines (its output is passed on), runs (a process a job), load.
+    # Something that runs inside a guest. Kind: lines (its output is passed on), runs (a process a job), load, or
+    # calibrated: a load that writes a line when it has counted what a processor does.
     param(
         [string] $Partition, [string] $Credential, [string] $Name, [string] $Kind, [string] $Program,
         [string] $Arguments, [string] $Folder, [string] $Environment, [string] $Files, [long] $PeriodTicks,
@@ -100,9 +101,13 @@ function Get-GuestRunner {
                 $start.EnvironmentVariables[$one.Name] = [string] $one.Value
             }
             $start.EnvironmentVariables['RARMS_RESERVE'] = [string] $work.reserve
-            if ($work.kind -ceq 'load') {
+            if (@('load', 'calibrated') -ccontains $work.kind) {
                 for ($number = 0; $number -lt $work.instances; $number++) {
-                    $running += [System.Diagnostics.Process]::Start($start)
+                    $process = [System.Diagnostics.Process]::Start($start)
+                    $running += $process
+                    if ($work.kind -ceq 'load') { continue }
+                    $read = $process.StandardOutput.ReadLineAsync()
+                    while (-not $read.Wait(250)) { continue }  # in pieces, so that an end is heard
                 }
                 'loaded {0}' -f $clock.Elapsed.Ticks
                 while ($true) {
