@@ -115,7 +115,7 @@ def draw(seed: int) -> DrawnLayout:
     """Draw a layout.
 
     Half of the layouts have a neighbour whose period is 5 to 20 ms, so that a third of those that fit has one. Half are
-    a pair of periodic components on one LP, what neighbours hurt most; half of these have means little above their work.
+    a pair of periodic components on one LP, what neighbours hurt most; half of these have low limits.
     Each component is drawn with a reserve between what its jobs demand and what the host has left, and its threshold is
     what that reserve gives a job beside neighbours that take theirs in one piece: so most layouts fit.
     """
