@@ -46,12 +46,12 @@ def plan_key(environment: Mapping[str, str] = os.environ) -> bytes | None:
 
 def _key_in(name: str) -> bytes:
     try:
-        mode = Path(name).stat().st_mode
-        if os.name == "posix" and mode & _OTHERS:
-            raise RequestError(
-                f"{FILE_VARIABLE} names {name}, which others than its owner may use.", f"Run `chmod 600 {name}`."
-            )
-        return read_file(name, _MAX_BYTES)
+        mode, key = Path(name).stat().st_mode, read_file(name, _MAX_BYTES)
     except (OSError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else "") or str(error)
         raise RequestError(f"{FILE_VARIABLE} names {name}: {reason}.", "Name a file that holds the key.") from error
+    if os.name == "posix" and mode & _OTHERS:
+        raise RequestError(
+            f"{FILE_VARIABLE} names {name}, which others than its owner may use.", f"Run `chmod 600 {name}`."
+        )
+    return key

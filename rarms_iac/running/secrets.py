@@ -23,7 +23,7 @@ def hide_secrets(run: Run, own: Mapping[str, str]) -> Callable[[str], str]:
 
     Returns:
         A function of a text, which has `<NAME>` in place of each value of at least `LEAST` characters, as it is or as
-        JSON, an address or a message writes it, whole or line by line; the longest first, so that none is left in part.
+        JSON, Python, an address or a message writes it, whole or line by line; the longest first, so that none is left in part.
         Of a value that is cut off by an end of the text, or by `...`, what is left is replaced, if it is as long.
     """
     names = {value.name for value in run.environment.values() if isinstance(value, FromEnvironment)}
@@ -63,7 +63,8 @@ def _without_cut_off(text: str, form: str, name: str) -> str:
 
 def _forms(value: str) -> tuple[str, ...]:
     as_json = (json.dumps(value)[1:-1], json.dumps(value, ensure_ascii=False)[1:-1])
-    return (value, *as_json, quoted(value)[1:-1], *_in_addresses(value))
+    as_python = (repr(value)[1:-1], ascii(value)[1:-1])  # what an exception of a component often shows
+    return (value, *as_json, *as_python, quoted(value)[1:-1], *_in_addresses(value))
 
 
 def _in_addresses(value: str) -> tuple[str, ...]:

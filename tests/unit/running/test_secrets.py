@@ -13,12 +13,13 @@ from rarms_iac.running.secrets import hide_secrets
 from rarms_iac.running.start import StartContext
 from tests.unit.running.programs import a_run
 
-SECRET = 'hunter2 "&\u00e9'
+SECRET = 'hunter2 "&\u00e9\\x'
 
 
-@pytest.mark.parametrize(
-    "form", [SECRET, json.dumps(SECRET)[1:-1], json.dumps(SECRET, ensure_ascii=False)[1:-1], quote(SECRET)]
-)
+AS_JSON = (json.dumps(SECRET)[1:-1], json.dumps(SECRET, ensure_ascii=False)[1:-1])
+
+
+@pytest.mark.parametrize("form", [SECRET, *AS_JSON, repr(SECRET)[1:-1], ascii(SECRET)[1:-1], quote(SECRET)])
 def test_a_value_is_hidden_in_each_form(form: str) -> None:
     hide = hide_secrets(replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE")}), {"MINE": SECRET})
 
