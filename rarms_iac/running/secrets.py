@@ -23,8 +23,9 @@ def hide_secrets(run: Run, own: Mapping[str, str]) -> Callable[[str], str]:
 
     Returns:
         A function of a text, which has `<NAME>` in place of each value of at least `LEAST` characters, as it is or as
-        JSON, Python, an address or a message writes it, whole or line by line; the longest first, so that none is left in part.
-        Of a value that is cut off by an end of the text, or by `...`, what is left is replaced, if it is as long.
+        JSON, Python, an address or a message writes it, whole or line by line; the longest first, so that none is left
+        in part. Of a value that is cut off by an end of the text, or by `...`, the remainder is replaced, if it is as
+        long.
     """
     names = {value.name for value in run.environment.values() if isinstance(value, FromEnvironment)}
     forms = {
