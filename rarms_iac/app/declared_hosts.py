@@ -71,8 +71,7 @@ def declared_host_findings(manifest: Manifest, errors: Sequence[Diagnostic]) -> 
     blamed = {error.address for error in errors}
     right = [group for group in problem.groups if not _is_about(group, blamed)]
     yield from _about_logs(right, problem, source, places)
-    causes = [cause for cause in problem.contradictions if cause.address not in blamed]
-    causes += [cause for group in right for cause in problem.blocked[group.name]]
+    causes = [cause for group in right for cause in problem.blocked[group.name]]
     causes += _excesses(problem, {error.address for error in errors if error.code in _TOO_LARGE})
     yield from _as_findings(causes, system, places)
 

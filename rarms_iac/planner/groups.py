@@ -1,15 +1,11 @@
 """Which components share a partition, before anything is searched: what `partitions` and `together` say."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
-from rarms_iac.model.diagnostics import Facts
-from rarms_iac.model.layout import Cause
 from rarms_iac.model.renaming import renaming
 from rarms_iac.model.state import Partition
 from rarms_iac.model.system import Component, Headroom, PartitionRequest, RunsOn, System, bound_together
-from rarms_iac.model.wording import list_others
-from rarms_iac.planner import planning_findings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,47 +113,8 @@ def most_critical_first(components: Iterable[Component]) -> tuple[Component, ...
 
 
 def _together(free: Mapping[str, Component]) -> Iterable[list[Component]]:
-    """The components that share a partition; `sharing_contradictions` tells of other names in `together`."""
+    """The components that share a partition; the manifest's checks tell of other names in `together`."""
     parts: dict[str, list[Component]] = {}
     for name, first in bound_together(free).items():
         parts.setdefault(first, []).append(free[name])
     return parts.values()
-
-
-def sharing_contradictions(groups: Iterable[Group], system: System) -> Iterator[Cause]:
-    """Find where partitions contradict `together`, `apart` and `dedicated`.
-
-    Args:
-        groups: all partitions, as `groups_of` makes them.
-        system: the manifest.
-
-    Yields:
-        A cause for each contradiction, by component's name; the same pair may come twice, from either side.
-    """
-    members = {group.name: sorted({member.name for member in group.members}) for group in groups}
-    partitions = {name: partition for partition, names in members.items() for name in names}
-    for name in sorted(partitions):
-        component, home = system.components[name], partitions[name]
-        for other in component.apart:
-            if other != name and partitions.get(other) == home:
-                message = f"{name} must be apart from {other}, and both are in partition {home}."
-                yield _contradiction(name, message, {"partition": home, "others": (other,)})
-        if component.dedicated and len(members[home]) > 1:
-            others = tuple(member for member in members[home] if member != name)
-            message = f"{name} is dedicated, and shares partition {home} with {list_others(members[home], (name,))}."
-            yield _contradiction(name, message, {"partition": home, "others": others})
-        for other in component.together:
-            if partitions.get(other, home) != home:
-                message = f"{name} must be together with {other}, which is in partition {partitions[other]}."
-                yield _contradiction(name, message, {"partition": home, "others": (other,)})
-
-
-def _contradiction(name: str, message: str, values: Facts) -> Cause:
-    advice = "Change `partitions`, or take the rule out."
-    return Cause(
-        address=f"component/{name}",
-        message=message,
-        code=planning_findings.CANNOT_SHARE.code,
-        advice=advice,
-        values=values,
-    )

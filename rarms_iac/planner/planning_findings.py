@@ -15,7 +15,6 @@ PACKING = Finding.error("RARMS121", "Virtual processors do not fit the logical o
 PLACEMENT = Finding.error("RARMS122", "No placement on the hosts was found")
 PARALLELISM = Finding.error("RARMS123", "A reservation is more than its processors can use")
 TOO_WIDE = Finding.error("RARMS124", "A partition has more processors than any host")
-CANNOT_SHARE = Finding.error("RARMS125", "Components share a partition that must not")
 SMALLER = Finding.warning("RARMS126", "The host is smaller than the manifest says")
 BETTER_ELSEWHERE = Finding.note("RARMS127", "A partition would be better off on another host")
 CLASS_ORDER = Finding.warning("RARMS128", "Task classes cannot express the order of criticalities")
@@ -39,7 +38,6 @@ KINDS = {
         PLACEMENT,
         PARALLELISM,
         TOO_WIDE,
-        CANNOT_SHARE,
     )
 }
 """What a `Cause` of an `Infeasible` may be."""

@@ -12,7 +12,7 @@ from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts, RunState, S
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.wording import natural_order
 from rarms_iac.planner import planning_findings
-from rarms_iac.planner.groups import Group, groups_of, sharing_contradictions
+from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.mechanism import deadline_percent, mechanism_of
 from rarms_iac.planner.packing.pack import can_pack, pack
 from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing
@@ -84,7 +84,6 @@ class Problem:
     sizes: Mapping[str, Mapping[str, PlacedPartition]]  # by partition, then host; hosts that are alike share one value
     claims: Mapping[str, Mapping[str, Claim]]  # likewise
     blocked: Mapping[str, tuple[Cause, ...]]  # by partition: why a host that it may run on cannot take it
-    contradictions: tuple[Cause, ...]
     items: tuple[Item, ...]  # without the hosts that a check would refuse, while a partition has others
     bins: tuple[Bin, ...]
     current_hosts: Mapping[str, str]  # by partition; those that are on none are left out
@@ -146,7 +145,6 @@ def problem_of(
         sizes=sizes,
         claims={name: _claims(of) for name, of in sizes.items()},
         blocked=blocked,
-        contradictions=tuple(sharing_contradictions(groups, system)),
         items=(),
         bins=(),
         current_hosts=current_hosts,
@@ -358,7 +356,6 @@ def has_layout(problem: Problem, *, by_first_fit: bool) -> bool | None:
 
 def _causes(problem: Problem) -> Iterator[Cause]:
     """Yield what is wrong in every placement of the partitions."""
-    yield from problem.contradictions
     for group in problem.groups:
         if not problem.claims[group.name]:
             nowhere = Cause(

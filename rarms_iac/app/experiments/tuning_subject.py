@@ -192,7 +192,7 @@ def subject_of_tuning(hosts: Hosts, host: Host, states: Mapping[str, State]) -> 
     reservations = measured_reservations(measurements_of(hosts.manifest), states)
     views = {name: host_view(state, system.application.name) for name, state in states.items()}
     problem = problem_of(system, reservations, views, may_move=False)
-    if any(not problem.claims[group.name] for group in problem.groups) or problem.contradictions:
+    if any(not problem.claims[group.name] for group in problem.groups):
         diagnostics = plan_layout(system, reservations, views, places).findings
         raise UseCaseError(
             Outcome.NEGATIVE,

@@ -1,8 +1,6 @@
 from dataclasses import replace
 from fractions import Fraction
 
-import pytest
-
 from rarms_iac.model.claims import ANY_THREAD
 from rarms_iac.model.host import HypervHost, ProviderKind
 from rarms_iac.model.layout import Infeasible, Layout
@@ -94,20 +92,6 @@ def test_components_that_must_be_together_share_a_partition_of_the_most_critical
         "path": ("path",),
         "speech": ("speech", "vision"),
     }
-
-
-@pytest.mark.parametrize(
-    "components",
-    [
-        [a_component("vision", apart=["speech"]), a_component("speech")],
-        [a_component("vision", dedicated=True), a_component("speech")],
-        [a_component("vision", together=["path"]), a_component("speech"), a_component("path")],
-    ],
-)
-def test_partitions_that_break_a_rule_are_no_layout(components: list) -> None:  # type: ignore[type-arg]  # of components
-    system = a_system(components=components, partitions=[a_partition("media", components=["vision", "speech"])])
-
-    assert misfit(system)[1] == ["RARMS125"]
 
 
 def test_what_is_kept_for_the_host_and_what_strangers_hold_is_not_promised() -> None:
