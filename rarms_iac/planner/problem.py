@@ -11,13 +11,12 @@ from rarms_iac.model.renaming import renaming
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts, RunState, State
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.wording import natural_order
-from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.mechanism import deadline_percent, mechanism_of
 from rarms_iac.planner.packing.pack import can_pack, pack
 from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing
 from rarms_iac.planner.refusals import would_be_refused
-from rarms_iac.planner.reservations import ReservationSource, depends_on_a_log, names_of
+from rarms_iac.planner.reservations import ReservationSource, depends_on_a_log
 from rarms_iac.planner.sizes import size
 
 
@@ -312,10 +311,8 @@ def solve(problem: Problem) -> Layout | Infeasible:
         The layout, one that no check refuses where there is such a one; or that there is none, with the causes that
             need no search, and whether that is proven.
     """
-    on_hosts, homeless = _on_hosts(problem.system)
-    causes = [*_causes(problem), *homeless]
-    if causes:
-        return Infeasible(proven=True, conflict=(), causes=tuple(causes), relaxations=())
+    if causes := tuple(_causes(problem)):
+        return Infeasible(proven=True, conflict=(), causes=causes, relaxations=())
     packing = pack(problem.items, problem.bins)
     if isinstance(packing, NoPacking):
         unchecked = problem.without_checks()
@@ -324,7 +321,9 @@ def solve(problem: Problem) -> Layout | Infeasible:
     if isinstance(packing, NoPacking):
         return Infeasible(proven=packing.proven, conflict=(), causes=(), relaxations=())
     partitions = _partitions_of(problem, packing)
-    return Layout(partitions=partitions, on_hosts=on_hosts, placement=_placement(packing, problem.items))
+    return Layout(
+        partitions=partitions, on_hosts=_on_hosts(problem.system), placement=_placement(packing, problem.items)
+    )
 
 
 def _placement(packing: Packing, items: Sequence[Item]) -> Placement | None:
@@ -349,22 +348,16 @@ def has_layout(problem: Problem, *, by_first_fit: bool) -> bool | None:
     Returns:
         True: there is a layout. False: there is none. None: none was found, and there may be one.
     """
-    if any(_causes(problem)) or _on_hosts(problem.system)[1]:
+    if any(_causes(problem)):
         return False
     return can_pack(problem.items, problem.bins, by_first_fit=by_first_fit)
 
 
 def _causes(problem: Problem) -> Iterator[Cause]:
-    """Yield what is wrong in every placement of the partitions."""
+    """Yield why partitions can be on none of their hosts, in every placement of the others."""
     for group in problem.groups:
         if not problem.claims[group.name]:
-            nowhere = Cause(
-                address=f"partition/{group.name}",
-                message=f"The components of {group.name} name no host in common.",
-                code=planning_findings.PLACEMENT.code,
-                values={"partition": group.name, "components": names_of(group.members)},
-            )
-            yield from problem.blocked[group.name] or (nowhere,)
+            yield from problem.blocked[group.name]
 
 
 def _partitions_of(problem: Problem, packing: Packing) -> tuple[PlacedPartition, ...]:
@@ -372,20 +365,11 @@ def _partitions_of(problem: Problem, packing: Packing) -> tuple[PlacedPartition,
     return tuple(sorted(partitions, key=lambda partition: (partition.host, partition.name)))
 
 
-def _on_hosts(system: System) -> tuple[tuple[tuple[str, str], ...], list[Cause]]:
+def _on_hosts(system: System) -> tuple[tuple[str, str], ...]:
     """Components outside partitions, on every host that they may run on: each may need their class."""
-    found: list[tuple[str, str]] = []
-    homeless: list[Cause] = []
-    for component in system.components.values():
-        if component.runs_on is not RunsOn.HOST:
-            continue
-        hosts = sorted(component.hosts if component.hosts is not None else system.hosts)
-        if hosts:
-            found += [(component.name, host) for host in hosts]
-        else:
-            message = f"{component.name} runs on a host, and there is none for it."
-            address, values = f"component/{component.name}", {"component": component.name}
-            homeless.append(
-                Cause(address=address, message=message, code=planning_findings.PLACEMENT.code, values=values)
-            )
-    return tuple(sorted(found)), homeless
+    return tuple(
+        (component.name, host)
+        for component in sorted(system.components.values(), key=lambda component: component.name)
+        if component.runs_on is RunsOn.HOST
+        for host in sorted(component.hosts if component.hosts is not None else system.hosts)
+    )
