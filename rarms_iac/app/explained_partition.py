@@ -1,23 +1,21 @@
 """The partition that an explanation is about: what is known of it, and where a plan puts it, or would."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from fractions import Fraction
+from dataclasses import dataclass
 
 from rarms_iac.app.data_logs import Measurements, measured_reservations
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Cause, Layout, PlacedPartition
-from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.problem import HostView, host_view
-from rarms_iac.planner.reservations import FixedReservations, MeasuredReservations
-from rarms_iac.planner.sizes import size
+from rarms_iac.planner.reservations import MeasuredReservations
+from rarms_iac.planner.sizes import size, size_without_reserve
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,13 +119,7 @@ def place_of(partition: ExplainedPartition) -> ExplainedPlace:
         if isinstance(answer, PlacedPartition):
             return ExplainedPlace(host=host, partition=answer)
     for host, answer in answers:
-        shape = size(_without_reserve(group), host, FixedReservations())
+        shape = size_without_reserve(group, host)
         if isinstance(shape, PlacedPartition) and isinstance(answer, Cause):
             return ExplainedPlace(host=host, partition=shape, no_host_because=answer.message)
     raise UseCaseError(Outcome.NEGATIVE, partition.planning.findings, partition.hosts.manifest.sources)
-
-
-def _without_reserve(group: Group) -> Group:
-    """Return the partition with no reservation: what else it gets can be told before that is measured."""
-    nothing = ProcessorTime(LogicalProcessors(Fraction(0)))
-    return replace(group, request=replace(group.request, cpu=replace(group.request.cpu, reserve=nothing)))

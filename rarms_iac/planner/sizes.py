@@ -1,5 +1,8 @@
 """Sizes of partitions on a host: processors, reserve, limit, weight and memory, rounded up to its provider's grain."""
 
+from dataclasses import replace
+from fractions import Fraction
+
 from rarms_iac.model.changes import SLASH
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.layout import Cause, Making, PlacedPartition
@@ -7,6 +10,7 @@ from rarms_iac.model.processor_number import ProcessorSource, processor_number
 from rarms_iac.model.quantities import (
     CpuAmount,
     LogicalProcessors,
+    ProcessorTime,
     in_processors,
     machine_memory,
     per_virtual_processor,
@@ -19,7 +23,7 @@ from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.headroom import OPEN, limit_of, weight_of
 from rarms_iac.planner.mechanism import mechanism_of, quota_period_us, shortest_apt_ms
-from rarms_iac.planner.reservations import NotMeasured, ReservationSource
+from rarms_iac.planner.reservations import FixedReservations, NotMeasured, ReservationSource
 
 
 def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPartition | Cause:
@@ -71,6 +75,21 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
         why_weight=why_weight,
         mechanism=mechanism_of(group, host)[1] if reserve else "",
     )
+
+
+def size_without_reserve(group: Group, host: Host) -> PlacedPartition | Cause:
+    """Work out what else a partition gets on a host, where its reservation is not known yet.
+
+    Args:
+        group: its members, and what the manifest says of it.
+        host: the host.
+
+    Returns:
+        As `size`, with nothing reserved.
+    """
+    nothing = ProcessorTime(LogicalProcessors(Fraction(0)))
+    cpu = replace(group.request.cpu, reserve=nothing)
+    return size(replace(group, request=replace(group.request, cpu=cpu)), host, FixedReservations())
 
 
 def _cannot_be_alone(group: Group, host: Host, wanted: LogicalProcessors, processors: int) -> Cause | None:
