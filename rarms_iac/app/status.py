@@ -348,5 +348,9 @@ def _next_proof_command(
     if off:
         reason = "starts what does not run, so that thresholds can be proven"
         return NextCommand(command=command("start", *off), reason=reason)
+    samples = max((proof.samples_needed or 0 for proof in proofs if not proof.met), default=0)
+    if samples:
+        reason = "runs all components together again, with as many samples as may tell"
+        return NextCommand(command=command("prove", samples=samples), reason=reason)
     reason = "runs all components together, and compares them with their thresholds"
     return NextCommand(command=command("prove"), reason=reason)

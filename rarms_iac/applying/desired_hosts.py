@@ -10,7 +10,6 @@ from rarms_iac.diff.compare_partitions import FOREIGN_AT_NAME, machine_in_the_wa
 from rarms_iac.diff.comparison import ManifestRules
 from rarms_iac.diff.partition_steps import DiskVerdict, judge_disks
 from rarms_iac.diff.readings import count_disks
-from rarms_iac.manifest.acceptance import is_in_force
 from rarms_iac.model.capacity import capacity_of, foreign_claims
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
@@ -57,7 +56,7 @@ def desired_hosts(
     namesakes = tuple(map(_without_place, _namesakes(system, observed, places)))
     first = f"First settle the machine that has a wanted name ({FOREIGN_AT_NAME.code}): it takes room, too."
     planning = plan_layout(
-        _with_valid_acceptances(request),
+        system,
         request.reservations,
         views,
         places,
@@ -81,13 +80,6 @@ def _without_layout(request: PlanRequest, state: State) -> Desired:
         state=replace(state, partitions=(), tasks=(), responsiveness=None),
         unnamed=unnamed_partitions(names, request.system.moved, state.of(request.application).partitions),
     )
-
-
-def _with_valid_acceptances(request: PlanRequest) -> System:
-    """The manifest without the acceptances that have expired: the search may not count on them."""
-    policy = request.system.policy
-    valid = {code: each for code, each in policy.accept.items() if is_in_force(each, request.today)}
-    return replace(request.system, policy=replace(policy, accept=valid))
 
 
 def rules_of(request: PlanRequest, desired: Desired) -> ManifestRules:

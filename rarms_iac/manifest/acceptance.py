@@ -1,11 +1,12 @@
 """`policy.accept`: findings that are known and accepted, where, why, and until when."""
 
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 from datetime import date
 
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, first_of_each_kind, in_order
-from rarms_iac.model.system import Acceptance, Policy
+from rarms_iac.model.system import Acceptance, Policy, System
 from rarms_iac.model.wording import Suggestions
 from rarms_iac.storage.finding_pages import finding_page, known_codes, may_be_accepted, severity_line
 
@@ -85,6 +86,17 @@ def is_in_force(acceptance: Acceptance, today: date) -> bool:
     """Whether its finding may be accepted, and the day is not after its last."""
     page = finding_page(acceptance.code)
     return page is not None and may_be_accepted(page) and not has_expired(acceptance, today)
+
+
+def with_acceptances_in_force(system: System, today: date) -> System:
+    """Return the manifest with the acceptances that count on a day; no search and no check counts on another.
+
+    Args:
+        system: as it was written.
+        today: a day in UTC.
+    """
+    in_force = {code: each for code, each in system.policy.accept.items() if is_in_force(each, today)}
+    return replace(system, policy=replace(system.policy, accept=in_force))
 
 
 def has_expired(acceptance: Acceptance, today: date) -> bool:

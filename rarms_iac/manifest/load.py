@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
+from rarms_iac.manifest.acceptance import with_acceptances_in_force
 from rarms_iac.manifest.overlays import combine
 from rarms_iac.manifest.text.characters import EMPTY
 from rarms_iac.manifest.text.positions import FirstLine
@@ -92,7 +93,8 @@ def load(
         checks: judges the `System`; called only where the structure is right.
 
     Returns:
-        The `System`, or None, with ordered diagnostics. What a user wrote never raises.
+        The `System`, with the acceptances that are in force alone, or None; with ordered diagnostics. What a user
+            wrote never raises.
     """
     texts = [read(path), *(read(overlay, overlay=True) for overlay in overlays)]
     if any(not text.readable for text in texts):
@@ -116,7 +118,8 @@ def load(
         system = to_system(validate_document(combined.value, places), robot)
     except NotAManifest as problem:
         return _loaded(texts, None, places, findings_of_structure(problem))
-    return _loaded(texts, system, places, list(checks(system, places, today)))
+    found = list(checks(system, places, today))
+    return _loaded(texts, with_acceptances_in_force(system, today), places, found)
 
 
 def _is_empty(text: ParsedText, *, overlay: bool) -> Diagnostic:

@@ -214,14 +214,23 @@ def _decimals(value: int, whole: int, places: int) -> str:
 
 
 def write_bytes(value: int) -> str:
-    """`512 MiB`, `1.25 GiB`, `1537 MiB`: memory exactly, as a manifest takes it and as a step sets it."""
-    gibibyte = int(UNITS[Unit.MEMORY]["GiB"])
-    if value >= gibibyte and value % (gibibyte // 4) == 0:
-        return f"{plain(Fraction(value, gibibyte))} GiB"
+    """`512 MiB`, `1537 MiB`, `4 GiB`: memory exactly, as a manifest takes it, a step sets it and a data log has it.
+
+    Args:
+        value: bytes.
+
+    Returns:
+        The number in the largest unit that keeps it whole. Identities of data logs hold this text: it never changes.
+    """
     for unit, size in reversed(UNITS[Unit.MEMORY].items()):
-        if value and value % size == 0:
+        if value and value % size == 0 and value // int(size) < MOST_DIGITS:
             return f"{value // int(size)} {unit}"
-    return f"{value} B"
+    gibibyte = int(UNITS[Unit.MEMORY]["GiB"])
+    return f"{plain(Fraction(value, gibibyte))} GiB" if value and value % (gibibyte // 4) == 0 else f"{value} B"
+
+
+MOST_DIGITS = 10_000
+"""A number of bytes is written with fewer than five digits where a unit allows it."""
 
 
 def show_period(microseconds: int | None) -> str:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from rarms_iac.applying.derivation import find_forgery
 from rarms_iac.applying.make_plan import PlanningResult, make_plan
 from rarms_iac.applying.state_after import partitions_after
+from rarms_iac.manifest.acceptance import with_acceptances_in_force
 from rarms_iac.model.changes import Create, Delete
 from rarms_iac.model.diagnostics import Severity
 from rarms_iac.model.host import HypervHost, LinuxHost, Mechanism, ProviderKind, SchedulerType
@@ -216,7 +217,7 @@ def test_the_search_counts_no_acceptance_that_has_expired(until: date, goes_to: 
     policy = Policy(interference=(BUSY_LOOP,), accept={"RARMS159": acceptance})
     system = a_system(hosts=hosts, components=[a_component("a", reserve="30 %", memory="64 MiB")], policy=policy)
 
-    plan = planned(system, states).plan
+    plan = planned(with_acceptances_in_force(system, date(2026, 1, 1)), states).plan
 
     assert plan is not None
     assert [host.host.name for host in plan.hosts if host.changes] == [goes_to]

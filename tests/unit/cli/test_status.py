@@ -313,3 +313,15 @@ def test_runs_say_which_robot_they_were_for() -> None:
     assert shown.count("robot on robot-12") == 2
     assert [run["robot"] for run in json.loads(recorded)["hosts"]["onboard"]] == ["robot-12", "robot-12"]
     assert "on robot-12, done" in last
+
+
+def test_after_a_proof_with_too_few_samples_as_many_as_may_tell_are_next() -> None:
+    near = MEASURED.replace("work: 5 ms", "work: 120 ms, blocked: 20 ms, varies: 40 %").replace("100 ms", "300 ms")
+    near = near.replace("    memory", "    processors: 1\n    cpu: { reserve: 0.41 LP }\n    memory")
+    Path("rarms.yaml").write_text(MANIFEST[: MANIFEST.index("  vision")] + near, encoding="utf-8")
+    assert rarms("apply", "--auto-approve").code == 0
+    assert rarms("prove", "--load-host").code == 4
+
+    (proof,) = json.loads(rarms("status", "--json").out)["proofs"]
+
+    assert f"Next: `rarms prove --samples {proof['samples_needed']}` runs all" in " ".join(rarms("status").out.split())

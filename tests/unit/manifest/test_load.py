@@ -4,6 +4,8 @@ from datetime import date
 from fractions import Fraction
 from pathlib import Path
 
+import pytest
+
 from rarms_iac.manifest.load import Loaded, load, manifest_path
 from rarms_iac.model.diagnostics import Severity
 from rarms_iac.model.host import ProviderKind
@@ -108,3 +110,13 @@ def test_a_missing_or_empty_overlay_is_not_advised_to_become_a_manifest(tmp_path
         (told,) = [diagnostic for diagnostic in read.diagnostics if diagnostic.severity is Severity.ERROR]
         assert "differ" in str(told.advice)
         assert "rarms init" not in str(told.advice)
+
+
+@pytest.mark.parametrize(("until", "holds"), [("2026-11-21", True), ("2026-11-20", False)])
+def test_a_system_has_no_acceptance_that_has_expired(tmp_path: Path, until: str, *, holds: bool) -> None:
+    accepted = f'policy: {{ accept: {{ RARMS159: {{ at: [host/onboard], reason: a bench, until: "{until}" }} }} }}\n'
+
+    read = load(write(tmp_path, SMALL + accepted), today=date(2026, 11, 21), checks=no_checks)
+
+    assert read.system is not None
+    assert ("RARMS159" in read.system.policy.accept) is holds

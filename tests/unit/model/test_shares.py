@@ -48,6 +48,11 @@ def test_two_amounts_that_differ_never_read_alike_in_one_sentence() -> None:
     assert show_bytes(2**30, 2**30) == "1 GiB"
 
 
+def test_memory_is_written_as_identities_of_data_logs_have_it() -> None:
+    sizes = (1280 * 2**20, 1536 * 2**20, 4 * 2**30, 11776 * 2**20, 2048, 0)
+    assert list(map(write_bytes, sizes)) == ["1280 MiB", "1536 MiB", "4 GiB", "11.5 GiB", "2 KiB", "0 B"]
+
+
 @given(st.integers(0, 2**49))
 def test_what_is_written_of_memory_is_exact(size: int) -> None:
     assert parse_quantity(write_bytes(size), Unit.MEMORY) == (Unit.MEMORY, Fraction(size))
