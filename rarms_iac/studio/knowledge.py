@@ -3,7 +3,7 @@
 import hashlib
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -99,10 +99,12 @@ class Watch:
 
     Args:
         source: the manifest and its overlays.
+        now: seconds.
     """
 
-    def __init__(self, source: ManifestSource) -> None:
+    def __init__(self, source: ManifestSource, now: Callable[[], float] = time.monotonic) -> None:
         self._source = source
+        self._now = now
         self._lock = Lock()
         self._known: Knowledge | None = None
         self._looks = 0
@@ -123,7 +125,7 @@ class Watch:
         """
         with self._lock:
             if not at_work:
-                self._looks = int(time.monotonic()) // LOOK_SECONDS
+                self._looks = int(self._now()) // LOOK_SECONDS
             return self._version()
 
     def _version(self) -> str:

@@ -11,9 +11,11 @@ import pytest
 
 from rarms_iac.studio.actions import ACTIONS, MeasureAction, ProveAction, TuneAction
 from tests.needs import CHECKOUT
+from tests.unit.cli.running import rarms
 from tests.unit.studio.studio_client import Client, studio
 
 MANIFEST = (CHECKOUT / "templates/init/rarms.yaml").read_text(encoding="utf-8")
+RUN = "run: { command: [control], until: { samples: 2000 }, samples: { from: per_run } }"
 LEVEL = {"component": "control", "index": "mean_response_time", "level": "45 ms"}
 
 
@@ -153,6 +155,44 @@ def test_what_is_wrong_with_the_manifest_is_shown_and_mended_beside_it(client: C
 
     (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
     assert 'data-measure="control"' in client.get().text
+
+
+def test_a_manifest_that_is_missing_or_broken_is_named_with_its_finding_and_nothing_else(
+    client: Client, folder: Path
+) -> None:
+    for content in (None, "schema: [", MANIFEST + "\nunknown: 1\n"):
+        (folder / "rarms.yaml").unlink(missing_ok=True)
+        if content is not None:
+            (folder / "rarms.yaml").write_text(content, encoding="utf-8", newline="\n")
+        page = client.get().text
+
+        assert "rarms.yaml</h1>" in page
+        assert page.count("<details") == page.count(" open>") == 1, "the finding is not folded"
+        assert 'id="hosts"' not in page
+        assert "Nothing was measured yet" not in page
+
+
+def test_a_plan_that_was_applied_in_a_terminal_is_no_longer_offered(client: Client, folder: Path) -> None:
+    assert done(client, "plan")["ending"] == "done"
+    assert 'data-action="apply"' in client.get().text
+
+    assert rarms("apply", "--auto-approve", "-f", str(folder)).code == 0
+
+    page = client.get().text
+    assert "Something was applied to onboard since this plan was made: plan again." in page
+    assert 'data-action="apply"' not in page
+
+
+def test_stop_means_the_use_case_that_was_shown(client: Client, folder: Path) -> None:
+    slow = MANIFEST.replace("    memory: 512 MiB", f"    {RUN}\n    memory: 512 MiB", 1)
+    (folder / "rarms.yaml").write_text(slow, encoding="utf-8", newline="\n")
+    assert done(client, "plan")["number"] == 1
+    assert client.post("do/measure", {"components": ["control"], "first": 10, "last": 80, "step": 1}).status == 200
+
+    assert client.post("stop", {"number": 1}).status == 200
+    assert client.work()["ending"] == ""
+    assert client.post("stop", {"number": 2}).status == 200
+    assert client.work("stopped")["number"] == 2
 
 
 def test_events_tell_of_files_that_changed(client: Client, folder: Path) -> None:

@@ -1,0 +1,59 @@
+"""What the page follows: the folder of the manifest, and hosts whose journal lies elsewhere."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.app.requests import ManifestSource
+from rarms_iac.providers.cgroups import provider
+from rarms_iac.studio.knowledge import LOOK_SECONDS, Watch
+
+MANIFEST = """\
+schema: rarms/v1
+application: {{ name: cell }}
+hosts:
+  onboard: {{ {host}, logical_processors: 2, memory: 4 GiB }}
+components:
+  control: {{ criticality: 1, memory: 512 MiB, cpu: {{ reserve: 30 % }} }}
+"""
+
+
+def watch_of(folder: Path, host: str, now: Callable[[], float] = time.monotonic) -> Watch:
+    (folder / "rarms.yaml").write_text(MANIFEST.format(host=host), encoding="utf-8", newline="\n")
+    watch = Watch(ManifestSource(manifest=str(folder)), now)
+    watch.now()
+    return watch
+
+
+def test_a_run_on_a_linux_host_of_this_machine_is_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(provider, "STATE_FOLDER", tmp_path / "state")
+    watch = watch_of(tmp_path, "provider: linux, linux: { slice: cell }")
+    before = watch.version(at_work=False)
+
+    journal = tmp_path / "state" / "cell" / "journal.jsonl"
+    journal.parent.mkdir(parents=True)
+    journal.write_text("{}\n", encoding="utf-8")
+
+    assert watch.version(at_work=False) != before
+    assert watch.version(at_work=False) == watch.version(at_work=False)
+
+
+def test_a_distant_host_is_looked_at_from_time_to_time_while_nothing_runs(tmp_path: Path) -> None:
+    now = [1000.0]
+    watch = watch_of(tmp_path, "provider: linux, connect: { ssh: robot@robot.invalid }", lambda: now[0])
+    before = watch.version(at_work=False)
+
+    now[0] += 2 * LOOK_SECONDS
+    assert watch.version(at_work=True) == before
+    assert watch.version(at_work=False) != before
+
+
+def test_a_simulated_host_is_looked_at_when_its_file_changes_alone(tmp_path: Path) -> None:
+    now = [1000.0]
+    watch = watch_of(tmp_path, "provider: simulated", lambda: now[0])
+    before = watch.version(at_work=False)
+
+    now[0] += 2 * LOOK_SECONDS
+    assert watch.version(at_work=False) == before
