@@ -1,7 +1,7 @@
 """What can be done on the page: each action is a body in JSON, the command that does the same, and one use case.
 
-Every class has the fields of its body. `command` returns the words of a terminal, and `run` does the work in the thread
-of `work`. What an action may do without a question, the page asks in a box of its own, as the terminal asks or takes an
+Every class has the fields of its body. `command` returns the words of a terminal, and `run` does the work when `work`
+calls it. What an action may do without a question, the page asks in a box of its own, as the terminal asks or takes an
 option.
 """
 

@@ -5,9 +5,16 @@ yet end first, and none waits for its first request for long. What the guard ref
 """
 
 import asyncio
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
 
+import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from rarms_iac.app.use_case_errors import RequestError
+
+LOOPBACK = "127.0.0.1"
 MOST_CONNECTIONS = 32
 """A browser opens at most six to a server."""
 MOST_ACCEPTED = 8
@@ -49,3 +56,40 @@ class BoundedProtocol(H11Protocol):
     def _end_silence(self) -> None:
         if self.is_silent:
             self.transport.abort()
+
+
+class StudioServer(uvicorn.Server):
+    """uvicorn without signals of its own: the command line has them, and hands them over as a `StopSignal`."""
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Take none over.
+
+        Yields:
+            Once, with nothing.
+        """
+        yield
+
+
+def bind(port: int) -> socket.socket:
+    """Take a port of the loopback interface.
+
+    Args:
+        port: 0: any that is free.
+
+    Returns:
+        A socket that is bound, and not listening yet.
+
+    Raises:
+        RequestError: it is taken.
+    """
+    bound = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    if hasattr(socket, "SO_EXCLUSIVEADDRUSE"):  # Windows: without it another process could take the same port
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
+    try:
+        bound.bind((LOOPBACK, port))
+    except OSError as error:
+        bound.close()
+        reason = error.strerror or str(error)
+        raise RequestError(f"Port {port} cannot be taken: {reason}. Choose another with --port.") from error
+    return bound

@@ -8,30 +8,25 @@ from dataclasses import dataclass, fields
 from fractions import Fraction
 from types import MappingProxyType
 
-from rarms_iac.app.applying import changed_manifest
 from rarms_iac.app.experiments.measure_request import MeasureRequest
 from rarms_iac.app.experiments.prove import ProveRequest
 from rarms_iac.app.experiments.tune import TuneRequest
 from rarms_iac.app.options import Option
 from rarms_iac.app.report_model import Report
-from rarms_iac.app.scripts import ScriptSince
 from rarms_iac.app.status import HostOverview, NextCommand, PartitionStatus
 from rarms_iac.manifest.load import manifest_path
-from rarms_iac.model.commands import RecommendedCommand, plain_text, sentences
+from rarms_iac.model.commands import plain_text, sentences
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import index_named, show_threshold
-from rarms_iac.model.plan import Plan
 from rarms_iac.model.quantities import share_of_processors, show_processors
-from rarms_iac.model.wording import in_a_row, natural_order
+from rarms_iac.model.wording import natural_order
 from rarms_iac.studio.actions import Workspace
 from rarms_iac.studio.knowledge import Knowledge
-from rarms_iac.views.console import UNLIMITED, render
-from rarms_iac.views.plan import differences_of, disruption_of, plan_text, summary
+from rarms_iac.studio.plan_page import PlanOnPage, plan_on_page
 from rarms_iac.views.reports.html import render_page
 from rarms_iac.views.reports.page import on_page
-from rarms_iac.views.reports.table import Column, Table, show_cell
+from rarms_iac.views.reports.table import show_cell
 from rarms_iac.views.reports.tables import RESERVE, levels_of_component
-from rarms_iac.views.scripts import difference_text
 from rarms_iac.views.status import describe_partition, history_rows
 
 
@@ -75,21 +70,6 @@ class ComponentOnPage:
     reserve: str  # in LPs
     share: str  # of its processors
     verdicts: tuple[str, ...]  # or why nothing is known
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanOnPage:
-    """The plan that was made last on the page."""
-
-    id: str
-    text: str  # all of it, as a terminal shows it
-    summary: str
-    changes: Table
-    steps: Table  # in this order
-    command: RecommendedCommand  # that makes such a plan and does it
-    scripts: tuple[tuple[str, str, str, str], ...]  # name, text, plan that was applied last, difference to it
-    can_be_applied: bool
-    changed: tuple[str, ...]  # that the manifest or a host has changed since
 
 
 STOP_PARTITIONS = Box(
@@ -180,7 +160,7 @@ def page_of(
         unfinished=unfinished,
         left_by_measurement=is_cut_off,
         ways=forms,
-        plan=_plan(known, workspace, manifest_options),
+        plan=plan_on_page(known, workspace, manifest_options),
         history=tuple(_history(known)),
         has_manifest=known.manifest is not None,
     )
@@ -270,59 +250,6 @@ def _components(known: Knowledge, report: Report) -> Iterator[ComponentOnPage]:
             share=shares[0] if shares else "",
             verdicts=verdicts or ("no host has it in its layout",),
         )
-
-
-def _plan(known: Knowledge, workspace: Workspace, manifest_options: str) -> PlanOnPage | None:
-    plan = workspace.plan
-    if plan is None:
-        return None
-    notes = [
-        plain_text(sentences(note.detail, note.advice), manifest_options)
-        for note in changed_manifest(plan, workspace.source)
-    ]
-    serials = {host.name: host.serial for host in known.overview.hosts if host.totals} if known.overview else {}
-    moved = [part.name for part in plan.hosts if serials.get(part.name, part.serial) != part.serial]
-    if moved:
-        notes.append(f"Something was applied to {in_a_row(moved)} since this plan was made: plan again.")
-    return PlanOnPage(
-        id=plan.id,
-        summary=summary(plan),
-        changes=Table(columns=CHANGES, rows=tuple(_changes(plan))),
-        steps=Table(columns=STEPS, rows=tuple(_steps(plan))),
-        text=render(plan_text(plan, sources=known.sources, verbose=True), UNLIMITED, manifest=manifest_options),
-        scripts=tuple(_script(since) for since in workspace.scripts),
-        command=workspace.does,
-        can_be_applied=any(part.steps for part in plan.hosts) and not moved,
-        changed=tuple(notes),
-    )
-
-
-CHANGES = tuple(Column(title=title) for title in ("Change", "Host", "Kind", "What differs", "What it disturbs", "Why"))
-STEPS = tuple(Column(title=title) for title in ("Step", "Host", "Of", "What is done"))
-
-
-def _changes(plan: Plan) -> Iterator[tuple[str, ...]]:
-    for part in plan.hosts:
-        for change in part.changes:
-            yield (
-                str(change.address),
-                part.name,
-                change.action,
-                differences_of(change, part),
-                disruption_of(change, part) or "nothing: it is live",
-                change.reason.message,
-            )
-
-
-def _steps(plan: Plan) -> Iterator[tuple[str, ...]]:
-    for part in plan.hosts:
-        for number, step in enumerate(part.steps, 1):
-            yield f"{number} of {len(part.steps)}", part.name, str(step.address), step.title
-
-
-def _script(since: ScriptSince) -> tuple[str, str, str, str]:
-    difference = "" if since.difference is None else render(difference_text(since.difference), UNLIMITED)
-    return since.script.name, since.script.text, since.applied, difference
 
 
 def _history(known: Knowledge) -> Iterator[tuple[str, ...]]:

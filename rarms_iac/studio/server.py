@@ -9,11 +9,10 @@ import json
 import socket
 import time
 from collections.abc import AsyncIterator, Callable
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from http import HTTPStatus
 from threading import Event, Lock, Thread
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import uvicorn
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -30,7 +29,7 @@ from rarms_iac.model.commands import RecommendedCommand, plain_text, sentences
 from rarms_iac.model.diagnostics import in_order
 from rarms_iac.storage.shipped import shipped_text
 from rarms_iac.studio.actions import ACTIONS, Action, Workspace
-from rarms_iac.studio.connections import MOST_ACCEPTED, BoundedProtocol
+from rarms_iac.studio.connections import LOOPBACK, MOST_ACCEPTED, BoundedProtocol, StudioServer, bind
 from rarms_iac.studio.guard import Guard, Keys
 from rarms_iac.studio.knowledge import Watch
 from rarms_iac.studio.levels import LevelAnswer, LevelBody, answer_level
@@ -40,10 +39,6 @@ from rarms_iac.views.console import UNLIMITED, render
 from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.reports.html import FOLDER, MODULES
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-LOOPBACK = "127.0.0.1"
 TICK_SECONDS = 0.2
 """How often work is looked at for news, and whether the end is asked for."""
 TICKS_OF_FILES = 3
@@ -230,19 +225,6 @@ def _read_only() -> Response:
     return JSONResponse({"message": message}, HTTPStatus.FORBIDDEN)
 
 
-class StudioServer(uvicorn.Server):
-    """uvicorn without signals of its own: the command line has them, and hands them over as a `StopSignal`."""
-
-    @contextmanager
-    def capture_signals(self) -> "Iterator[None]":
-        """Take none over.
-
-        Yields:
-            Once, with nothing.
-        """
-        yield
-
-
 def guarded(studio: Studio, port: int, keys: Keys) -> Guard:
     """Put the guard before the studio.
 
@@ -252,30 +234,6 @@ def guarded(studio: Studio, port: int, keys: Keys) -> Guard:
         keys: what lets the browser in.
     """
     return Guard(Starlette(routes=[Mount(f"/{keys.folder}", routes=studio.routes())]), port, keys)
-
-
-def bind(port: int) -> socket.socket:
-    """Take a port of the loopback interface.
-
-    Args:
-        port: 0: any that is free.
-
-    Returns:
-        A socket that is bound, and not listening yet.
-
-    Raises:
-        RequestError: it is taken.
-    """
-    bound = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    if hasattr(socket, "SO_EXCLUSIVEADDRUSE"):  # Windows: without it another process could take the same port
-        bound.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
-    try:
-        bound.bind((LOOPBACK, port))
-    except OSError as error:
-        bound.close()
-        reason = error.strerror or str(error)
-        raise RequestError(f"Port {port} cannot be taken: {reason}. Choose another with --port.") from error
-    return bound
 
 
 def serve(

@@ -7,16 +7,8 @@ from typing import Any
 from rarms_iac.app.status import NextCommand
 from rarms_iac.model.commands import command
 from rarms_iac.model.diagnostics import Finding
-from rarms_iac.studio.page import (
-    CHANGES,
-    STEPS,
-    BarPart,
-    ComponentOnPage,
-    HostOnPage,
-    PlanOnPage,
-    StudioOnPage,
-    render_studio,
-)
+from rarms_iac.studio.page import BarPart, ComponentOnPage, HostOnPage, StudioOnPage, render_studio
+from rarms_iac.studio.plan_page import CHANGES, STEPS, PlanOnPage
 from rarms_iac.views.reports.table import Table
 from tests.unit.views.reports.test_html import REPORT
 
