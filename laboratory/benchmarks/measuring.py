@@ -13,7 +13,7 @@ import os
 import random
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from multiprocessing import Pool
 from pathlib import Path
@@ -31,15 +31,17 @@ from rarms_iac.measuring.settings_log import SettingsLog
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.model.indexes import percentile_of
-from rarms_iac.model.outcomes import ExperimentDecision, Measure, NotAchievable, Sufficient, Swept
-from rarms_iac.model.run import SampleCount
+from rarms_iac.model.outcomes import ExperimentDecision, Measure, NotAchievable, Sufficient, Swept, WithinNoise
+from rarms_iac.model.series import MOST_SAMPLES, Sample, Series, columns_of, join_series
 from rarms_iac.model.setting import Setting
-from rarms_iac.model.system import Component, MeasuringLimits, run_of
+from rarms_iac.model.system import Component, MeasuringLimits, Threshold, run_of
 from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
+from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from rarms_iac.statistics.distributions import share_interval
 from rarms_iac.statistics.error_probability import ERROR, samples_needed
 from rarms_iac.statistics.samples import response_times
+from rarms_iac.statistics.verdicts import judge_look, samples_to_clear
 from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_least, at_most, milliseconds
 
 COMPONENTS = 400
@@ -54,7 +56,10 @@ STRATEGIES = ("default", "bisection")
 HIGHEST = 97
 """Where the truth is above it, no answer is no failure: the noise of a threshold reaches beyond the host."""
 
-TRUE_SEED = 2
+TRUE_SEED, TRUE_STARTS = 2, 100
+SETTLED_MS, LEAST_MS = 1000.0, 500.0
+"""After which what was measured of a start counts, and how long at least."""
+
 IN_MEMORY = "/dev/shm"  # where there is one: what a host promises to have on the disk is not what is measured here
 INDEXES = (
     "mean_response_time",
@@ -79,7 +84,8 @@ class Answer:
     reserve: int  # 0: none was found
     truth: int  # 101: no reservation is enough
     processors: int
-    is_short: bool  # its budget holds fewer samples than its threshold needs
+    needs: int  # samples of a setting near the whole host, to show what is true there
+    is_short: bool  # its budget holds fewer
     settings: int
     seconds: float  # on the host's clock
 
@@ -144,10 +150,10 @@ class Bench:
     """Measures settings of a component as `rarms measure` does; each of them once for all strategies."""
 
     def __init__(self, seed: int, folder: str) -> None:
-        self.host = SimulatedMeasuringHost(a_host(), Path(folder) / "host.json", simulate)
+        self.host = SimulatedMeasuringHost(a_host(), Path(folder) / "host.json", self.simulate)
+        self.machine: ModelMachine
         self.bare, self.index, self.drawn_at = random_component(seed)
-        self.long: dict[int, list[float]] = {}  # response times of long runs, by CR
-        self.rates: dict[int, float] = {}  # jobs a second
+        self.long: dict[int, Series] = {}  # long runs, by CR
         self.component = self.with_threshold()
         self.experiment = self.of(self.component)
         self.done: dict[Measure, Setting] = {}
@@ -178,23 +184,45 @@ class Bench:
             measure(experiment, Once(step), cast("SettingsLog", log), context)
         return log.all
 
-    def times(self, reserve: int) -> list[float]:
-        """Response times of a long run at this CR, ascending."""
+    def series(self, reserve: int) -> Series:
+        """A long run at this CR: many short ones, each settled, in which the load and the component begin by chance."""
         if reserve not in self.long:
-            run = replace(run_of(self.bare), until=SampleCount(samples=JOBS))
-            [setting] = self.run(self.of(replace(self.bare, run=run)), Measure(reserve=reserve), TRUE_SEED)
-            self.long[reserve] = sorted(response_times(setting.series[0].samples))
-            self.rates[reserve] = 1000 * len(setting.series[0].samples) / setting.series[0].elapsed_ms
+            self.run(self.of(self.bare), Measure(reserve=reserve), TRUE_SEED)
+            self.long[reserve] = join_series([self.settled_run(TRUE_SEED + start) for start in range(TRUE_STARTS)])
         return self.long[reserve]
+
+    def settled_run(self, seed: int) -> Series:
+        """One of these, on the machine that was measured last."""
+        jobs, now, since = list[JobDone](), 0.0, 0.0
+        for job in simulate(self.machine, seed):
+            now = max(now, job.began + job.response)
+            if now < SETTLED_MS:
+                since = now
+                continue
+            jobs.append(job)
+            if len(jobs) * TRUE_STARTS >= JOBS and now >= SETTLED_MS + LEAST_MS:
+                break
+        samples = [Sample(began_ms=job.began - since, response_ms=job.response, successful=True) for job in jobs]
+        return Series(component=self.bare.name, samples=tuple(samples), elapsed_ms=now - since)
+
+    def simulate(self, machine: ModelMachine, seed: int) -> Iterator[JobDone]:
+        """Run a machine, and keep it."""
+        self.machine = machine
+        return simulate(machine, seed)
+
+    def rate(self, reserve: int) -> float:
+        """Jobs a second at this CR."""
+        series = self.series(reserve)
+        return 1000 * len(series.samples) / series.elapsed_ms
 
     def level(self, reserve: int) -> float:
         """What falls with the CR: the index in ms, or the time within which its share of jobs answers."""
-        times = self.times(reserve)
+        times = sorted(response_times(self.series(reserve).samples))
         match self.index:
             case "mean_response_time":
                 return fmean(times)
             case "throughput":
-                return 1.0 / self.rates[reserve]
+                return 1.0 / self.rate(reserve)
             case _:
                 return times[math.ceil(self.share * len(times)) - 1]
 
@@ -225,6 +253,20 @@ class Bench:
             case _:
                 return replace(self.bare, apt={self.index: at_most(limit)})
 
+    def samples_needed(self, index: str, threshold: Threshold) -> int:
+        """Samples of a setting that show what is true at the highest CR that may be an answer."""
+        series, run = self.series(HIGHEST), run_of(self.component)
+        least = samples_needed(index, threshold)
+        if index == "success_rate":
+            limit = self.limit * (1 + 1e-6)
+            good = [time <= limit for time in response_times(series.samples)]
+            series = replace(series, samples=replace(columns_of(series.samples), successful=bytes(good), known={}))
+        verdict = judge_look(series, {index: threshold}, run)
+        if not isinstance(verdict, WithinNoise):
+            return least
+        [judged] = verdict.judged
+        return max(least, round(min(1e9, samples_to_clear(judged, series) or 0.0)))
+
     def truth(self) -> int:
         """The least CR at which a long run meets the threshold; 101: none does."""
         low, high, limit = 0, 101, self.limit * (1 + 1e-6)
@@ -246,7 +288,7 @@ def _answer(bench: Bench, strategy: str) -> Answer:
     done = walk(strategy_of(Search(strategy=strategy), goal, 100), bench.measure)
     [(index, threshold)] = bench.component.apt.items()
     enough = isinstance(done.end, Sufficient)
-    needs_ms = samples_needed(index, threshold) * 1000 / bench.rates[min(100, bench.drawn_at)]
+    needs = bench.samples_needed(index, threshold)
     return Answer(
         strategy=strategy,
         component=bench.component.name,
@@ -255,7 +297,8 @@ def _answer(bench: Bench, strategy: str) -> Answer:
         reserve=done.end.reserve if isinstance(done.end, Sufficient) else 0,
         truth=bench.truth(),
         processors=goal.processors,
-        is_short=needs_ms > goal.budget_ms,
+        needs=needs,
+        is_short=needs > MOST_SAMPLES or 1000 * needs / bench.rate(min(100, bench.drawn_at)) > goal.budget_ms,
         settings=len(done.settings),
         seconds=sum(setting.host_ms for setting in done.settings) / 1000,
     )
@@ -266,7 +309,8 @@ def figures(found: Sequence[Answer]) -> list[Figure]:
     rows: list[Figure] = []
     for strategy in STRATEGIES:
         own = [answer for answer in found if answer.strategy == strategy and not answer.is_short]
-        short = sum(answer.is_short for answer in found if answer.strategy == strategy)
+        apart = [answer for answer in found if answer.strategy == strategy and answer.is_short]
+        beyond = sum(answer.needs > MOST_SAMPLES for answer in apart)
         is_goal = strategy == "default"
         # NOTE: a long run knows the truth to about a point, where a threshold was drawn from one.
         wrong = [answer for answer in own if answer.reserve and answer.reserve < answer.truth - 1]
@@ -291,7 +335,14 @@ def figures(found: Sequence[Answer]) -> list[Figure]:
                 unit="",
                 at_most=6 if is_goal else None,
             ),
-            Figure(name="  counted apart: too few samples in the budget", value=float(short), unit=""),
+            Figure(
+                name="  counted apart: too few samples in the budget",
+                value=100 * len(apart) / (len(own) + len(apart)),
+                unit="%",
+                at_most=10 if is_goal else None,
+            ),
+            Figure(name=f"    of these more than {MOST_SAMPLES:,} needed", value=float(beyond), unit=""),
+            Figure(name="    of these answered", value=float(sum(answer.reserve > 0 for answer in apart)), unit=""),
             Figure(name="  settings", value=fmean(answer.settings for answer in own), unit=""),
             Figure(name="  time on the host, each", value=fmean(answer.seconds for answer in own) / 60, unit="min"),
         ]

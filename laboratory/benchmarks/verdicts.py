@@ -30,12 +30,14 @@ KINDS = (
     "mean_response_time of a long tail",
     "mean_response_time by a coarse clock",
     "mean_response_time that depends on the last",
+    "mean_response_time of short jobs",
     "p95_response_time",
     "p95_response_time of two modes",
     "jitter",
     "jitter of two modes",
     "success_rate",
     "success_rate near 100 %",
+    "success_rate of short jobs",
     "deadline_miss_rate",
     "throughput",
     "throughput where 10 % fail",
@@ -167,7 +169,41 @@ def _dependent(chance: random.Random, distance: float) -> Case:
     return _at_most("mean_response_time", series_of(times), MEAN, 0.1 * noise * chance.gauss(0.0, distance))
 
 
+WINDOW_MS = 100.0
+
+
+def short_jobs(chance: random.Random, count: int, per_start: int | None) -> tuple[list[float], float, float]:
+    """Jobs one after the other, which wait where a scheduler's window gives no more; each start in a random phase.
+
+    Returns:
+        Response times; their true mean; the share of jobs, in per cent, that do not wait.
+    """
+    share = chance.uniform(0.2, 0.8)
+    budget, work = WINDOW_MS * share, chance.uniform(2.0, min(30.0, WINDOW_MS * share / 2))
+    noise, used, times = chance.choice((0.0, 0.0, 0.03)), 0.0, list[float]()
+    for number in range(count):
+        if number % (per_start or count) == 0:
+            used = chance.uniform(0.0, budget)
+        own = max(0.0, work * chance.gauss(1.0, noise))
+        waits, used = divmod(used + own, budget)
+        times.append(own + waits * (WINDOW_MS - budget))
+    return times, work / share, 100 * (1.0 - work / budget)
+
+
+def _short_jobs(chance: random.Random, distance: float) -> Case:
+    times, mean, _ = short_jobs(chance, SAMPLES, None)
+    return _at_most("mean_response_time", series_of(times), mean, 0.01 * chance.gauss(0.0, distance))
+
+
+def _short_successes(chance: random.Random, distance: float) -> Case:
+    times, _, succeed = short_jobs(chance, SAMPLES, None)
+    limited = series_of(times, limit=(min(times) + WINDOW_MS / 10))
+    return _at_least("success_rate", limited, succeed, 0.01 * chance.gauss(0.0, distance))
+
+
 _HARD = {
+    "mean_response_time of short jobs": _short_jobs,
+    "success_rate of short jobs": _short_successes,
     "mean_response_time of a long tail": _long_tail,
     "mean_response_time by a coarse clock": _coarse_clock,
     "mean_response_time that depends on the last": _dependent,
@@ -389,7 +425,16 @@ def effort_figures(count: int) -> list[Figure]:
 
 
 MOST_LOOKED_AT = 40_000
-FLAT = ("mean_response_time", "p95_response_time of two modes", "success_rate")
+FLAT = (
+    "mean_response_time",
+    "p95_response_time of two modes",
+    "success_rate",
+    "mean_response_time of short jobs",
+    "success_rate of short jobs",
+)
+PER_START = (None, 10, 40, 300)
+"""Short jobs between two starts of a load; None: there is one start."""
+
 FLAT_SETTINGS = 8
 """As many as a search has: each is a chance to say that it is enough where none is."""
 
@@ -419,9 +464,20 @@ def flat_series(kind: str, chance: random.Random, count: int) -> tuple[Series, d
             return series_of([50.0 if each else 150.0 for each in good], limit=MEAN), {
                 kind: AtLeast(value=Fraction(90))
             }
+        case "mean_response_time of short jobs" | "success_rate of short jobs":
+            per_start = chance.choice(PER_START)
+            times, mean, succeed = short_jobs(chance, count, per_start)
+            series = series_of(times, limit=min(times) + WINDOW_MS / 10)
+            series = replace(series, starts=tuple(range(per_start or count, count, per_start or count)))
+            index = kind.split(maxsplit=1)[0]
+            return series, {index: limit_at(0.999 * mean) if index == "mean_response_time" else _above(succeed)}
         case _:
             times = [2 * MEAN if chance.random() < 0.051 else MEAN * chance.uniform(0.99, 1.01) for _ in range(count)]
             return series_of(times), {"p95_response_time": limit_at(1.5 * MEAN)}
+
+
+def _above(share: float) -> Threshold:
+    return AtLeast(value=Fraction(share + 0.1))
 
 
 def flat_curves(kind: str, curves: int) -> tuple[int, int]:

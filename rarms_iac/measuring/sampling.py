@@ -6,13 +6,16 @@ from math import inf
 
 from rarms_iac.measuring.settling import Settling
 from rarms_iac.model.outcomes import TooManyFailures
+from rarms_iac.model.run import Periodic
 from rarms_iac.model.series import Sample, Series, columns_of
 from rarms_iac.model.system import Component
 from rarms_iac.providers.measuring import RunningWork
-from rarms_iac.statistics.error_probability import FIRST_LOOK, next_look
+from rarms_iac.statistics.error_probability import FIRST_LOOK, PERIODIC_STARTS, next_look
+from rarms_iac.statistics.samples import response_times, starts_differ
+from rarms_iac.statistics.steady_state import answered_before
 
 STARTS = 8
-"""So often at least the load of a setting begins, where it never pauses: a component may lock into one phase of it."""
+"""So often at least a load that never pauses begins in a setting; `PERIODIC_STARTS` times beside periodic jobs."""
 
 RESTART_WINDOWS = 5
 """After a further start so many of the scheduler's longest memories are left out, not the `MEMORY_FACTOR` of the first.
@@ -46,7 +49,8 @@ def watch(
             passed as often as it must.
         should_stop: Asked after every sample.
         limit_ms: Of the host's time since the work began: from then on `is_enough` is asked at any count.
-        restarts: Whether loads that never pause begin anew again and again, `STARTS` times before `is_enough` is asked.
+        restarts: Whether loads that never pause begin anew again and again, so often before `is_enough` is asked. From
+            then on a start lasts an eighth of all that counts, unless starts differ.
         needs_starts: Asked at each look: whether all of these are needed. False: it is no point of a curve.
 
     Returns:
@@ -56,9 +60,12 @@ def watch(
     Raises:
         HostError: the host could not run the work.
     """
-    allowed = {component.name: component.run.failures if component.run is not None else 0 for component in components}
+    runs = {component.name: component.run for component in components}
+    allowed = {name: run.failures if run is not None else 0 for name, run in runs.items()}
     failures: dict[str, list[str]] = {name: [] for name in allowed}
-    seen = _Seen(running=running, names=sorted(allowed), settling=settling, restarts=restarts)
+    is_periodic = any(run is not None and isinstance(run.arrival, Periodic) for run in runs.values())
+    starts = PERIODIC_STARTS if is_periodic else STARTS
+    seen = _Seen(running=running, names=sorted(allowed), settling=settling, restarts=restarts, least_starts=starts)
     looks_at = next_look(0)
     for name, sample in running.samples():
         if should_stop():
@@ -76,6 +83,7 @@ def watch(
             looks_at, limit_ms = next_look(least), _LATER * limit_ms if is_late else limit_ms
             if seen.counted_ms >= settling.least_ms and is_enough(found := seen.series()):
                 return found
+            seen.look()
     return None if should_stop() else seen.series()
 
 
@@ -87,6 +95,8 @@ class _Seen:
     names: Sequence[str]
     settling: Settling
     restarts: bool
+    least_starts: int
+    _are_alike: bool = False  # the starts, at the last look
     _samples: dict[str, list[Sample]] = field(default_factory=dict)
     _starts: dict[str, list[int]] = field(default_factory=dict)  # by component, numbers of samples
     _cpu_ms: dict[str, float | None] = field(default_factory=dict)  # by component, in what counts
@@ -112,7 +122,15 @@ class _Seen:
     @property
     def has_begun(self) -> bool:
         """Whether the load began as often as it must."""
-        return not self.restarts or len(self._starts[self.names[0]]) >= STARTS - 1
+        return not self.restarts or len(self._starts[self.names[0]]) >= self.least_starts - 1
+
+    def look(self) -> None:
+        """Look whether the starts so far are alike: then the next ones are longer."""
+        if self.restarts and self.has_begun:
+            self._are_alike = not any(
+                starts_differ(response_times(series.samples), answered_before(series, series.starts))
+                for series in self.series().values()
+            )
 
     def take(self, name: str, sample: Sample) -> bool:
         """Take a job that ended; False: it does not count, since something has yet to settle."""
@@ -143,10 +161,11 @@ class _Seen:
     def _is_start_over(self) -> bool:
         """Whether a start lasted its part of what a setting lasts at least, and of the samples of a first look."""
         assert self._since is not None
-        if self.running.elapsed_ms() - self._since.elapsed_ms < self.settling.least_ms / STARTS:
+        least_ms = max(self.settling.least_ms / self.least_starts, self.counted_ms / STARTS if self._are_alike else 0.0)
+        if self.running.elapsed_ms() - self._since.elapsed_ms < least_ms:
             return False
         in_start = (len(self._samples[each]) - (self._starts[each] or [0])[-1] for each in self.names)
-        return min(in_start) >= FIRST_LOOK // STARTS
+        return min(in_start) * self.least_starts >= FIRST_LOOK
 
     def _begin_anew(self) -> None:
         if not self.running.restart_load():

@@ -29,6 +29,13 @@ with a probability of 0.00023 (`laboratory/benchmarks/verdicts.py` simulates it)
 however often it was looked at, whenever it ended, and after any further samples.
 """
 
+PERIODIC_STARTS: Final = ceil(log(LOOK_ERROR) / log(0.75))
+"""Starts of a load, 30, that a bound of a periodic component needs: it may lock into one phase for each.
+
+A phase that a quarter of all starts lead to is in none of so many with a probability of at most `LOOK_ERROR`. Where
+starts are alike nothing else shows it: all jobs of a start have its phase.
+"""
+
 
 def shared_error(parts: int, error: float = ERROR) -> float:
     """Share an error among several statements, so that it holds for all of them together (union bound).

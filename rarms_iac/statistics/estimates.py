@@ -13,11 +13,18 @@ from statistics import fmean, stdev
 
 from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.outcomes import Estimate, NoEstimate, Unsteady
-from rarms_iac.model.run import Run
+from rarms_iac.model.run import Periodic, Run
 from rarms_iac.model.series import SampleColumns, Series, columns_of
 from rarms_iac.statistics.distributions import beta_quantile, share_interval, student_quantile
-from rarms_iac.statistics.error_probability import FIRST_LOOK, LOOK_ERROR
-from rarms_iac.statistics.samples import deadline_misses, effective_samples, ends_ms, response_times, successes
+from rarms_iac.statistics.error_probability import FIRST_LOOK, LOOK_ERROR, PERIODIC_STARTS
+from rarms_iac.statistics.samples import (
+    batch_moments,
+    deadline_misses,
+    effective_samples,
+    ends_ms,
+    response_times,
+    successes,
+)
 from rarms_iac.statistics.steady_state import answered_before, split_series, steady_part
 
 FEWEST_EFFECTIVE = 25
@@ -59,6 +66,9 @@ def estimate(
 
 
 def _estimate(index: str, series: Series, run: Run, error: float, unseen: bool) -> Estimate | NoEstimate:
+    starts = 1 + len(_starts(series))
+    if unseen and series.starts and isinstance(run.arrival, Periodic) and starts < PERIODIC_STARTS:
+        return NoEstimate(reason=f"its load began {starts} times, and bounds of periodic jobs need {PERIODIC_STARTS}")
     share = percentile_of(index)
     if share is not None:
         return _percentile(response_times(series.samples), float(share) / 100, error, _answered_starts(series))
@@ -174,10 +184,8 @@ def mean_estimate(
         return NoEstimate(reason="every job took 0 ms: the clock is too coarse for it")
     if unseen and count >= FIRST_LOOK and worth < min(FEWEST_EFFECTIVE, count / 2):
         return NoEstimate(reason=_too_dependent(count, worth))
-    deviations = [number - mean for number in numbers]
-    squares, cubes = sum(map(mul, deviations, deviations)), sum(map(pow, deviations, repeat(3)))
-    seen = _Moments(mean, squares / count, cubes / count)
-    away_above, away_below = (max(mean, *deviations), -mean) if unseen else (0.0, 0.0)
+    seen, worth = _moments(numbers, mean, worth, starts, error)
+    away_above, away_below = (max(mean, max(numbers) - mean), -mean) if unseen else (0.0, 0.0)
     return Estimate(
         value=mean,
         lower=max(0.0, _bound(seen.with_unseen(away_below, worth), worth, error, side=-1.0)),
@@ -185,6 +193,18 @@ def mean_estimate(
         samples=count,
         effective_samples=worth,
     )
+
+
+def _moments(
+    numbers: Sequence[float], mean: float, worth: float, starts: Sequence[int], error: float
+) -> tuple[_Moments, float]:
+    """What bounds rest on, and how many samples: those of batches, where these show that values make up for another."""
+    count = len(numbers)
+    if worth > count / 2 and (of_batches := batch_moments(numbers, starts, error)):
+        return _Moments(mean, *of_batches), float(count)
+    deviations = [number - mean for number in numbers]
+    squares, cubes = sum(map(mul, deviations, deviations)), sum(map(pow, deviations, repeat(3)))
+    return _Moments(mean, squares / count, cubes / count), worth
 
 
 def _too_dependent(count: int, worth: float) -> str:
@@ -205,7 +225,7 @@ def _bound(moments: _Moments, worth: float, error: float, *, side: float) -> flo
 def share_estimate(
     ones: Sequence[float], error: float, times: Sequence[float] = (), starts: Sequence[int] = ()
 ) -> Estimate | NoEstimate:
-    """Estimate the share of ones among zeros and ones, by Clopper and Pearson's bounds.
+    """Estimate the share of ones among zeros and ones: Clopper and Pearson, or as a mean where `batch_moments` gain.
 
     Args:
         ones: 1 or 0 for each job, in the order in which they were sampled.
@@ -222,6 +242,10 @@ def share_estimate(
     if min(ones) == max(ones) and len(times) == len(ones):
         worth = effective_samples(times, starts, error)
     lower, upper = share_interval(share * worth, worth, error=2.0 * error)
+    if worth > len(ones) / 2 and (of_batches := batch_moments(ones, starts, error)):
+        seen, worth = _Moments(share, *of_batches), float(len(ones))
+        lower = max(0.0, _bound(seen.with_unseen(-share, worth), worth, error, side=-1.0))
+        upper = min(1.0, _bound(seen.with_unseen(max(share, 1.0 - share), worth), worth, error, side=1.0))
     return Estimate(value=100 * share, lower=100 * lower, upper=100 * upper, samples=len(ones), effective_samples=worth)
 
 

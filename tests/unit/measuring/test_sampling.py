@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.measuring.sampling import STARTS
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Sweep
 from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.providers.simulated.scheduling.simulation import simulate as scheduled
+from rarms_iac.statistics.error_probability import PERIODIC_STARTS
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.unit.measuring.bench import Bench
 
@@ -26,14 +26,16 @@ def an_experiment(load: str) -> Experiment:
     return experiment_of(system, system.hosts["onboard"], ("coi",), load)
 
 
-def test_a_setting_of_a_search_has_eight_starts_beside_a_load_that_never_pauses(tmp_path: Path) -> None:
+def test_a_setting_of_a_search_has_thirty_starts_of_periodic_jobs_beside_a_load_that_never_pauses(
+    tmp_path: Path,
+) -> None:
     bench = Bench(tmp_path, an_experiment("busy-loop"))
     ended = bench.measure(bench.search("default"), simulate=scheduled)
 
     assert isinstance(ended.conclusion, Sufficient)
     for setting in bench.book().settings():
         (series,) = setting.series
-        assert len(series.starts) >= STARTS - 1
+        assert len(series.starts) >= PERIODIC_STARTS - 1
         assert list(series.starts) == sorted(set(series.starts))
         assert 0 < series.starts[0] < series.starts[-1] < len(series.samples)
         assert max(sample.began_ms for sample in series.samples) < series.elapsed_ms

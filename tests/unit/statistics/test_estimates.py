@@ -1,5 +1,6 @@
 """Estimates: values by hand, and bounds that hold as often as they say."""
 
+import random
 from dataclasses import replace
 from math import inf
 
@@ -8,6 +9,7 @@ import pytest
 from rarms_iac.model.indexes import INDEXES
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.series import Series
+from rarms_iac.statistics.error_probability import PERIODIC_STARTS
 from rarms_iac.statistics.estimates import estimate, mean_estimate
 from rarms_iac.statistics.samples import effective_samples
 from tests.builders import a_run
@@ -55,6 +57,34 @@ def test_correlated_samples_count_for_less() -> None:
     assert free.samples == bound.samples == 400
     assert 300 < free.effective_samples <= 400
     assert 80 < bound.effective_samples < 200
+
+
+@pytest.mark.parametrize("starts", [(), tuple(range(100, 2000, 100))])
+def test_jobs_that_make_up_for_one_another_within_a_window_are_known_by_their_batches(starts: tuple[int, ...]) -> None:
+    """Nine of ten take 3 ms, and the tenth waits for the next window; a drawn order is worth no more than its jobs."""
+    window = [*[3.0] * 9, 23.0]
+    drawn = random.Random(1).sample(window * 200, k=2000)
+
+    regular, independent = (
+        found("mean_response_time", replace(a_series(times), starts=starts)) for times in (window * 200, drawn)
+    )
+
+    assert regular.lower < 5.0 < regular.upper
+    assert regular.upper - regular.lower < (independent.upper - independent.lower) / 4
+    assert regular.effective_samples == regular.samples
+
+
+def test_periodic_jobs_have_no_bounds_below_thirty_starts_of_a_load() -> None:
+    periodic = a_run(every="100 ms")
+    series = a_series([3.0] * 600)
+
+    few, enough = (
+        estimate("mean_response_time", replace(series, starts=tuple(range(20, 20 * many, 20))), periodic)
+        for many in (PERIODIC_STARTS - 1, PERIODIC_STARTS)
+    )
+
+    assert isinstance(few, NoEstimate)
+    assert isinstance(enough, Estimate)
 
 
 def test_a_high_percentile_of_few_samples_has_no_upper_bound() -> None:
