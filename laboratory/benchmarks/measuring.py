@@ -32,7 +32,7 @@ from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.outcomes import ExperimentDecision, Measure, NotAchievable, Sufficient, Swept, WithinNoise
-from rarms_iac.model.series import MOST_SAMPLES, Sample, Series, columns_of, join_series
+from rarms_iac.model.series import MOST_SAMPLES, Sample, Series, columns_of
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component, MeasuringLimits, Threshold, run_of
 from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
@@ -185,25 +185,33 @@ class Bench:
         return log.all
 
     def series(self, reserve: int) -> Series:
-        """A long run at this CR: many short ones, each settled, in which the load and the component begin by chance."""
+        """A long run at this CR, of many starts of the load, each settled."""
         if reserve not in self.long:
             self.run(self.of(self.bare), Measure(reserve=reserve), TRUE_SEED)
-            self.long[reserve] = join_series([self.settled_run(TRUE_SEED + start) for start in range(TRUE_STARTS)])
+            self.long[reserve] = self.long_run()
         return self.long[reserve]
 
-    def settled_run(self, seed: int) -> Series:
+    def long_run(self) -> Series:
         """One of these, on the machine that was measured last."""
-        jobs, now, since = list[JobDone](), 0.0, 0.0
-        for job in simulate(self.machine, seed):
+        samples, starts = list[Sample](), list[int]()
+        now = began = since = counted = 0.0
+        machine = simulate(self.machine, TRUE_SEED)
+        for job in machine:
             now = max(now, job.began + job.response)
-            if now < SETTLED_MS:
+            if now - began < SETTLED_MS:
                 since = now
                 continue
-            jobs.append(job)
-            if len(jobs) * TRUE_STARTS >= JOBS and now >= SETTLED_MS + LEAST_MS:
-                break
-        samples = [Sample(began_ms=job.began - since, response_ms=job.response, successful=True) for job in jobs]
-        return Series(component=self.bare.name, samples=tuple(samples), elapsed_ms=now - since)
+            at = job.began - since + counted
+            samples.append(Sample(began_ms=at, response_ms=job.response, successful=True))
+            if len(samples) * TRUE_STARTS >= JOBS * (len(starts) + 1) and now - since >= LEAST_MS:
+                counted += now - since
+                if len(starts) + 1 == TRUE_STARTS:
+                    break
+                starts.append(len(samples))
+                machine.restart_loads()
+                began = now
+        name = self.bare.name
+        return Series(component=name, samples=tuple(samples), elapsed_ms=counted, starts=tuple(starts))
 
     def simulate(self, machine: ModelMachine, seed: int) -> Iterator[JobDone]:
         """Run a machine, and keep it."""

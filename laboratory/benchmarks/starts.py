@@ -1,8 +1,8 @@
 """What settles after a load begins anew, by windows; and how often bounds over starts that lock a phase are wrong.
 
 `python -m laboratory.benchmarks.starts [COMPONENTS]`: random components beside busy loops on the model, whose loads
-begin anew every 1.5 s. A window's figure is how far its mean response time lies from that of the windows from the tenth
-on, over all components.
+begin anew every 3 s. A window's figure is how far its mean response time lies from that of the windows from the
+twentieth on, over all components.
 """
 
 import random
@@ -32,10 +32,10 @@ from rarms_iac.statistics.verdicts import judge_look
 from tests.builders import a_run, at_most
 
 COMPONENTS = 40
-SETTLED_BY = 10
+SETTLED_BY = 20
 """Windows after which nothing of a start is left."""
 
-BETWEEN = 15 * WINDOW_MS
+BETWEEN = 30 * WINDOW_MS
 RESTARTS = 100
 RUN = a_run(every="10 ms", timeout="1 min")
 PHASES = (5.05, 5.05, 5.05, 5.05, 5.05, 5.05, 5.6, 6.13)
