@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Places
-from rarms_iac.model.mmcss import PriorityValues, thread_priority, values_within
+from rarms_iac.model.mmcss import PriorityValues, thread_priority
 from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, TaskRequest
 from rarms_iac.planner import planning_findings
@@ -80,7 +80,7 @@ def classes_of(
     fixed = {name.lower(): request for name, request in requests.items()}
     by_weight = sorted(named.values(), key=lambda users: (-_criticality(users), _called(users, fixed)))
     decided = _decide(by_weight, fixed)
-    diagnostics = (*_out_of_order(decided, fixed, inside, places), *_remarks(decided, inside, places))
+    diagnostics = (*_out_of_order(decided, inside, places), *_remarks(decided, inside, places))
     masks = masks_of([*by_weight, *nameless], processors)
     decided = [replace(class_values, affinity=masks.get(class_values.name.lower(), ALL)) for class_values in decided]
     return Classes(classes=tuple(sorted(decided, key=lambda class_values: class_values.name)), findings=diagnostics)
@@ -123,17 +123,13 @@ def _class_values(request: TaskRequest, users: Sequence[Component], values: Prio
     )
 
 
-def _out_of_order(
-    decided: Sequence[ClassValues], fixed: Mapping[str, TaskRequest], inside: str, places: Places
-) -> Iterator[Diagnostic]:
-    """Every class against those that are to rank below it, unless the manifest's own checks tell of the pair."""
+def _out_of_order(decided: Sequence[ClassValues], inside: str, places: Places) -> Iterator[Diagnostic]:
+    """Every class against those that are to rank below it."""
     for upper in decided:
         wrong = [
             lower
             for lower in decided
-            if lower.criticality < upper.criticality
-            and lower.thread_priority >= upper.thread_priority
-            and not _is_checked_before(upper, lower, fixed)
+            if lower.criticality < upper.criticality and lower.thread_priority >= upper.thread_priority
         ]
         if wrong:
             worst = max(
@@ -145,19 +141,11 @@ def _out_of_order(
                 f"In {_system_name(inside)}, {upper.name} (criticality {upper.criticality}) runs at "
                 f"{upper.thread_priority}, not above {worst.name} (criticality {worst.criticality}) "
                 f"at {worst.thread_priority}.",
-                "No values keep all these classes in order: leave categories and priorities open, "
-                "or let components of similar criticality share a class.",
+                "No values keep all these classes in order (Windows ignores the priority in High): leave categories "
+                "and priorities open, or let components of similar criticality share a class.",
                 address=_address(inside, upper.name),
                 values=_pair_facts(upper, worst, inside),
             )
-
-
-def _is_checked_before(upper: ClassValues, lower: ClassValues, fixed: Mapping[str, TaskRequest]) -> bool:
-    """Whether the manifest's own check tells of the pair: both have an entry, and what it fixes allows no order."""
-    highest, lowest = fixed.get(upper.name.lower()), fixed.get(lower.name.lower())
-    if highest is None or lowest is None:
-        return False
-    return values_within(highest)[0].thread_priority <= values_within(lowest)[-1].thread_priority
 
 
 def _remarks(decided: Sequence[ClassValues], inside: str, places: Places) -> Iterator[Diagnostic]:

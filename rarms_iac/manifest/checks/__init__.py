@@ -60,7 +60,6 @@ CHECKS: Mapping[Finding, Check] = {
     tasks.SHIPPED_TASK: tasks.shipped_task,
     tasks.UNKNOWN_TASK: tasks.unknown_task,
     tasks.TASK_DIFFERS_IN_CASE: tasks.task_differs_in_case,
-    tasks.ORDER_NOT_EXPRESSED: tasks.order_not_expressed,
     tasks.SHARED_TASK: tasks.shared_task,
     tasks.UNUSED_TASK: tasks.unused_task,
     tasks.TASK_LIKE_A_VALUE: tasks.task_like_a_value,

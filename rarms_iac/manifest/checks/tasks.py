@@ -1,21 +1,18 @@
 """Checks of task classes (RC SS): their names, their users, and whether priorities follow criticality."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from itertools import permutations
 
 from rarms_iac.manifest.checks.system_lookups import known_tasks, operating_systems, task_entry
 from rarms_iac.manifest.checks.violation import Path, Violation
 from rarms_iac.model.diagnostics import Finding
-from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS, values_within
-from rarms_iac.model.system import Component, System, TaskCategory, TaskRequest
+from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
+from rarms_iac.model.system import Component, System
 from rarms_iac.model.task_names import ROBOTIC_TASKS, is_shipped_task
 from rarms_iac.model.wording import Suggestions
 
 SHIPPED_TASK = Finding.error("RARMS053", "A task class of Windows would be changed")
 UNKNOWN_TASK = Finding.error("RARMS054", "Unknown task class")
 TASK_DIFFERS_IN_CASE = Finding.error("RARMS055", "Two task classes differ only in upper and lower case")
-ORDER_NOT_EXPRESSED = Finding.warning("RARMS056", "Fixed priorities contradict the criticalities")
 SHARED_TASK = Finding.warning("RARMS057", "Components of different criticality share a task class")
 UNUSED_TASK = Finding.note("RARMS087", "A task class is not used")
 TASK_LIKE_A_VALUE = Finding.error("RARMS229", "rarms keeps this name of a task class for itself")
@@ -74,66 +71,6 @@ def task_differs_in_case(system: System) -> Iterator[Violation]:
                 related=((("tasks", before), True, "the other one"),),
                 values={"other": before},
             )
-
-
-def order_not_expressed(system: System) -> Iterator[Violation]:
-    """Two classes in one operating system whose fixed values put the less critical one level or above."""
-    reported: set[tuple[str, str]] = set()
-    for group in operating_systems(system):
-        for higher, lower in permutations(_fixed_classes(system, group), 2):
-            pair = (higher.entry.name, lower.entry.name)
-            if higher.criticality > lower.criticality and higher.best <= lower.worst and pair not in reported:
-                reported.add(pair)
-                yield _order_violation(higher, lower)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _FixedClass:
-    """A class in one operating system, with the thread priorities that its fixed values leave possible."""
-
-    entry: TaskRequest
-    component: str  # its most critical user
-    criticality: int
-    worst: int
-    best: int
-
-
-def _fixed_classes(system: System, group: list[Component]) -> list[_FixedClass]:
-    classes: dict[str, _FixedClass] = {}
-    for component in sorted(group, key=lambda component: (-component.criticality, component.name)):
-        entry = None if component.task is None else task_entry(system, component.task)
-        if entry is not None and entry.name not in classes:
-            possible = values_within(entry)  # the highest threads first
-            classes[entry.name] = _FixedClass(
-                entry=entry,
-                component=component.name,
-                criticality=component.criticality,
-                worst=possible[-1].thread_priority,
-                best=possible[0].thread_priority,
-            )
-    return list(classes.values())
-
-
-def _order_violation(higher: _FixedClass, lower: _FixedClass) -> Violation:
-    comparison = "the same thread priority as" if higher.best == lower.worst else "a lower thread priority than"
-    both_high = higher.entry.category is lower.entry.category is TaskCategory.HIGH
-    reason = " In category High, Windows ignores the priority." if both_high else ""
-    return Violation(
-        path=("tasks", higher.entry.name),
-        at_key=True,
-        detail=f'"{higher.component}" (criticality {higher.criticality}) is more critical than "{lower.component}" '
-        f"({lower.criticality}), but {higher.entry.name} gives it {comparison} {lower.entry.name}.{reason}",
-        advice="Remove category and priority, so that rarms chooses them, or put both classes into Medium in the right "
-        "order.",
-        related=((("tasks", lower.entry.name), True, "the less critical class"),),
-        values={
-            "component": higher.component,
-            "criticality": higher.criticality,
-            "other": lower.component,
-            "other_criticality": lower.criticality,
-            "other_task": lower.entry.name,
-        },
-    )
 
 
 def shared_task(system: System) -> Iterator[Violation]:

@@ -55,7 +55,7 @@ def test_a_fixed_class_that_nothing_can_be_above_is_reported_once() -> None:
     both = decided(users(Localization=30, MotionControl=20), high, a_task("Localization", category=TaskCategory.MEDIUM))
 
     assert codes(found.findings) == ["RARMS128"]
-    assert codes(both.findings) == [], "both have an entry: the manifest's own check tells of them (RARMS056)"
+    assert codes(both.findings) == ["RARMS128"]
     assert threads(found) == {"Localization": 23, "MotionControl": 26}
 
 
@@ -90,10 +90,10 @@ def test_below_a_class_in_low_what_is_open_goes_into_low() -> None:
     assert "MotionControl goes first, and so does SpeechRecognition." in found.findings[0].detail
 
 
-def test_two_fixed_classes_are_the_affair_of_the_manifests_own_checks() -> None:
+def test_two_classes_that_are_fixed_in_high_are_on_one_level() -> None:
     high = [a_task(name, category=TaskCategory.HIGH) for name in ("Localization", "MotionControl")]
 
-    assert decided(users(Localization=30, MotionControl=20), *high).findings == ()
+    assert codes(decided(users(Localization=30, MotionControl=20), *high).findings) == ["RARMS128"]
 
 
 def test_all_values_have_their_types() -> None:
