@@ -31,6 +31,21 @@ What each `--help` says. Data goes to standard output, talk to standard error.
 
 A command that finds an unfinished run finishes that, and does nothing else: the exit code is 0 where that is what was
 asked (`rarms apply` without PLAN and a run of its own application), and 3 where only another run was finished.
+
+Where there is no terminal nothing is asked, and the answer is no: exit code 64 before anything is done, and 3 where
+`measure` or `tune` finds partitions that run. Each question has its own way to say yes:
+
+| what is asked | where | how to say yes |
+|---|---|---|
+| whether it is done | what shows a plan: `apply`, `undo`, `stop`, `destroy` and others | `--auto-approve` |
+| whether partitions are stopped while it is measured | `measure`, `tune` | `--stop-partitions` |
+| whether all idle time of the hosts is used | `prove`, `apply --prove` | `--load-host` |
+| which level is good enough, and whether it is written | `measure --interactive` | `select COMPONENT --at LEVEL` |
+| whether more settings are measured for a level | `measure --interactive` | `measure --from A --to B` |
+| what is combined, and whether that is written | `measure --interactive`, `tune --interactive` | `tune` |
+
+`tune` without `--interactive` asks nothing: to combine, and to write the partitions, is what it is for; `--dry-run`
+writes nothing.
 """
 
 

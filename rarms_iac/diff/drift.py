@@ -228,9 +228,9 @@ def _describe(kind: DriftKind) -> str:
         case DriftKind.BOTH:
             return "it was changed on the host, and the manifest wants something else than was last applied"
         case DriftKind.MISSING:
-            return "the host has nothing of ours under this name: never applied, or removed with another tool"
+            return "rarms has nothing of this name on the host: it was never applied, or another tool removed it"
         case DriftKind.REMOVED:
-            return "rarms left it on the host, and it is gone: it, or its mark, was removed with another tool"
+            return "it is gone from the host: another tool removed it, or the mark of rarms on it"
         case DriftKind.UNUSED:
             return "the manifest no longer wants it; it is stopped"
 

@@ -251,7 +251,7 @@ def _reservation(explanation: Explanation) -> Iterator[str]:
     if explanation.least is not None and explanation.measured is not None:
         processors = explanation.measured.processors
         yield (
-            f"{show_reserve(explanation.least, processors)}: the least whole per cent of P1's processors at which "
+            f"{show_reserve(explanation.least, processors)}: the least whole per cent of its processors at which "
             "every APT of the partition is seen to hold"
         )
     elif not explanation.wanted_lp:

@@ -113,7 +113,7 @@ def _below(result: ExperimentResult, failed: int | None) -> str:
         case Unsteady():
             return f"{_amount(result, failed)} unsteady"
         case _:
-            return f"{_amount(result, failed)} unresolved"
+            return f"{_amount(result, failed)} not clear"
 
 
 def _inconclusive(result: ExperimentResult, reserves: Sequence[int]) -> str:

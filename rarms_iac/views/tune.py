@@ -99,20 +99,15 @@ def _sentences(result: TuningResult) -> Sequence[str]:
 
 def describe_proof(run: TuningRun) -> Sequence[str]:
     """Say whether another layout may be better, and what that rests on."""
-    basis = "reservations that were shown to be too little, and not on those that were unresolved"
-    proved = (
-        [f"No other combination of these components reserves less, assuming that {ASSUMED}. That rests on {basis}."]
-        if run.proved
-        else []
-    )
+    proved = [f"No other combination of these components reserves less, assuming that {ASSUMED}."] if run.proved else []
     return [*proved, *describe_doubts(run)]
 
 
 def describe_doubts(run: TuningRun) -> Sequence[str]:
     """Name the compounds by which nothing is proved, a sentence each."""
     return [
-        f"Nothing is proved: {'+'.join(doubt.components)} may be enough with {doubt.shown} %, as its samples could not "
-        f"tell at {doubt.unresolved} %."
+        f"It is not proved that no other layout is better: {in_a_row(doubt.components)} together may need only "
+        f"{doubt.shown} % of their VPs, since the samples did not tell at {doubt.unresolved} %."
         for doubt in run.doubts
     ]
 

@@ -39,7 +39,7 @@ def test_a_walk_leads_from_the_apt_to_the_per_cent(here: Path) -> None:
         "mean_response_time at most 100 ms",
         "measurements/two-core/vision/busy-loop.jsonl, 6 settings, measured 2026-01-01T00:00:00Z",
         "at 62 % of its 2 VPs: mean_response_time 97 ms",
-        "1.24 LP (62 % of its 2 VPs): the least whole per cent of P1's processors",
+        "1.24 LP (62 % of its 2 VPs): the least whole per cent of its processors",
         "1.24 LP, 62 % of onboard",
         "1.24 LP (62 % of its 2 VPs): whole per cent are the provider's grain, nothing is lost",
         "headroom: 0.76 LP (38 % of onboard)",

@@ -70,7 +70,7 @@ def test_a_setting_below_that_misses_is_not_enough() -> None:
 def test_a_setting_below_that_the_samples_cannot_tell_is_within_the_noise() -> None:
     summary = text([found(100.2)])
 
-    assert "1.18 LP unresolved" in summary
+    assert "1.18 LP not clear" in summary
     assert "too little" not in summary
     assert '"undecided": true' in json_of(outcome_of(found(100.2)))
 
