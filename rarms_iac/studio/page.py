@@ -119,7 +119,7 @@ class StudioOnPage:
 
 
 FORMS = MappingProxyType(
-    {**{verb: verb for verb in ("measure", "tune", "plan", "prove", "undo")}, "start": "plan-start", "apply": "finish"}
+    {**{verb: verb for verb in ("measure", "tune", "plan", "prove")}, "start": "plan-start", "apply": "finish"}
 )
 
 

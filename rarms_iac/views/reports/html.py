@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import PlatformCapacity, Report
 from rarms_iac.model.commands import command, plain_text, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.quantities import guaranteed, show_processors
 from rarms_iac.statistics.error_probability import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
@@ -142,7 +142,6 @@ def _bar(fit: PlatformCapacity) -> dict[str, str]:
 def _finding(diagnostic: Diagnostic) -> dict[str, object]:
     return {
         "kind": f"{diagnostic.severity}[{diagnostic.code}]",
-        "is_error": diagnostic.severity is Severity.ERROR,
         "summary": diagnostic.summary,
         "detail": diagnostic.detail,
         "advice": plain_text(diagnostic.advice),
