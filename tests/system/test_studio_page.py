@@ -434,21 +434,27 @@ def test_a_second_tab_and_a_terminal_beside_it_show_the_same(browser: "WebDriver
         browser.get(served.page)
         waits_for(browser, "return document.getElementById('components') !== null")
 
+        def both(script: str) -> list[Any]:
+            """What the two tabs answer, once each of them does."""
+            answers = []
+            for tab in (first, second):
+                browser.switch_to.window(tab)
+                answers.append(waits_for(browser, script))
+            return answers
+
         rarms(tmp_path, "measure", "control")
-        for tab in (first, second):
-            browser.switch_to.window(tab)
-            waits_for(browser, "return document.getElementById('m1-1-line') !== null")
+        measured = both("return document.getElementById('m1-1-line')?.outerHTML")
         press(browser, "plan")
-        for tab in (second, first):
-            browser.switch_to.window(tab)
-            waits_for(browser, "return document.getElementById('the-plan') !== null")
+        planned = both("return document.getElementById('the-plan')?.textContent")
         rarms(tmp_path, "apply", "--auto-approve")
-        for tab in (first, second):
-            browser.switch_to.window(tab)
-            waits_for(browser, "return document.getElementById('history')?.textContent.includes('done')")
+        applied = both("return document.getElementById('history')?.textContent.includes('done')")
         browser.switch_to.window(second)
         browser.close()
         browser.switch_to.window(first)
+
+    assert measured[0] == measured[1]
+    assert planned[0] == planned[1]
+    assert applied == [True, True]
 
 
 def test_an_apply_that_was_killed_is_finished_and_the_page_says_so(browser: "WebDriver", tmp_path: Path) -> None:

@@ -56,23 +56,25 @@ def run(programs: Path, folder: Path, *words: str) -> subprocess.CompletedProces
     )
 
 
-def do_the_main_job(programs: Path, folder: Path) -> None:
-    """A new manifest, sound, planned, applied, and nothing left to do."""
-    script: list[tuple[int, tuple[str, ...]]] = [
-        (0, ("rarms", "init")),
-        (0, ("rarms", "validate")),
-        (0, ("rarms", "plan", "--out", "robot.plan")),
-        (0, ("rarms", "apply", "--auto-approve")),
-        (0, ("rarms", "plan")),
-    ]
-    for expected, words in script:
-        done = run(programs, folder, *words)
-        assert done.returncode == expected, f"{' '.join(words)}: {done.returncode}\n{done.stdout}{done.stderr}"
+MAIN_JOB = (
+    ("rarms", "init"),
+    ("rarms", "validate"),
+    ("rarms", "plan", "--out", "robot.plan"),
+    ("rarms", "apply", "--auto-approve"),
+    ("rarms", "plan"),
+)
+"""A new manifest, sound, planned, applied, and nothing left to do."""
+
+
+def failures_of_main_job(programs: Path, folder: Path) -> list[str]:
+    """What went wrong, a text for each command that did not end with 0."""
+    runs = [(words, run(programs, folder, *words)) for words in MAIN_JOB]
+    return [f"{words}: {done.returncode}\n{done.stdout}{done.stderr}" for words, done in runs if done.returncode]
 
 
 @pytest.mark.needs("network", "venv")
 def test_the_wheel_does_the_main_job_from_an_empty_folder(installed: Path, tmp_path: Path) -> None:
-    do_the_main_job(installed, tmp_path)
+    assert failures_of_main_job(installed, tmp_path) == []
 
 
 @pytest.mark.needs("network", "venv")
@@ -108,4 +110,4 @@ def test_what_lies_beside_the_package_travels_in_the_wheel(wheel: Path) -> None:
 
 
 def test_the_editable_install_does_the_main_job_too(tmp_path: Path) -> None:
-    do_the_main_job(Path(sys.executable).parent, tmp_path)
+    assert failures_of_main_job(Path(sys.executable).parent, tmp_path) == []

@@ -125,9 +125,12 @@ def test_on_linux_a_variable_of_another_form_is_told(text: str, monkeypatch: pyt
 @pytest.mark.needs("windows")
 @everywhere
 def test_on_windows_a_member_leaves_so_that_the_thread_may_join_again(name: str, classes: None) -> None:
+    joined = 0
     for _ in range(2):
         with robotic_task(name):
-            pass
+            joined += 1
+
+    assert joined == 2
 
 
 @pytest.mark.needs("windows")
