@@ -36,7 +36,8 @@ hosts:
     provider: hyperv
     logical_processors: 8
     memory: 64 GiB
-    connect: { winrm: far.plant.example, user: 'PLANT\\rarms', password: { from_env: FAR_PASSWORD }, port: 5986 }
+    connect: { winrm: far.plant.example, receiver: installed, user: 'PLANT\\rarms', port: 5986,
+      password: { from_env: FAR_PASSWORD } }
   bench:
     provider: linux
     logical_processors: 2
