@@ -130,7 +130,7 @@ def graph_of_layout(system: System, layout: Layout) -> LayoutGraph:
             ),
             components=nodes(component for component, on in layout.on_hosts if on == host.name),
         )
-        for _, host in sorted(system.hosts.items())
+        for host in by_name(system.hosts)
     )
     return LayoutGraph(application=system.application.name, hosts=hosts)
 

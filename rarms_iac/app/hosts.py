@@ -47,8 +47,8 @@ class Hosts:
 
     @property
     def chosen(self) -> tuple[str, ...]:
-        """The names of the hosts that are meant, sorted."""
-        return tuple(sorted(self.selection.hosts or self.system.hosts))
+        """The names of the hosts that are meant, in natural order."""
+        return tuple(sorted(self.selection.hosts or self.system.hosts, key=natural_order))
 
     @property
     def folder(self) -> str:

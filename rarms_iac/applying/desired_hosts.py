@@ -21,6 +21,7 @@ from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.renaming import renaming
 from rarms_iac.model.state import Disk, Partition, State, TaskClass
 from rarms_iac.model.system import Disruption, System
+from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.desired import Desired, desired_state
 from rarms_iac.planner.groups import groups_of, most_critical_first, unnamed_partitions
 from rarms_iac.planner.layout import plan_layout
@@ -49,7 +50,7 @@ def desired_hosts(
         *marks_of_other_robots(observed.values(), system.application),
     ):
         return {}, refused
-    states = sorted(observed.items())
+    states = sorted(observed.items(), key=lambda observed_host: natural_order(observed_host[0]))
     if request.purpose is not Purpose.APPLY:
         return {name: _without_layout(request, state) for name, state in states}, ()
     views = {name: host_view(state, request.application) for name, state in states}
