@@ -47,9 +47,10 @@ def find_overload(series: Series, run: Run, *, error: float) -> Overload | None:
         return None
     period = float(run.arrival.period)
     samples = columns_of(series.samples)
-    steps = samples.remember(("steps", period, series.runs), lambda: _steps(samples, period, series.runs))
+    anew = (*series.runs, *series.starts)
+    steps = samples.remember(("steps", period, anew), lambda: _steps(samples, period, anew))
     return samples.remember(
-        ("overload", period, error, series.wanders, series.cpu_ms, series.runs),
+        ("overload", period, error, series.wanders, series.cpu_ms, anew),
         lambda: _overload(steps, series, period, error / 2),
     )
 
@@ -162,10 +163,10 @@ class _Steps:
     left_out_ms: float  # by how much other pairs began further apart than a period
 
 
-def _steps(samples: SampleColumns, period: float, runs: Collection[int]) -> _Steps:
-    """NOTE: between two runs nothing is known, and both begin with an empty queue."""
+def _steps(samples: SampleColumns, period: float, anew: Collection[int]) -> _Steps:
+    """NOTE: between two runs, and two starts of a load, jobs are left out; then the queue is another."""
     pairs = zip(pairwise(samples.began_ms), pairwise(ends_ms(samples)), strict=True)
-    spans = [(began[1] - began[0], ended[1] - ended[0]) for at, (began, ended) in enumerate(pairs, 1) if at not in runs]
+    spans = [(began[1] - began[0], ended[1] - ended[0]) for at, (began, ended) in enumerate(pairs, 1) if at not in anew]
     return _Steps(
         between_ms=[ended for began, ended in spans if _is_on_schedule(began, period)],
         left_out_ms=sum(max(0.0, began - period) for began, _ in spans if not _is_on_schedule(began, period)),

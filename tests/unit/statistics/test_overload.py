@@ -140,3 +140,20 @@ def test_more_cpu_helps_unless_jobs_were_seen_to_wait(
     overload = Overload(period_ms=PERIOD, between_ms=between, job_cpu_ms=cpu)
 
     assert more_processors_help(overload, share, processors) is helps
+
+
+def test_what_was_left_out_at_the_starts_of_a_load_is_no_job_that_was_caught_up() -> None:
+    starts, jobs, behind_ms = 60, 16, 0.06 * PERIOD
+    samples, since = list[Sample](), 0.0
+    for _ in range(starts):
+        ends = [since + PERIOD * number + behind_ms * number for number in range(1, jobs + 1)]
+        begins = [since - 4 * PERIOD + PERIOD * number for number in range(1, jobs + 1)]
+        samples += [
+            Sample(began_ms=began, response_ms=ended - began, successful=True)
+            for began, ended in zip(begins, ends, strict=True)
+        ]
+        since = ends[-1]  # the time in which the load settled is left out, and with it the jobs that ended there
+    series = replace(served([PERIOD]), samples=tuple(samples), elapsed_ms=since)
+    begun = replace(series, starts=tuple(jobs * number for number in range(1, starts)))
+
+    assert isinstance(find_overload(begun, RUN, error=LOOK_ERROR), Overload)
