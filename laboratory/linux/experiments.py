@@ -145,12 +145,13 @@ class Laboratory:
         return StartContext(base=self.robot, environment=self.environment, inside=place)
 
     @contextmanager
-    def load(self, load: Interference | None) -> Iterator[None]:
-        """Have a load running in its group."""
+    def load(self, load: Interference | None, reserve: float | None = None) -> Iterator[None]:
+        """Have a load running in its group; `reserve`: per cent of the host that its bursts take."""
         if load is None:
             yield
             return
-        with InterferingLoad("load", load, self.context(self.tree.place(LOAD_GROUP)), processors=self.processors):
+        context = self.context(self.tree.place(LOAD_GROUP))
+        with InterferingLoad("load", load, context, processors=self.processors, reserve=reserve):
             yield
 
     def run(
