@@ -30,7 +30,7 @@ RUNS: tuple[tuple[str, str, str], ...] = (
     ("tune", "tune", "out"),
     ("plan", "plan", "out"),
     ("", "apply --auto-approve", "out"),
-    ("prove", "prove", "out"),
+    ("prove", "prove --load-host", "out"),
 )
 """The picture's name, empty for none; the words behind `rarms`; the stream that is drawn."""
 
