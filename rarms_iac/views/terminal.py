@@ -83,7 +83,7 @@ class Terminal:
 
     def show(self, content: "RenderableType") -> None:
         """Write what a person asked for, laid out for standard output."""
-        self.data(self._render(content, piped=self.piped, colour=self.colour))
+        self.data(self._render(content, piped=self.piped, colour=self.colour), is_coloured=self.colour)
 
     def talk(self, content: "RenderableType | Wording") -> None:
         """Write what is said beside it, with a line end; text in its lines, anything else laid out by rich."""

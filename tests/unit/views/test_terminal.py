@@ -1,5 +1,6 @@
 import io
 
+from rarms_iac.views.console import STRONG, styled
 from rarms_iac.views.terminal import DEFAULT_WIDTH, NARROWEST, WIDEST, Terminal, make_safe, width_of
 
 
@@ -57,3 +58,11 @@ def test_talk_goes_behind_the_data_that_was_written_before_it() -> None:
     assert isinstance(terminal.out, io.StringIO)
     assert isinstance(terminal.err, io.StringIO)
     assert (terminal.out.getvalue(), terminal.err.getvalue()) == ("data\n", "talk\n")
+
+
+def test_colours_reach_a_terminal_that_has_them_and_what_is_shown_cannot_add_any() -> None:
+    out = io.StringIO()
+
+    Terminal(out=out, err=io.StringIO(), colour=True).show(styled(("vision\x1b[31m", STRONG)))
+
+    assert out.getvalue() == "\x1b[1mvision<U+001B>[31m\x1b[0m\n"
