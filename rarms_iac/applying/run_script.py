@@ -176,6 +176,8 @@ class RunListener:
                 self._reporter.host_output(self._host, f"{event.address}: {event.detail}")
             case EventKind.STEP:
                 self._step(event)
+            case EventKind.RUN if event.status is EventStatus.NOTED:
+                self._reporter.host_output(self._host, event.detail)
             case EventKind.LOCK | EventKind.REFUSED | EventKind.FAILED | EventKind.RUN:
                 self._last = event
 

@@ -177,6 +177,7 @@ class EventStatus(StrEnum):
 
     READING = "reading"
     WAITED = "waited"
+    NOTED = "noted"
     BEGUN = "begun"
     CHANGED = "changed"
     UNCHANGED = "unchanged"
@@ -200,6 +201,7 @@ class RunEvent:
     address: str
     status: EventStatus
     detail: str
+    changed: int | None = None  # steps that the run changed until then; None: scripts of early versions do not say
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

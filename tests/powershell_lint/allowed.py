@@ -48,7 +48,7 @@ CMDLETS = READING_CMDLETS | words(
     FailoverClusters\Update-ClusterVirtualMachineConfiguration
     ConvertFrom-Json Export-ModuleMember Import-Module New-Item New-ItemProperty
     New-Module Receive-Job Remove-Item Remove-ItemProperty Set-Acl
-    Start-Sleep Write-Information Write-Verbose
+    Start-Sleep Write-Information Write-Progress Write-Verbose
     Get-Command Microsoft.PowerShell.Core\Get-Command Microsoft.PowerShell.Utility\Get-Alias
     ConvertTo-SecureString Invoke-Command New-PSSession Remove-Job Remove-PSSession
     """
@@ -66,6 +66,7 @@ READING_TYPES = words(
 TYPES = READING_TYPES | words(
     """
     Array Console DateTime guid hashtable pscustomobject ref System.Collections.IDictionary System.Convert
+    System.Diagnostics.EventLog
     System.Diagnostics.Process System.Diagnostics.ProcessStartInfo System.Diagnostics.Stopwatch
     System.IO.Directory System.IO.FileAccess System.IO.FileAttributes System.IO.FileMode System.IO.FileStream
     System.IO.Path System.IO.Stream System.Management.Automation.PSCredential
@@ -113,7 +114,7 @@ MEMBERS = READING_MEMBERS | words(
     Credential arguments child environment exists files folder instances period_ticks program reserve timeout_ms used
     Arguments Close CreateTempSubdirectory Error FileName GetCurrentProcess IsCompleted MainModule NewGuid
     Abandon AsJson Caller Code Confirmation ExportedFunctions LockTimeout Module ModulePath NewBoundScriptBlock Preview
-    ScriptPath Test
+    ScriptPath Test WriteEntry InDesiredState
     OpenStandardInput Out ReadAsync RedirectStandardInput StandardInput User WriteLine
     """
 )
@@ -139,6 +140,7 @@ PINS = frozenset(
         "$ConfirmPreference = $script:Run.Confirmation",
         "$script:WhatIfPreference = $script:Preview",
         "$ProgressPreference = 'SilentlyContinue'",
+        "$ProgressPreference = 'Continue'",
         "$WhatIfPreference = $false",
         "$PSModuleAutoLoadingPreference = 'All'",
         *(f"${stream}Preference = 'SilentlyContinue'" for stream in ("Debug", "Information", "Verbose", "Warning")),

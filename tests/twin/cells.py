@@ -21,6 +21,7 @@ from tests.twin.host import Entry, Vm, WindowsHost
 from tests.twin.observing import PROFILE, WINDOWS
 
 GIB = 2**30
+MMCSS = "HKLM:\\SYSTEM\\CurrentControlSet\\Services\\MMCSS"
 IMAGE = "D:\\images\\robot's.vhdx"
 
 
@@ -29,6 +30,7 @@ def a_windows(*strangers: Vm, **facts: object) -> WindowsHost:
     host = WindowsHost(logical_processors=4, memory=8 * GIB, switches=["lab"])
     for name, data in (("InstallationType", "Server"), ("CurrentBuildNumber", "26100"), ("ProductName", "Server")):
         host.add_key(WINDOWS).values[name.lower()] = Entry(name=name, kind="String", data=data)
+    host.add_key(MMCSS).values["start"] = Entry(name="Start", kind="DWord", data=2)
     games = host.add_key(f"{PROFILE}\\Tasks\\Games").values
     for name, kind, shipped in (("Affinity", "DWord", 2**32 - 1), ("Scheduling Category", "String", "Medium")):
         games[name.lower()] = Entry(name=name, kind=kind, data=shipped)

@@ -367,6 +367,19 @@ def write_information(scope: Scope, given: Given) -> Value:
     return EMPTY
 
 
+def write_progress(scope: Scope, given: Given) -> Value:
+    """A bar is shown where the preference says so; a text must not be empty."""
+    if text(scope.read("progresspreference")) != "Continue":
+        return EMPTY
+    assert text(given["activity"])
+    if given.get("completed"):
+        scope.session.host.progress.append(("", -1))
+        return EMPTY
+    assert text(given["status"])
+    scope.session.host.progress.append((text(given["status"]), number(given["percentcomplete"])))
+    return EMPTY
+
+
 def convert_to_json(scope: Scope, given: Given) -> str:
     nested = isinstance(given["inputobject"], Table) and any(
         isinstance(value, Table | list | Record) for _, value in given["inputobject"].items()
@@ -413,6 +426,7 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
     "start-sleep": start_sleep,
     "write-information": write_information,
     "write-verbose": _silent,
+    "write-progress": write_progress,
     "set-strictmode": set_strict_mode,
     "convertto-json": convert_to_json,
     "convertfrom-json": lambda scope, given: from_json(text(given["inputobject"])),

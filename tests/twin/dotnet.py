@@ -305,7 +305,23 @@ def _equals(scope: Scope, left: Value, right: Value, *how: Value) -> bool:
     return bool(text(left) == text(right))
 
 
+def _write_entry(scope: Scope, source: Value, says: Value, kind: Value, number_: Value) -> Value:
+    """An entry of a source that is not known yet makes it known, where the caller may."""
+    host = scope.session.host
+    assert text(source) == "rarms"
+    assert text(kind) in ("Information", "Warning", "Error")
+    if host.event_log is None or not host.elevated:
+        raise ScriptError("The source was not found, but some or all event logs could not be searched.")
+    if not 0 < len(text(says)) <= LONGEST_ENTRY:
+        raise ScriptError("Log entry string is too long.")
+    host.event_log.append((text(kind), number(number_), text(says)))
+    return EMPTY
+
+
+LONGEST_ENTRY = 31_839
+
 _CALLS: dict[tuple[str, str], Callable[..., Value]] = {
+    ("diagnostics.eventlog", "writeentry"): _write_entry,
     ("regex", "replace"): _regex_replace,
     ("io.file", "getattributes"): _attributes,
     ("io.file", "readalltext"): lambda scope, path: content(scope, path).decode("utf-8-sig", "replace"),

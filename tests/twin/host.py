@@ -188,6 +188,8 @@ class WindowsHost:
     all_signed: bool = False  # a group policy: a script that is not signed does not run
     interrupt: bool = False  # Ctrl-C as soon as a script waits
     opened: list[Opened] = field(default_factory=list)
+    event_log: list[tuple[str, int, str]] | None = field(default_factory=list)  # type, id, text; None: it takes none
+    progress: list[tuple[str, int]] = field(default_factory=list)  # what a bar said, and its per cent; -1: it is gone
     aliases: dict[str, str] = field(default_factory=dict)  # a caller's: by lower-case name what is called instead
     clock: int = 0  # ms
     made: int = 0  # machines made so far, for their ids

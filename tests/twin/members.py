@@ -179,7 +179,7 @@ def cast(to: str, value: Value, scope: Scope) -> Value:
         case "bool" | "switch":
             return truth(value)
         case "int":
-            return narrow(number(value))
+            return narrow(round(value) if isinstance(value, float) else number(value))  # half goes to even
         case "long":
             return wide(number(value))
         case "char":

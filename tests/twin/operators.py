@@ -25,7 +25,7 @@ from tests.twin.values import (
 
 
 def arithmetic(operator: str, left: Value, right: Value) -> Value:
-    """`+`, `-`, `*`, and `/` without a rest."""
+    """`+`, `-`, `*`, and `/`."""
     if operator == "+":
         return _sum(left, right)
     if operator == "*" and isinstance(left, list):
@@ -33,7 +33,7 @@ def arithmetic(operator: str, left: Value, right: Value) -> Value:
     a, b = number(left), number(right)
     if operator == "/":
         if a % b:
-            raise Unsupported("a quotient with a rest, which is a double")
+            return a / b  # a double
         return sized(a // b, left, right)
     return sized(a - b if operator == "-" else a * b, left, right)
 

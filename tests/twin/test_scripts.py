@@ -65,7 +65,7 @@ def test_after_a_run_the_next_plan_has_nothing_to_do_on_the_host_itself(cell: Ma
     assert ran.code == 0, ran.says
     left = prepared.cell.on(host).plan()
     assert [str(step.address) for step in left.hosts[0].steps] == []
-    assert ran.status_of("host") == ["done"]
+    assert ran.status_of("host") == ["noted", "done"]
 
 
 @cells
@@ -79,7 +79,7 @@ def test_a_second_run_calls_nothing(cell: Make) -> None:
 
     assert ran.code == 0, ran.says
     assert {event["status"] for event in ran.events} == {"unchanged", "done"}
-    assert [effect for effect in host.effects[calls:] if "owner.txt" not in effect and "Set-Acl" not in effect] == []
+    assert [effect for effect in host.effects[calls:] if is_of_steps(effect)] == []
     assert seen(host) == before
 
 
@@ -149,8 +149,14 @@ def numbers(prepared: Prepared, fault: str, usual: int) -> range:
 def calls(prepared: Prepared) -> list[str]:
     host = prepared.copy()
     assert apply(host, prepared.plan).code == 0
-    assert host.effects[-1].endswith("owner.txt")
-    return host.effects[:-1]  # the last only takes the owner's name away: the run is done
+    *done, verdict, owner = host.effects
+    assert (verdict.endswith(".result.json"), owner.endswith("owner.txt")) == (True, True)
+    return done  # the last two only say so and take the owner's name away
+
+
+def is_of_steps(effect: str) -> bool:
+    """Whether it is more than who holds the host and how the run stands."""
+    return not any(word in effect for word in ("owner.txt", "Set-Acl", ".result.json"))
 
 
 @cells
@@ -405,7 +411,7 @@ def test_the_folder_is_protected_before_anything_in_it_is_opened() -> None:
     prepared = fresh()
     whole = calls(prepared)
 
-    assert whole[0].startswith("make folder")
+    assert [call.partition(" C:")[0] for call in whole[:2]] == ["write", "make folder"]
     assert next(at for at, call in enumerate(whole) if "Set-Acl" in call) < whole.index(f"open {FOLDER}\\owner.txt")
 
 
@@ -477,12 +483,13 @@ def test_a_link_that_leads_elsewhere_is_not_followed(path: str) -> None:
     assert ran.events[-1]["detail"].startswith(f"{path} is a link")
     assert seen(host) == before
     names = {effect.rpartition("\\")[2] for effect in host.effects if not effect.startswith("Set-Acl")}
-    assert names <= ({"owner.txt"} if path == JOURNAL else set())
+    assert names - {"onboard.ps1.result.json"} <= ({"owner.txt"} if path == JOURNAL else set())
 
 
-def test_a_run_is_done_where_the_owners_name_cannot_be_taken_away() -> None:
+@pytest.mark.parametrize("last", [0, 1], ids=["verdict", "owner"])
+def test_a_run_is_done_where_its_verdict_cannot_be_written_or_the_owners_name_not_taken_away(last: int) -> None:
     prepared = fresh()
-    host = prepared.copy(fail_at=len(calls(prepared)))
+    host = prepared.copy(fail_at=len(calls(prepared)) + last)
 
     ran = apply(host, prepared.plan)
 

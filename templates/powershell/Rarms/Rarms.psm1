@@ -51,6 +51,7 @@ function Invoke-RarmsPlan {
         # Bound to this module, so that its blocks see the variables and functions here.
         $bound = $MyInvocation.MyCommand.Module.NewBoundScriptBlock($Run.Plan)
         & $bound
+        Write-Verdict
         if ($Run.Abandon) {
             Close-Run
         } else {
@@ -63,6 +64,8 @@ function Invoke-RarmsPlan {
         # An event is given to the pipeline here, where it cannot end up in a caller's variable.
         Write-Failure -Failure $_
     } finally {
+        # What Ctrl-C ended stays as it was begun, and so does what cannot be written.
+        try { if ($script:Told.Status -cne 'begun') { Write-Verdict } } catch { Write-Verbose -Message $_.Exception.Message }
         Unlock-Host
         $Run.ExitCode.Value = $script:Code
     }
@@ -74,12 +77,14 @@ function Test-RarmsPlan {
         Gives an object for each step of a plan: Address, Action, InDesiredState, Disruption; and writes nothing.
     .PARAMETER Path
         The script of a plan.
+    .PARAMETER AsJson
+        With -Path: one JSON object for all of them, as a resource of DSC gives it.
     .PARAMETER Run
         What a script hands over, as Invoke-RarmsPlan takes it.
     #>
     [CmdletBinding(PositionalBinding = $false)]
-    param([string] $Path = '', [System.Collections.IDictionary] $Run = $null)
-    if ($Path) { return & $Path -Test }
+    param([string] $Path = '', [switch] $AsJson, [System.Collections.IDictionary] $Run = $null)
+    if ($Path) { return & $Path -Test -AsJson:$AsJson }
     if ($null -eq $Run) { throw 'give -Path: the script of a plan' }
     $Run['Test'] = $true
     Invoke-RarmsPlan -Run $Run
@@ -90,6 +95,7 @@ function Initialize-Run {
     param([System.Collections.IDictionary] $Run)
     $script:Code = 1                # how the script will end: 0, 1 or 3
     $script:Current = $script:Whole # the step that is read or done: what fails, fails there
+    $script:Told = @{ Status = 'begun'; Detail = '' } # by the last event about the whole run
     $script:Ending = $null          # of the event that ends the run, where the run itself ends it
     $script:Plan = @{ Plan = '' }   # the run's facts, which the plan gives
     $script:Steps = @()             # those of the plan
@@ -219,8 +225,20 @@ function Complete-Run {
     if ($script:Closing -cne 'done') {
         Assert-Host -Last
         Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' })
+        Show-Restart
     }
     Write-RunEvent -Kind 'run' -Status 'done' -Detail ('changed: {0}' -f $script:Changed)
+}
+
+function Show-Restart {
+    # What the task classes that this plan wrote wait for.
+    $wrote = @(foreach ($step in $script:Steps) { if ($step.Address -cmatch '(^|/)task/') { $script:Recorded[[string] $step.Number] } })
+    if ($wrote -cnotcontains 'changed') { return }
+    $path = 'HKLM:\SYSTEM\CurrentControlSet\Services\MMCSS'
+    $start = if (Test-Path -LiteralPath $path) { (Get-Item -LiteralPath $path).GetValue('Start') } else { 4 }
+    $lack = 'the service MMCSS is missing or disabled here: classes have no effect until it starts with Windows'
+    if ($start -eq 4) { Write-RunEvent -Kind 'run' -Status 'noted' -Detail $lack }
+    Write-RunEvent -Kind 'run' -Status 'noted' -Detail 'restart Windows: classes are read when it starts'
 }
 
 function Assert-Host {
@@ -423,15 +441,37 @@ function Test-Agreed {
 
 function Write-RunEvent {
     param([string] $Kind, [System.Collections.IDictionary] $Step = $script:Whole, [string] $Status, [string] $Detail)
+    if ($Kind -cne 'step') { $script:Told = @{ Status = $Status; Detail = $Detail } }
     if ($script:Run.AsJson) {
-        ConvertTo-AsciiJson -Value ([ordered] @{
+        return ConvertTo-AsciiJson -Value ([ordered] @{
             format = 'rarms-event/1'; kind = $Kind; plan = $script:Plan.Plan; number = $Step.Number
             total = $script:Steps.Count; address = $Step.Address; status = $Status; detail = $Detail
+            changed = $script:Changed
         })
-    } else {
-        $text = '{0,-10} {1}  {2}' -f $Status, $Step.Address, $Detail
-        Write-Information -MessageData $text -InformationAction Continue
     }
+    $text = '{0,-10} {1}  {2}' -f $Status, $Step.Address, $Detail
+    Write-Information -MessageData $text -InformationAction Continue
+    if ($script:Preview) { return }
+    # A bar for the person who looks on; cmdlets show none of their own.
+    $ProgressPreference = 'Continue'
+    if ($Kind -cne 'step') { return Write-Progress -Activity 'rarms' -Completed }
+    Write-Progress -Activity 'rarms' -Status $text -PercentComplete ([int] (100 * $Step.Number / ($script:Steps.Count + 1)))
+}
+
+function Write-Verdict {
+    # How this run stands: beside its script, as Ctrl-C gives the code 0; and in Windows' event log, if that takes it.
+    if ($script:Preview) { return }
+    $path = $script:Run.ScriptPath + '.result.json'
+    if (Test-Path -LiteralPath $path) { Assert-NoLink -Path $path }
+    $text = ConvertTo-AsciiJson -Value ([ordered] @{
+        format = 'rarms-result/1'; plan = $script:Plan.Plan; run = $script:Plan.Run; operator = $script:Operator
+        status = $script:Told.Status; exit_code = $script:Code; changed = $script:Changed; detail = $script:Told.Detail
+    })
+    [System.IO.File]::WriteAllText($path, $text)
+    $id = if ($script:Told.Status -ceq 'begun') { 1 } else { 2 + $script:Code }
+    $type = if ($id -gt 2) { 'Warning' } else { 'Information' }
+    try { [System.Diagnostics.EventLog]::WriteEntry('rarms', $text, $type, $id) }
+    catch { Write-Verbose -Message $_.Exception.Message }
 }
 
 function Stop-Run {
@@ -471,13 +511,18 @@ function Show-Run {
 }
 
 function Show-State {
-    # What -Test gives: an object a step.
-    foreach ($one in @(Get-Preview)) {
+    # What -Test gives: an object a step; with -AsJson one line for all of them.
+    $all = @(foreach ($one in @(Get-Preview)) {
         [pscustomobject] @{
             Address = $one.Step.Address; Action = $one.Step.Action
             InDesiredState = $one.Status -ceq 'unchanged'; Disruption = [string] (Get-Loss -Step $one.Step)
         }
-    }
+    })
+    if (-not $script:Run.AsJson) { return $all }
+    $wanted = @(foreach ($one in $all) { $one.InDesiredState }) -notcontains $false
+    ConvertTo-AsciiJson -Value ([ordered] @{
+        script = $script:Run.ScriptPath; plan = $script:Plan.Plan; _inDesiredState = $wanted; steps = $all
+    })
 }
 
 function Get-Preview {
@@ -563,13 +608,17 @@ function Unlock-Host {
     try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
 }
 
+function Assert-NoLink {
+    param([string] $Path)
+    $link = [System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint
+    if ($link) { throw ('{0} is a link: look where it leads, then remove it' -f $Path) }
+}
+
 function Assert-Owner {
     # A planted journal or folder must not tell an administrator what to do, nor lead elsewhere.
     param([string] $Path)
     if ($env:OS -cne 'Windows_NT') { return }
-    if ([System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint) {
-        throw ('{0} is a link: look where it leads, then remove it' -f $Path)
-    }
+    Assert-NoLink -Path $Path
     $owner = (Get-Acl -LiteralPath $Path).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
     if (@('S-1-5-32-544', 'S-1-5-18') -ccontains $owner) { return }
     throw ('{0} belongs to {1}, not to Administrators or SYSTEM: look at it, then remove it' -f $Path, $owner)
