@@ -7,8 +7,8 @@ that was left half-way must not look as if it had everything that was written.
 
 Of the disks of a machine that is removed, rarms deletes those that it made, where that is asked for: everything else
 stays. A disk counts as rarms' own where it lies at the path that making the partition chooses
-(`model.operations.disk_file`), grows out of another one, is attached to the machine with our mark and to no other, and
-no checkpoint rests on it.
+(`model.operations.disk_path`; early versions had it one folder above), grows out of another one, is attached to the
+machine with our mark and to no other, and no checkpoint rests on it.
 """
 
 from collections.abc import Iterable, Iterator
@@ -349,4 +349,5 @@ def _is_made_by_rarms(path: str, partition: str, folders: tuple[str, ...]) -> bo
     folder, _, file = path.replace("/", "\\").rpartition("\\")
     if not fullmatch(rf"{escape(partition)}-[0-9a-f]{{12}}\.vhdx?", file.lower()):
         return False
-    return any(same_path(folder, known.rstrip("\\/")) for known in folders if known)
+    at = [known.rstrip("\\/") for known in folders if known]
+    return any(same_path(folder, known) for known in (*at, *(f"{known}\\{partition}" for known in at)))

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from rarms_iac.model.changes import SLASH
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.quantities import show_period, write_bytes
 from rarms_iac.model.state import (
@@ -49,9 +50,25 @@ class CreatePartition:
         return f"make a machine of generation {self.generation} with {write_bytes(self.memory)}"
 
 
-def disk_file(making: CreatePartition, plan: str) -> str:
-    """The name of the disk that the plan of this id makes for a partition: its parent's format, and the plan's id."""
-    return f"{making.partition}-{plan}{'.vhd' if making.image.lower().endswith('.vhd') else '.vhdx'}"
+def disk_path(making: CreatePartition, plan: str, usual: str) -> str:
+    """Where the disk lies that a plan makes for a partition: in the partition's folder, or in the host's own.
+
+    Args:
+        making: of the partition.
+        plan: its id, which the file's name holds.
+        usual: the host's folder of disks, for a partition that has no `vm_path`.
+
+    Returns:
+        The path, in the format of its parent.
+    """
+    file = f"{making.partition}-{plan}{'.vhd' if making.image.lower().endswith('.vhd') else '.vhdx'}"
+    folder = partition_folder(making, making.partition) if making.vm_path else usual.rstrip(SLASH)
+    return f"{folder}{SLASH}{file}"
+
+
+def partition_folder(making: CreatePartition, name: str) -> str:
+    """The folder that Hyper-V makes below `vm_path` for a machine of this name."""
+    return f"{making.vm_path.rstrip(SLASH)}{SLASH}{name}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

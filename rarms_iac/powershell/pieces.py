@@ -112,14 +112,13 @@ class NewFiles:
         Raises:
             NoLiteral: the host did not tell its folder.
         """
-        folder = (creation.vm_path or self.disk_folder).removesuffix(SLASH)
-        if not folder:
+        if not (creation.vm_path or self.disk_folder):
             raise NoLiteral(creation.partition, "its host did not tell where it puts disks, and no folder is said")
-        return f"{folder}{SLASH}{operations.disk_file(creation, self.plan)}"
+        return operations.disk_path(creation, self.plan, self.disk_folder)
 
     def folder(self, creation: operations.CreatePartition, name: str) -> str:
         """The folder that Hyper-V makes for a machine of this name."""
-        return f"{creation.vm_path.removesuffix(SLASH)}{SLASH}{name}"
+        return operations.partition_folder(creation, name)
 
 
 def pieces_of(step: Step, files: NewFiles) -> tuple[ScriptPiece, ...]:
@@ -308,7 +307,7 @@ def _creation_pieces(step: Step, creation: operations.CreatePartition, files: Ne
         disk = literal(files.disk(creation))
         attach = call("Add-PartitionDisk", Path=disk)
         made += [
-            _new_disk(f"{address}/disk", creation.image, disk),
+            _new_disk(f"{address}/disk", creation, disk, files),
             piece("attach the disk", {"disks": 0}, {"disks": 1}, attach),
         ]
     # Whether a new machine's memory is static is the host's affair: a client's is dynamic.
@@ -366,14 +365,18 @@ def _new_machine(creation: operations.CreatePartition, files: NewFiles) -> str:
     return call("Hyper-V\\New-VM", **new)
 
 
-def _new_disk(address: str, image: str, path: str) -> ScriptPiece:
-    """The differencing child of an image."""
-    parent = literal(image)
+def _new_disk(address: str, creation: operations.CreatePartition, path: str, files: NewFiles) -> ScriptPiece:
+    """The differencing child of an image, in the folder that the machine is moved into."""
+    parent = literal(creation.image)
+    folder = literal(files.folder(creation, creation.partition)) if creation.vm_path else ""
     return ScriptPiece(
         address=address,
-        action=f"make a disk that grows out of {image}",
+        action=f"make a disk that grows out of {creation.image}",
         read=call("Get-DiskReading", Path=path, Parent=parent),
         before={"exists": False},
         after={"exists": True, "child": True},
-        calls=(call("Hyper-V\\New-VHD", Path=path, ParentPath=parent, Differencing=""),),
+        calls=(
+            *((call("Add-Folder", Path=folder),) if folder else ()),
+            call("Hyper-V\\New-VHD", Path=path, ParentPath=parent, Differencing=""),
+        ),
     )

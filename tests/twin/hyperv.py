@@ -405,6 +405,10 @@ def new_vhd(scope: Scope, given: Given) -> Value:
         raise refuse(f"Failed to create the virtual hard disk: '{parent}' is not there.", "NewVHD", "ObjectNotFound")
     if host.file(path) is not None:
         raise refuse(f"Failed to create the virtual hard disk: '{path}' exists.", "NewVHD", "OperationFailed")
+    folder = path.rpartition("\\")[0]
+    if folder.lower() != host.disk_folder.lower() and host.file(folder) is None:
+        says = "Failed to create the virtual hard disk: the system cannot find the path specified. (0x80070003)"
+        raise refuse(says, "NewVHD", "ObjectNotFound")
     host.effect(f"New-VHD {path}", lambda: host.write_file(path, CHILD + parent.encode()))
     return Record(Path=path)
 

@@ -1,5 +1,6 @@
 """Disks on the twin: only what rarms made is deleted, and only as the plan knew it."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -7,7 +8,7 @@ import pytest
 
 from rarms_iac.model.plan import Purpose
 from tests.effort import every_few
-from tests.twin.cell import Cell, apply, apply_script
+from tests.twin.cell import Cell, apply, apply_script, undo
 from tests.twin.cells import IMAGE, Prepared, a_stranger, fresh
 from tests.twin.host import WindowsHost
 from tests.twin.hyperv import CHILD
@@ -160,11 +161,33 @@ def test_the_next_plan_leaves_such_a_disk_and_says_so(move: Callable[[WindowsHos
     assert [finding.code for finding in plan.findings] == ["RARMS254"]
 
 
+def below(host: WindowsHost, folder: str = "D:\\vms\\") -> set[str]:
+    """Files and folders there, without the plan's id."""
+    return {re.sub("-[0-9a-f]{12}", "", file.path) for file in host.files.values() if file.path.startswith(folder)}
+
+
+def test_machine_and_disk_lie_in_one_folder_of_the_final_name_and_an_undo_leaves_none() -> None:
+    prepared = fresh()
+    whole = _effects(prepared)
+    for number in (*every_few(len(whole), 6), len(whole)):
+        host = prepared.copy(kill_after=number)
+        apply(host, prepared.plan)
+        made = below(host)
+        host = host.copy()
+
+        ran = undo(host, prepared.plan)
+
+        where = whole[number] if number < len(whole) else "done"
+        assert ran.code == 0 or (ran.code == 3 and "was not what this undoes" in ran.says), f"{where}\n{ran.says}"
+        assert below(host) == set(), where
+    assert made == {"D:\\vms\\planning", "D:\\vms\\planning\\planning.vhdx"}
+
+
 @pytest.mark.parametrize("content", [CHILD + b"D:\\images\\other.vhdx", b"everything of its own"])
 def test_a_file_of_another_kind_is_not_taken_for_the_disk_that_is_to_be_made(content: bytes) -> None:
     prepared = fresh()
     host = prepared.copy()
-    path = f"D:\\vms\\planning-{prepared.plan.id}.vhdx"
+    path = f"D:\\vms\\planning\\planning-{prepared.plan.id}.vhdx"
     host.write_file(path, content)
 
     ran = apply(host, prepared.plan)
@@ -180,7 +203,7 @@ def test_a_child_that_a_killed_run_made_is_taken_in_any_case_of_its_parents_path
     host = prepared.copy(kill_after=made)
     apply(host, prepared.plan)
     host = host.copy()
-    path = f"D:\\vms\\planning-{prepared.plan.id}.vhdx"
+    path = f"D:\\vms\\planning\\planning-{prepared.plan.id}.vhdx"
     host.write_file(path, CHILD + IMAGE.upper().replace("\\", "/").encode())
 
     ran = run(host, apply_script(prepared.plan))

@@ -78,6 +78,7 @@ _SETTERS = _calls(r"""
     Save-TaskRecord Task Application Digest
     Restore-TaskClass Task Application
     Remove-DiskFile Path
+    Add-Folder Path
     Add-PartitionDisk Path
     Move-NewPartition From To
     Remove-PartitionFolder From To

@@ -6,7 +6,7 @@ from typing import TypeVar, assert_never
 
 from rarms_iac.diff.readings import disk_readings
 from rarms_iac.model import operations
-from rarms_iac.model.changes import RESPONSIVENESS, SLASH, Address
+from rarms_iac.model.changes import RESPONSIVENESS, Address
 from rarms_iac.model.commands import PLAN, prose
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.operation_effects import applied
@@ -92,7 +92,7 @@ def with_new_disk(
     content: Content, machine: str, operation: operations.CreatePartition, folder: str, scope: Scope
 ) -> Content:
     """With the disk of a machine that grows out of an image."""
-    path = f"{(operation.vm_path or folder).rstrip(SLASH)}{SLASH}{operations.disk_file(operation, scope.plan)}"
+    path = operations.disk_path(operation, scope.plan, folder)
     disk = Disk(path=path, kind=DiskKind.DIFFERENCING, parent=operation.image, machine=machine)
     return content.with_disk(disk)
 

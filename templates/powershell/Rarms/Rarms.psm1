@@ -91,7 +91,6 @@ function Test-RarmsPlan {
 }
 
 function Initialize-Run {
-    # What a run knows when it begins.
     param([System.Collections.IDictionary] $Run)
     $script:Code = 1                # how the script will end: 0, 1 or 3
     $script:Current = $script:Whole # the step that is read or done: what fails, fails there
@@ -104,8 +103,6 @@ function Initialize-Run {
     $script:Preview = $Run.Preview -or $Run.Test
     # With it, nothing that is called by mistake changes anything either.
     $script:WhatIfPreference = $script:Preview
-    $script:Target = $null          # address and reader of the steps that are added
-    $script:Wanted = @()            # the names that are read for
     $script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
     $script:Looking = $false        # whether everything is looked at, and no step done
     $script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that a declined -Confirm left out
@@ -147,9 +144,7 @@ function Write-Failure {
     $script:Code = 1
     $id = [string] $Failure.FullyQualifiedErrorId
     $at = $Failure.InvocationInfo  # of what a guest says there may be none
-    if ($id -cne $detail -and $null -ne $at) {
-        $detail += ' ({0} {1}, line {2})' -f $at.MyCommand, $id, $at.ScriptLineNumber
-    }
+    if ($id -cne $detail -and $null -ne $at) { $detail += ' ({0} {1}, line {2})' -f $at.MyCommand, $id, $at.ScriptLineNumber }
     Write-RunEvent -Kind 'failed' -Step $script:Current -Status 'failed' -Detail $detail
 }
 
@@ -164,11 +159,11 @@ function Open-Run {
     $same = $null -ne $last -and $last.plan -ceq $plan.Plan
     if ($same -and $last.run -ceq $plan.Run -and $script:Closing -cne 'abandoned') { return }
     if ($plan.Run -ceq 'undo') {
-        if (-not $same -or $last.run -cne 'apply') { Stop-Run -Detail 'the last run here was not what this undoes' }
+        if (-not $same -or $last.run -cne 'apply') { Stop-Run -Detail 'the last run here was not what this undoes: rarms undo takes back that one' }
     } elseif ($open) {
         Stop-Run -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
     } elseif (-not $plan.Guest -and [long] $script:Serials[$plan.Application] -ne $plan.Serial) {
-        Stop-Run -Detail 'this plan was used, or another was applied since it was made'
+        Stop-Run -Detail 'this plan was used, or another was applied since it was made: make a new plan'
     }
     Clear-Journal
 }
@@ -180,7 +175,7 @@ function Close-Run {
     $last = $script:Started
     $open = $null -ne $last -and -not $script:Closing
     if ($open -and $last.plan -cne $script:Plan.Plan) {
-        Stop-Run -Detail ('plan {0} is unfinished here, not this one' -f $last.plan)
+        Stop-Run -Detail ('plan {0} is unfinished here, not this one: give -Abandon to its script' -f $last.plan)
     }
     $status = if ($open) { 'abandoned' } else { 'unchanged' }
     if ($open -and -not (Test-Wanted -Address 'host' -Action 'close the unfinished run')) {
@@ -192,7 +187,6 @@ function Close-Run {
 }
 
 function Use-Target {
-    # What the steps that follow are about, and how it is read.
     param([string] $Address, [scriptblock] $Read)
     $script:Target = @{ Address = $Address; Read = $Read }
 }
@@ -219,8 +213,7 @@ function Complete-Run {
     foreach ($step in $script:Steps) { Invoke-Step -Step $step }
     if ($script:Skipped.Count) {
         $script:Current = $script:Whole
-        $detail = 'steps were left out; run it again to do them, or -Abandon'
-        Stop-Run -Kind 'run' -Status 'stopped' -Code 1 -Detail $detail
+        Stop-Run -Kind 'run' -Status 'stopped' -Code 1 -Detail 'steps were left out; run it again to do them, or -Abandon'
     }
     if ($script:Closing -cne 'done') {
         Assert-Host -Last
@@ -271,9 +264,7 @@ function Assert-Host {
                 Stop-Run -Detail (Get-Difference -Name $name -Live $live -Expected $step.Before)
             }
         }
-        foreach ($name in @(Compare-Reading -Live $step.Before -Expected $step.After)) {
-            $ahead[$at + ' ' + $name] = $true
-        }
+        foreach ($name in @(Compare-Reading -Live $step.Before -Expected $step.After)) { $ahead[$at + ' ' + $name] = $true }
     }
     $settled = [DateTime]::UtcNow.AddMilliseconds(300000)
     foreach ($at in @($made.Keys | Sort-Object)) {
@@ -359,11 +350,8 @@ function Test-Wanted {
     if ($script:Run.AsJson -and $script:Preview) { return $false }
     # The caller's ShouldProcess reads it where it is called.
     $ConfirmPreference = $script:Run.Confirmation
-    try {
-        $script:Run.Caller.ShouldProcess($Address, $Action)
-    } catch {
-        throw 'this has to be confirmed, and no console answers here: run the script in a console, or with -Force'
-    }
+    try { $script:Run.Caller.ShouldProcess($Address, $Action) }
+    catch { throw 'this has to be confirmed, and no console answers here: run the script in a console, or with -Force' }
 }
 
 function Get-Leave {
@@ -415,12 +403,9 @@ function Compare-Step {
 }
 
 function Compare-Reading {
-    # The names whose live value is not the expected one.
     param([System.Collections.IDictionary] $Live, [System.Collections.IDictionary] $Expected)
     # No cmdlet filters here: a profile's own of the same name would say that there is nothing to do.
-    foreach ($name in @($Expected.Keys)) {
-        if (-not (Test-Agreed -Left $Live -Right $Expected -Name $name)) { $name }
-    }
+    foreach ($name in @($Expected.Keys)) { if (-not (Test-Agreed -Left $Live -Right $Expected -Name $name)) { $name } }
 }
 
 function Get-Difference {
@@ -506,8 +491,7 @@ function Show-Run {
             [void] (Test-Wanted -Address $one.Step.Address -Action $one.Detail)
         }
     }
-    $detail = '{0} of {1} steps are to do; nothing was changed' -f $ahead.Count, $shown.Count
-    Write-RunEvent -Kind 'run' -Status 'previewed' -Detail $detail
+    Write-RunEvent -Kind 'run' -Status 'previewed' -Detail ('{0} of {1} steps are to do; nothing was changed' -f $ahead.Count, $shown.Count)
 }
 
 function Show-State {
@@ -572,7 +556,7 @@ function Lock-Host {
     $path = $script:OwnerFile
     # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to all.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
-    else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
+    else { Add-Folder -Path $script:Folder }
     if (Test-Path -LiteralPath $path) { Assert-Owner -Path $path }
     Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
     $until = [DateTime]::UtcNow.AddMilliseconds(1000 * $wait)
@@ -580,7 +564,7 @@ function Lock-Host {
         try {
             $script:Handle = [System.IO.FileStream]::new($path, 'OpenOrCreate', 'Write', 'Read')
         } catch [System.IO.IOException] {
-            if (-not ([DateTime]::UtcNow -lt $until)) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + (Get-Holder)) }
+            if (-not ([DateTime]::UtcNow -lt $until)) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + (Get-Holder) + ': wait, or give -LockTimeout') }
             Start-Sleep -Milliseconds 500
         }
     }
@@ -676,9 +660,7 @@ function Add-Record {
         $stream.Position = $script:Sound
         $stream.Write($data, 0, $data.Length)
         $stream.Flush($true)
-    } finally {
-        $stream.Dispose()
-    }
+    } finally { $stream.Dispose() }
     $script:Sound += $data.Length
 }
 
@@ -716,8 +698,7 @@ function Write-FirstRecord {
         # Who signs it adds remarks at its end; all before them is the plan's.
         $size = ($undo -creplace $script:Signature, '').Length
         if ((Get-Sha256 -Data $data -Count $size) -cne $plan.UndoDigest) {
-            $line = '' + [char] 13 + [char] 10
-            $text = ($undo -creplace '\r?\n', $line) -creplace $script:Signature, ''
+            $text = ($undo -creplace '\r?\n', ('' + [char] 13 + [char] 10)) -creplace $script:Signature, ''
             $same = (Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes($text))) -ceq $plan.UndoDigest
             if ($same) { throw ('{0} has other line ends than it was made with: git needs "*.ps1 -text"' -f $path) }
             throw ('{0} was edited' -f $path)
@@ -738,15 +719,13 @@ function Write-FirstRecord {
     if ($script:Run.ModulePath) {
         $record['module'] = [hashtable]::new($script:Ordinal)
         foreach ($name in @('Rarms.psd1', 'Rarms.psm1')) {
-            $path = [System.IO.Path]::Combine($script:Run.ModulePath, $name)
-            $record['module'][$name] = [System.IO.File]::ReadAllText($path)
+            $record['module'][$name] = [System.IO.File]::ReadAllText([System.IO.Path]::Combine($script:Run.ModulePath, $name))
         }
     }
     Add-Record -Path $fresh -Record $record
     Protect-Path -Path $fresh -Descriptor 'O:BAG:SYD:P(A;;FA;;;BA)(A;;FA;;;SY)'
-    $old = $script:Journal + '.old'
-    if (Test-Path -LiteralPath $script:Journal) { [System.IO.File]::Replace($fresh, $script:Journal, $old) }
-    else { [System.IO.File]::Move($fresh, $script:Journal) }
+    if (-not (Test-Path -LiteralPath $script:Journal)) { return [System.IO.File]::Move($fresh, $script:Journal) }
+    [System.IO.File]::Replace($fresh, $script:Journal, $script:Journal + '.old')
 }
 
 # === host: whether a script runs where it was made for, and whether a reserve has any effect there.
@@ -761,7 +740,7 @@ function Assert-VmHost {
     }
     $vmHost = Hyper-V\Get-VMHost
     if ($vmHost.Name -ne $plan.Computer) {
-        Stop-Run -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
+        Stop-Run -Detail ('this is {0}, the plan is for {1}: run it there' -f $vmHost.Name, $plan.Computer)
     }
     if ($plan.Identity) {
         # What tells this Windows from every other, as observe.ps1 works it out.
@@ -774,26 +753,22 @@ function Assert-VmHost {
     # An undo gives back, and promises nothing.
     if ($plan.Run -ceq 'undo') { return }
     if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
-        Stop-Run -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
+        Stop-Run -Detail ('it has {0} logical processors now: make a new plan' -f $vmHost.LogicalProcessorCount)
     }
     if (-not $vmHost.NumaSpanningEnabled) { $script:Nodes = @(Hyper-V\Get-VMHostNumaNode) }
     if ($plan.AcceptScheduler) { return }
     if (Test-RootScheduler) {
-        throw 'the hypervisor runs its root scheduler, under which reserve, limit and weight have no effect'
+        throw 'the hypervisor runs its root scheduler, under which no reserve has an effect: have core by bcdedit, or accept it in the plan'
     }
 }
 
 function Test-RootScheduler {
     # Event 2 says 4 for root. Where it has left the log, a client Windows has root; of a server the plan told.
     try {
-        $filter = @{ ProviderName = 'Microsoft-Windows-Hyper-V-Hypervisor'; ID = 2 }
-        $found = @(Get-WinEvent -FilterHashtable $filter -MaxEvents 1)
+        $found = @(Get-WinEvent -FilterHashtable @{ ProviderName = 'Microsoft-Windows-Hyper-V-Hypervisor'; ID = 2 } -MaxEvents 1)
         return [int] $found[0].Properties[0].Value -eq 4
-    } catch {
-        Write-Verbose -Message $_.Exception.Message
-    }
-    $windows = Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion'
-    [string] $windows.GetValue('InstallationType') -ceq 'Client'
+    } catch { Write-Verbose -Message $_.Exception.Message }
+    [string] (Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion').GetValue('InstallationType') -ceq 'Client'
 }
 
 # === guest: where the script of a guest may run.
@@ -808,7 +783,7 @@ function Assert-Guest {
     $id = ([string] $key.GetValue('VirtualMachineId')).ToLowerInvariant()
     $name = [string] $key.GetValue('VirtualMachineName')
     if (@($id, $name) -ccontains $script:Plan.Guest) { return }
-    Stop-Run -Detail ('this is the guest of {0} ({1}), not of {2}' -f $name, $id, $script:Plan.Guest)
+    Stop-Run -Detail ('this is the guest of {0} ({1}), not of {2}: run it in that' -f $name, $id, $script:Plan.Guest)
 }
 
 # === machines: how virtual machines are found, read and marked: never by their names.
@@ -850,9 +825,7 @@ function Find-Machine {
     param([string] $Machine)
     $all = $script:Looking -or $script:Current['Fits']
     if ($script:Known.Contains('removed')) { $all = $script:Known['removed'] }
-    if (-not $all) {
-        try { return Hyper-V\Get-VM -Id $Machine } catch { Write-Verbose -Message $_.Exception.Message }
-    }
+    if (-not $all) { try { return Hyper-V\Get-VM -Id $Machine } catch { Write-Verbose -Message $_.Exception.Message } }
     foreach ($vm in @(Get-MachineList)) { if ([string] $vm.Id -eq $Machine) { $vm } }
 }
 
@@ -893,7 +866,7 @@ function Get-Mark {
     param($Vm)
     $found = @(@([string] $Vm.Notes -split '\n') | Where-Object -FilterScript { $_ -cmatch $script:MarkForm })
     $sound = $found.Count -eq 1 -and -not (Test-Replica -Vm $Vm) -and $found[0] -cmatch $script:MarkForm
-    if ($sound -and $Matches['vm'] -ceq (Get-ShortId -Vm $Vm)) {
+    if ($sound -and $Matches['vm'] -ceq ([string] $Vm.Id).ToLowerInvariant().Substring(0, 8)) {
         return @{ Application = $Matches['app']; Name = $Matches['name']; Set = $Matches['set'] }
     }
     @{ Application = ''; Name = ''; Set = '' }
@@ -902,7 +875,7 @@ function Get-Mark {
 function Assert-Untied {
     param($Vm, [bool] $Clustered)
     $tie = Get-Tie -Vm $Vm -Clustered $Clustered
-    if ($tie) { Stop-Run -Detail ('machine {0} ({1}) is {2}, and not changed here' -f $Vm.Name, $Vm.Id, $tie) }
+    if ($tie) { Stop-Run -Detail ('machine {0} ({1}) is {2}, and not changed here: take it out of the plan' -f $Vm.Name, $Vm.Id, $tie) }
 }
 
 function Get-Tie {
@@ -922,16 +895,11 @@ function Test-Replica {
     @('Replica', 'TestReplica', 'ExtendedReplica') -ccontains [string] $Vm.ReplicationMode
 }
 
-function Get-ShortId {
-    param($Vm)
-    ([string] $Vm.Id).ToLowerInvariant().Substring(0, 8)
-}
-
 function Write-Mark {
     # The mark that the step wants, or none, above the user's lines: the only text built around what a host says.
     $wanted = $script:Current.After
     $notes = [string] $script:Vm.Notes -creplace ('(?m)' + $script:MarkForm + '\n?'), ''
-    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], (Get-ShortId -Vm $script:Vm), $wanted['set']
+    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8), $wanted['set']
     if ($wanted['mark']) { $notes = if ($notes) { $line + [char] 13 + [char] 10 + $notes } else { $line } }
     Hyper-V\Set-VM -VM $script:Vm -Notes $notes
 }
@@ -951,7 +919,6 @@ function ConvertTo-Word {
 }
 
 function Add-MachineReading {
-    # What a machine says of itself.
     param([System.Collections.IDictionary] $Live, $Vm)
     $mark = Get-Mark -Vm $Vm
     $Live['vm'] = $Vm
@@ -1050,15 +1017,18 @@ function Move-NewPartition {
 }
 
 function Get-FolderReading {
-    # How many of the two are left empty.
     param([string] $From, [string] $To)
     @{ folders = @(Get-EmptyFolder -Path $From, $To).Count }
 }
 
 function Remove-PartitionFolder {
-    # Never with what lies in it.
     param([string] $From, [string] $To)
     foreach ($path in @(Get-EmptyFolder -Path $From, $To)) { [System.IO.Directory]::Delete($path) }
+}
+
+function Add-Folder {
+    param([string] $Path)
+    [void] [System.IO.Directory]::CreateDirectory($Path)
 }
 
 function Get-EmptyFolder {
@@ -1081,14 +1051,13 @@ function Test-Capacity {
     # Whether all promises fit with this machine's new one: in sum, in memory, and each processor onto a logical one.
     param([long] $Processors, [long] $Reserve, [long] $Memory)
     $plan = $script:Plan
-    $all = @(Get-MachineList)
     $cpu = if ($plan.ThreadsPerCore -eq 1) { $null } else { Get-Device -Kind 'processors' -Vm $script:Vm }
     $claims = @(@{ Cores = Get-CoreCount -Cpu $cpu -Processors $Processors; Reserve = $Reserve })
     $needed = $claims[0].Cores * $plan.ThreadsPerCore * $Reserve
     $percent = $plan.Percent
     $bytes = $plan.Memory
     $promised = @()
-    foreach ($vm in $all) {
+    foreach ($vm in @(Get-MachineList)) {
         if ([string] $vm.Id -ceq [string] $script:Vm.Id) { continue }
         $ours = (Get-Mark -Vm $vm).Application -ceq $plan.Application
         # A replica starts at a failover only.
@@ -1176,8 +1145,7 @@ function Stop-Partition {
                     continue
                 }
                 try { [void] (Receive-Job -Job $job) } catch {
-                    $message = 'its guest could not be {0}, and is waited for: {1}' -f $asked, $_.Exception.Message
-                    $script:Messages += $message
+                    $script:Messages += 'its guest could not be {0}, and is waited for: {1}' -f $asked, $_.Exception.Message
                 }
                 Remove-Job -Job $job -Force
             })
@@ -1291,7 +1259,7 @@ function Get-TaskPath {
 }
 
 function Write-TaskValue {
-    # A value that is there already is left: a step that was killed goes on where it stopped.
+    # A value that is there already is left, here and below: a step that was killed goes on where it stopped.
     param([string] $Task, [string] $Name, [string] $Type, $Value)
     $path = Get-TaskPath -Task $Task
     Add-Key -Path $path
@@ -1326,7 +1294,6 @@ function Write-TaskRecord {
     Add-Key -Path ('{0}\{1}' -f $script:RecordRoot, $Application)
     Add-Key -Path $path
     foreach ($one in @(@('before', $Before), @('robot', $Robot), @('set', $Digest))) {
-        # What is there already is left: a step that was killed goes on where it stopped.
         $there = [string] (Get-Item -LiteralPath $path).GetValue($one[0])
         if ([string]::Equals($there, $one[1], [System.StringComparison]::Ordinal)) { continue }
         [void] (New-ItemProperty -LiteralPath $path -Name $one[0] -PropertyType String -Value $one[1] -Force)
@@ -1334,7 +1301,6 @@ function Write-TaskRecord {
 }
 
 function Remove-TaskRecord {
-    # With the keys above it that hold nothing else.
     param([string] $Task, [string] $Application)
     Remove-Key -Path (Get-RecordPath -Task $Task -Application $Application)
     foreach ($path in @(('{0}\{1}' -f $script:RecordRoot, $Application), $script:RecordRoot)) {
@@ -1354,14 +1320,12 @@ function Test-EmptyKey {
 }
 
 function Test-BareKey {
-    # Whether a key is there and holds neither values nor keys.
     param([string] $Path)
     if (-not (Test-Path -LiteralPath $Path)) { return $false }
     -not (@(Get-ChildItem -LiteralPath $Path).Count + @((Get-Item -LiteralPath $Path).GetValueNames()).Count)
 }
 
 function Get-RecordPath {
-    # Ours, never below the multimedia keys.
     param([string] $Task, [string] $Application)
     '{0}\{1}\{2}' -f $script:RecordRoot, $Application, $Task
 }
@@ -1472,8 +1436,7 @@ function Receive-RarmsPlan {
         }
         $start = [System.Diagnostics.ProcessStartInfo]::new()
         $start.FileName = [System.Diagnostics.Process]::GetCurrentProcess().MainModule.FileName
-        $form = '-NoProfile -NonInteractive -ExecutionPolicy RemoteSigned -File "{0}" {1}'
-        $start.Arguments = $form -f $main, $table[0]
+        $start.Arguments = '-NoProfile -NonInteractive -ExecutionPolicy RemoteSigned -File "{0}" {1}' -f $main, $table[0]
         $start.UseShellExecute = $false
         $start.RedirectStandardInput = $true
         $child = [System.Diagnostics.Process]::Start($start)
@@ -1494,11 +1457,8 @@ function Receive-RarmsPlan {
         [Console]::Out.WriteLine('rarms-bootstrap/1 failed ' + ($_.Exception.Message -replace '\s+', ' '))
         90
     } finally {
-        try {
-            if ($folder) { [System.IO.Directory]::Delete($folder, $true) }
-        } catch {
-            [Console]::Error.WriteLine('rarms could not remove ' + $folder)
-        }
+        try { if ($folder) { [System.IO.Directory]::Delete($folder, $true) } }
+        catch { [Console]::Error.WriteLine('rarms could not remove ' + $folder) }
     }
 }
 

@@ -9,7 +9,7 @@ function Invoke-RarmsMeasuring {
     try {
         Initialize-Run -Run $Run
         $script:Tests = @()         # test partitions, in the order in which their reserves are asked for
-        $script:TestFolder = '[\\/]rarms-p[12]\.rarms-0{12}$'
+        $script:TestFolder = '[\\/]rarms-p[12](\.rarms-0{12})?$'
         $script:TestDisk = '[\\/]rarms-p[12]-0{12}\.vhdx?$'
         $script:Works = @()         # components and loads inside guests
         $script:Sessions = [hashtable]::new($script:Ordinal)  # by number of a work: the session into its guest

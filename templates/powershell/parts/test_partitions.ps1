@@ -26,12 +26,15 @@ function Add-TestMachine {
     $script:Vm = $vm
     Write-Mark
     $folder = if ($Test.Folder) { $Test.Folder } else { (Hyper-V\Get-VMHost).VirtualHardDiskPath }
-    $disk = '{0}\{1}-{2}.{3}' -f ($folder -creplace '\\$', ''), $Test.Name, $script:Plan.Plan, $Test.Type
+    $folder = $folder -creplace '\\$', ''
+    if ($Test.Folder) { $folder = '{0}\{1}' -f $folder, $Test.Name }
+    $disk = '{0}\{1}-{2}.{3}' -f $folder, $Test.Name, $script:Plan.Plan, $Test.Type
     $old = Get-DiskReading -Path $disk -Parent $Test.Image -Everywhere
     if ($old.exists -and (-not $old.child -or $old.used)) {
         Stop-Run -Detail ('{0} is not a disk of a measurement: move it' -f $disk)
     }
     if ($old.exists) { Remove-DiskFile -Path $disk }
+    Add-Folder -Path $folder
     [void] (Hyper-V\New-VHD -Path $disk -ParentPath $Test.Image -Differencing)
     Add-PartitionDisk -Path $disk
     Hyper-V\Set-VMMemory -VM $vm -DynamicMemoryEnabled $false -StartupBytes $Test.Memory
@@ -66,12 +69,14 @@ function Remove-TestPartition {
         if (@('off', 'saved') -cnotcontains (ConvertTo-RunState -State $vm.State)) {
             Hyper-V\Stop-VM -VM $vm -TurnOff -Force
         }
-        $folder = [string] $vm.Path
+        $folders = @([string] $vm.Path)
         Hyper-V\Remove-VM -VM $vm -Force
-        foreach ($disk in $disks) { Remove-DiskFile -Path $disk.Path }
-        if ($folder -cmatch $script:TestFolder) {
-            foreach ($one in @(Get-EmptyFolder -Path $folder)) { [System.IO.Directory]::Delete($one) }
+        foreach ($disk in $disks) {
+            Remove-DiskFile -Path $disk.Path
+            $folders += [System.IO.Path]::GetDirectoryName($disk.Path)
         }
+        $folders = @(foreach ($one in $folders) { if ($one -cmatch $script:TestFolder) { $one } })
+        foreach ($one in @(Get-EmptyFolder -Path $folders)) { [System.IO.Directory]::Delete($one) }
         if ($Tell) { Write-Progressed -Partition ($called -creplace '\..*$', '') -Status 'changed' -Detail 'removed' }
     }
 }

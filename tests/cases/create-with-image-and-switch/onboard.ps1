@@ -4,9 +4,9 @@
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
-    machine  processors  reserve                memory  disk                                                           switch  secure boot       start
-    vision   2           1.6 LP (80 % of each)  1 GiB   D:\machines\vision-9bd8a48c1959.vhdx from D:\images\base.vhdx  lab     MicrosoftWindows  start
-    Calls that change something, and no other: Add-PartitionDisk 1, Move-NewPartition 1, New-VHD 1, New-VM 1, Rename-VM 1, Set-VM 1, Set-VMFirmware 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
+    machine  processors  reserve                memory  disk                                                                  switch  secure boot       start
+    vision   2           1.6 LP (80 % of each)  1 GiB   D:\machines\vision\vision-9bd8a48c1959.vhdx from D:\images\base.vhdx  lab     MicrosoftWindows  start
+    Calls that change something, and no other: Add-Folder 1, Add-PartitionDisk 1, Move-NewPartition 1, New-VHD 1, New-VM 1, Rename-VM 1, Set-VM 1, Set-VMFirmware 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
     Not undone: what was written on the disk made from D:\images\base.vhdx goes with it
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -17,13 +17,13 @@
 .PARAMETER Force
     Asks nothing before it stops, removes or deletes.
 .PARAMETER Test
-    Gives an object for each step, which tells whether it is as wanted, and changes nothing.
+    Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 0b8c97e7a1f8db5dd492bf28dee70c59d7b5f43b0015751d697186d38df6485a, Rarms.psm1 41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A.
+    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 3a9f0ed7de4310bc8d4db34f01c7ae94b6e49c9450b38ed4e355bebd7ccc7c02, Rarms.psm1 085BB6C9A38F4556CA97459F5D196B380D3159C73814C1E0EEAFF9D5EA1FF55C.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '9bd8a48c1959'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '0b8c97e7a1f8db5dd492bf28dee70c59d7b5f43b0015751d697186d38df6485a'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '3a9f0ed7de4310bc8d4db34f01c7ae94b6e49c9450b38ed4e355bebd7ccc7c02'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -51,17 +51,20 @@ $plan = {
     } -Set {
         Hyper-V\New-VM -Name 'vision.rarms-9bd8a48c1959' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
     }
-    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision-9bd8a48c1959.vhdx' -Parent 'D:\images\base.vhdx' }
+    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision\vision-9bd8a48c1959.vhdx' -Parent 'D:\images\base.vhdx' }
     Add-Step -Action 'make a disk that grows out of D:\images\base.vhdx' -Before @{ exists = $false } -After @{
         child = $true; exists = $true
-    } -Set { Hyper-V\New-VHD -Path 'D:\machines\vision-9bd8a48c1959.vhdx' -ParentPath 'D:\images\base.vhdx' -Differencing }
+    } -Set {
+        Add-Folder -Path 'D:\machines\vision'
+        Hyper-V\New-VHD -Path 'D:\machines\vision\vision-9bd8a48c1959.vhdx' -ParentPath 'D:\images\base.vhdx' -Differencing
+    }
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ disks = 0; taken = $false } -After @{
         boots_from = 'drive'; checkpoints = 'disabled'; disks = 1; dynamic_memory = $false; limit = 100; mark = 'robot/vision'
         memory = 1073741824; name = 'vision'; processors = 2; reserve = 80; secure_boot = 'MicrosoftWindows'; set = '28cc232b41a1'
         start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
     } -Set {
-        Add-PartitionDisk -Path 'D:\machines\vision-9bd8a48c1959.vhdx'
+        Add-PartitionDisk -Path 'D:\machines\vision\vision-9bd8a48c1959.vhdx'
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
         Hyper-V\Set-VMFirmware -VM $script:Vm -EnableSecureBoot 'On' -SecureBootTemplate 'MicrosoftWindows' -FirstBootDevice (Hyper-V\Get-VMHardDiskDrive -VM $script:Vm)
         Move-NewPartition -From 'D:\machines\vision.rarms-9bd8a48c1959' -To 'D:\machines\vision'
@@ -78,7 +81,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
-    'Rarms.psm1' = '41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A'
+    'Rarms.psm1' = '085BB6C9A38F4556CA97459F5D196B380D3159C73814C1E0EEAFF9D5EA1FF55C'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -16,13 +16,13 @@
 .PARAMETER Force
     Asks nothing before it stops, removes or deletes.
 .PARAMETER Test
-    Gives an object for each step, which tells whether it is as wanted, and changes nothing.
+    Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: Rarms.psm1 41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A.
+    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: Rarms.psm1 085BB6C9A38F4556CA97459F5D196B380D3159C73814C1E0EEAFF9D5EA1FF55C.
 #>
 
 #Requires -Version 5.1
@@ -47,16 +47,16 @@ $plan = {
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 3 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
-    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' -Disk 'D:\machines\vision-9bd8a48c1959.vhdx' }
+    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' -Disk 'D:\machines\vision\vision-9bd8a48c1959.vhdx' }
     Add-Step -Action 'remove the machine' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
-    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision-9bd8a48c1959.vhdx' -Parent 'D:\images\base.vhdx' -Everywhere }
+    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision\vision-9bd8a48c1959.vhdx' -Parent 'D:\images\base.vhdx' -Everywhere }
     Add-Step -Action 'delete the disk that grows out of D:\images\base.vhdx' -Undoes 0 -Before @{
         child = $true; exists = $true; used = $false
     } -After @{
         exists = $false
-    } -Set { Remove-DiskFile -Path 'D:\machines\vision-9bd8a48c1959.vhdx' }
+    } -Set { Remove-DiskFile -Path 'D:\machines\vision\vision-9bd8a48c1959.vhdx' }
     Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -From 'D:\machines\vision.rarms-9bd8a48c1959' -To 'D:\machines\vision' }
     Add-Step -Action 'remove its folders, where they are empty' -Undoes 0 -Before @{  } -After @{ folders = 0 } -Set {
         Remove-PartitionFolder -From 'D:\machines\vision.rarms-9bd8a48c1959' -To 'D:\machines\vision'
@@ -66,7 +66,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
-    'Rarms.psm1' = '41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A'
+    'Rarms.psm1' = '085BB6C9A38F4556CA97459F5D196B380D3159C73814C1E0EEAFF9D5EA1FF55C'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -15,13 +15,13 @@
 .PARAMETER Force
     Asks nothing before it stops, removes or deletes.
 .PARAMETER Test
-    Gives an object for each step, which tells whether it is as wanted, and changes nothing.
+    Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 45797412ba7cc2ae53e43eb85a03704c69c64be08fdf3ae7cc1ba93cb77e948d, Rarms.psm1 41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A.
+    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 3c4574cc24c92d9a9007b839a32a64483f347318478868117e17ef043f7d622f, Rarms.psm1 085BB6C9A38F4556CA97459F5D196B380D3159C73814C1E0EEAFF9D5EA1FF55C.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f937e393b94e'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '45797412ba7cc2ae53e43eb85a03704c69c64be08fdf3ae7cc1ba93cb77e948d'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '3c4574cc24c92d9a9007b839a32a64483f347318478868117e17ef043f7d622f'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -57,7 +57,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
-    'Rarms.psm1' = '41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A'
+    'Rarms.psm1' = '085BB6C9A38F4556CA97459F5D196B380D3159C73814C1E0EEAFF9D5EA1FF55C'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -18,13 +18,13 @@
 .PARAMETER Force
     Asks nothing before it stops, removes or deletes.
 .PARAMETER Test
-    Gives an object for each step, which tells whether it is as wanted, and changes nothing.
+    Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 5535203399037830e3ee6e6e0afa39f9456b5495f33eb21a361063a407838302, Rarms.psm1 41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A.
+    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo f31eb9eae2dd4d5c1101064ad021429817d43e8ad6e4c8bdc2ef095093f8ce91, Rarms.psm1 085BB6C9A38F4556CA97459F5D196B380D3159C73814C1E0EEAFF9D5EA1FF55C.
 #>
 
 #Requires -Version 5.1
@@ -41,7 +41,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '91988e6a8f9d'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '5535203399037830e3ee6e6e0afa39f9456b5495f33eb21a361063a407838302'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'f31eb9eae2dd4d5c1101064ad021429817d43e8ad6e4c8bdc2ef095093f8ce91'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 8; Cores = 4; ThreadsPerCore = 2; Percent = 800; Memory = 17179869184; AcceptScheduler = $false
     }
@@ -114,7 +114,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
-    'Rarms.psm1' = '41C68D50CA13D8ACF85C777D7BC7E3C8E70C15A9D03D3C0EBF371ABC5189072A'
+    'Rarms.psm1' = '085BB6C9A38F4556CA97459F5D196B380D3159C73814C1E0EEAFF9D5EA1FF55C'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -72,7 +72,8 @@ def test_a_child_of_an_older_disk_has_its_parents_format() -> None:
 
     text = steps_of(render_apply(*rendered_plan([new], image="D:\\images\\old.VHD")))
 
-    assert "-Path 'D:\\vms\\planning-0123456789ab.vhd' -ParentPath 'D:\\images\\old.VHD' -Differencing }\n" in text
+    disk = "D:\\vms\\planning\\planning-0123456789ab.vhd"
+    assert f"-Path '{disk}' -ParentPath 'D:\\images\\old.VHD' -Differencing\n" in text
 
 
 def test_nothing_that_a_value_says_changes_the_structure() -> None:
