@@ -13,7 +13,16 @@ from typing import TYPE_CHECKING, Literal
 
 from rarms_iac.powershell.inspection.layout import without_fixed
 from rarms_iac.powershell.literals import Scalar, read_literal
-from rarms_iac.powershell.statements import CommandCall, calls_of, entries, inner, only_call, plan_of, statements_of
+from rarms_iac.powershell.statements import (
+    CommandCall,
+    calls_of,
+    entries,
+    guard_of,
+    inner,
+    only_call,
+    plan_of,
+    statements_of,
+)
 from rarms_iac.powershell.templates import PLAN, STEP_CALL, TARGET, VM
 from rarms_iac.powershell.tree import literal_of, sound, text_of, walk
 
@@ -115,7 +124,8 @@ def _table(node: "Node") -> dict[str, Scalar]:
 
 def _calls(block: "Node") -> Iterator[ScriptCall]:
     for statement in statements_of(inner(block)):
-        call = only_call(statement)
+        guard = guard_of(statement)
+        call = only_call(guard[1] if guard else statement)
         if call is not None:
             yield _call(call)
 

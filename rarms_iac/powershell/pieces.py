@@ -16,7 +16,7 @@ from rarms_iac.model.plan import Reading, Readings, Step
 from rarms_iac.model.quantities import write_bytes
 from rarms_iac.model.state import SECURE_BOOT_OFF, RegistryValue, StartAction, StopAction, ValueKind
 from rarms_iac.powershell.literals import Literal, NoLiteral, literal
-from rarms_iac.powershell.templates import VM
+from rarms_iac.powershell.templates import VM, guarded
 from rarms_iac.storage.codec import encode
 from rarms_iac.storage.json_text import canonical
 
@@ -37,6 +37,9 @@ _JOINING = (
     | operations.SetActions
     | operations.SetSecureBoot
 )
+
+_BLIND = ("Hyper-V\\", "Write-Mark")
+"""What begins the calls that do not look whether it is done already."""
 
 READER = "Get-PartitionReading"
 """What reads a machine: `-Machine` one that was there before the plan, by its id; `-Name` one that the plan makes."""
@@ -61,6 +64,7 @@ class ScriptPiece:
     after: Readings
     calls: tuple[str, ...]
     joins: bool = False  # its calls may be made twice, so that it is one step with such pieces before it
+    sets: tuple[tuple[str, ...], ...] = ()  # of several that were joined: what each call sets; none: it looks itself
 
 
 def clustered(piece: ScriptPiece) -> ScriptPiece:
@@ -71,27 +75,48 @@ def clustered(piece: ScriptPiece) -> ScriptPiece:
 def cluster_updated(piece: ScriptPiece, machine: str) -> ScriptPiece:
     """The piece with a last call that tells the cluster what its machine is now."""
     update = call("FailoverClusters\\Update-ClusterVirtualMachineConfiguration", VMId=literal(machine))
-    return replace(piece, calls=(*piece.calls, update))
+    return replace(piece, calls=(*piece.calls, update), sets=(*piece.sets, ()) if piece.sets else ())
 
 
 def joined(piece: ScriptPiece, following: ScriptPiece) -> ScriptPiece:
     """Both as one: read before the first call and after the last; cmdlets that set the same object are called once."""
     made = {name: value for name, value in following.before.items() if name not in piece.after}
-    calls = list(piece.calls)
-    for new in following.calls:
+    calls = list(zip(piece.calls, _set_by(piece), strict=True))
+    for new, names in zip(following.calls, _set_by(following), strict=True):
         cmdlet, machine, values = new.partition(f" -VM {VM}")
-        same = next((at for at, old in enumerate(calls) if machine and old.startswith(f"{cmdlet}{machine}")), None)
+        same = next((at for at, (old, _) in enumerate(calls) if machine and old.startswith(f"{cmdlet}{machine}")), None)
         if same is not None:
-            calls[same] += values
+            old, had = calls[same]
+            calls[same] = (old + values, (*had, *names) if had and names else ())
         else:
-            calls = [old for old in calls if old != new] + [new]
+            calls = [(old, had) for old, had in calls if old != new] + [(new, names)]
     is_new = piece.read.startswith(f"{READER} -Name")
     return replace(
         piece,
         action="give it all its settings, and its name last" if is_new else f"{piece.action}; {following.action}",
         before={**made, **piece.before},
         after={**piece.after, **following.after},
-        calls=tuple(calls),
+        calls=tuple(call for call, _ in calls),
+        sets=tuple(tuple(dict.fromkeys(names)) for _, names in calls),
+    )
+
+
+def _set_by(piece: ScriptPiece) -> tuple[tuple[str, ...], ...]:
+    """The names that each call sets; none for those of the module that look themselves whether it is done."""
+    names = tuple(name for name, value in piece.after.items() if name != "exists" and piece.before.get(name) != value)
+    return piece.sets or tuple(names if call.startswith(_BLIND) else () for call in piece.calls)
+
+
+def block_of(piece: ScriptPiece) -> tuple[str, ...]:
+    """The lines of its block: of several calls each is made where the machine does not show yet what it sets.
+
+    A run that is killed again and again at its same call comes to an end so.
+    """
+    if len(piece.calls) == 1 or not piece.sets:
+        return piece.calls
+    return tuple(
+        guarded(call, map(literal, names)) if names else call
+        for call, names in zip(piece.calls, piece.sets, strict=True)
     )
 
 

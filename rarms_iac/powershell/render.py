@@ -30,6 +30,7 @@ from rarms_iac.powershell.literals import Literal, literal
 from rarms_iac.powershell.pieces import (
     NewFiles,
     ScriptPiece,
+    block_of,
     cluster_updated,
     clustered,
     creation_undo_pieces,
@@ -379,7 +380,7 @@ def _step_lines(guarded: _GuardedPiece) -> list[str]:
         action=literal(remark(piece.action)),
         before=_literals(before),
         after=_literals(after),
-        calls=piece.calls,
+        calls=block_of(piece),
         options=tuple(_options(guarded)),
     )
     if isinstance(step.operation, StopPartition):

@@ -107,6 +107,15 @@ def statements_of(block: "Node") -> Iterator["Node"]:
             yield child
 
 
+def guard_of(statement: "Node") -> "tuple[Node, Node] | None":
+    """The condition and the statement of `if (condition) { statement }`; None where it is anything else."""
+    if statement.type != "if_statement":
+        return None
+    parts = [child for child in statement.children if child.is_named]
+    inside = list(statements_of(parts[-1])) if [part.type for part in parts] == ["pipeline", "statement_block"] else []
+    return (parts[0], inside[0]) if len(inside) == 1 else None
+
+
 def only_call(statement: "Node") -> CommandCall | None:
     """The call that a statement is, where it is nothing but one call."""
     node = statement

@@ -2,7 +2,7 @@
 
 import hashlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 from functools import cache
@@ -55,6 +55,9 @@ def read(name: str) -> str:
 
 PLAN, FACTS, TARGET, STEP_CALL = "$plan", "$script:Plan", "Use-Target", "Add-Step"
 """The variable that holds a plan, the one that gets the run's facts, and what the plan calls."""
+
+GUARD = "Test-Open"
+"""What a call in a step of several asks first."""
 
 FORMER_PLAN = "Add-Plan"
 """The function that held a plan in scripts before there was a module; the journals of hosts hold them."""
@@ -117,6 +120,11 @@ def step_lines(step: StepText) -> list[str]:
         return [opening, *_wrapped(step.after), *_with_set("    }", step.calls)]
     wrapped = [*_wrapped(step.before), "    } -After @{", *_wrapped(step.after)]
     return [f"{start} -Before @{{", *wrapped, *_with_set("    }", step.calls)]
+
+
+def guarded(call: str, names: Iterable[str]) -> str:
+    """A call that is made where one of these names, as literals, is not as the step wants it."""
+    return f"if ({GUARD} -Name {', '.join(names)}) {{ {call} }}"
 
 
 def _with_set(opening: str, calls: Sequence[str]) -> list[str]:

@@ -15,7 +15,16 @@ from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.inspection.steps import _CAPACITY, _MEASURES, _READERS, _SETTERS, _VALUES
 from rarms_iac.powershell.render import render_observe, render_scripts
 from rarms_iac.powershell.statements import calls_of, plan_statements
-from rarms_iac.powershell.templates import ENTRY, MEASURING_ENTRY, STEP_CALL, TARGET, ScriptForm, module_text, read
+from rarms_iac.powershell.templates import (
+    ENTRY,
+    GUARD,
+    MEASURING_ENTRY,
+    STEP_CALL,
+    TARGET,
+    ScriptForm,
+    module_text,
+    read,
+)
 from rarms_iac.powershell.tree import sound
 from rarms_iac.providers.hyperv.bootstrap import render_installed_receiver, render_loader, render_receiver
 from tests import builders_plan as build
@@ -131,6 +140,7 @@ def test_scripts_may_call_in_plans_what_rarms_writes_there_and_nothing_else() ->
 
     for name in (STEP_CALL, TARGET):
         del called[name]
+    assert called.pop(GUARD) == {"Name"}
     assert called == {**_READERS, **_SETTERS, **_MEASURES, **_VALUES, **_CAPACITY}
 
 

@@ -217,7 +217,8 @@ def _write_all(scope: Scope, path: Value, data: Value) -> Value:
 
 def _make_folder(scope: Scope, path: Value) -> Value:
     host, where = scope.session.host, text(path)
-    host.effect(f"make folder {where}", lambda: host.write_file(where, None))
+    if host.file(where) is None:
+        host.effect(f"make folder {where}", lambda: host.write_file(where, None))
     return Record(FullName=where)
 
 

@@ -163,8 +163,9 @@ def test_a_partition_more_is_24_lines_of_a_script() -> None:
     assert len(more) - len(single) <= 24 * (PARTITIONS - 1)
 
 
-def test_a_number_more_in_the_manifest_changes_eleven_lines_of_a_script_at_most() -> None:
+def test_a_number_more_in_the_manifest_changes_eleven_lines_of_a_script_and_one_a_new_machine_at_most() -> None:
     before, after = lines_of(a_system(PARTITIONS)), lines_of(a_system(PARTITIONS, reserve=6))
 
     assert len(after) == len(before)
-    assert 3 < sum(old != new for old, new in zip(before, after, strict=True)) <= 11
+    changed = sum(old != new for old, new in zip(before, after, strict=True))
+    assert 3 < changed <= 11 + 3  # a new machine's pending name holds the plan's id

@@ -604,6 +604,21 @@ def test_a_record_is_written_on_where_a_killed_run_stopped() -> None:
     assert written not in host.effects
 
 
+@cells
+@pytest.mark.parametrize("effects", [9, 12])
+def test_a_run_that_is_killed_again_and_again_at_the_same_call_ends(cell: Make, effects: int) -> None:
+    prepared = cell()
+    host = prepared.copy(kill_after=effects)
+    apply(host, prepared.plan)
+    runs = 1
+    while (ran := again(host := host.copy(kill_after=effects), prepared)).code is None:
+        runs += 1
+        assert runs < 120, host.effects
+
+    assert ran.code == 0, ran.says
+    assert [str(step.address) for step in prepared.cell.on(host.copy()).plan().hosts[0].steps] == []
+
+
 SHADOWED = ("Where-Object", "Sort-Object", "Test-Path", "Get-Item", "Get-ChildItem")
 
 

@@ -13,6 +13,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.powershell.statements import (
     CommandCall,
     entries,
+    guard_of,
     inner,
     only_call,
     plan_of,
@@ -23,6 +24,7 @@ from rarms_iac.powershell.statements import (
 from rarms_iac.powershell.templates import (
     ENTRY,
     FACT_NAMES,
+    GUARD,
     HOST_FACT_NAMES,
     MEASURING_ENTRY,
     PLAN,
@@ -32,11 +34,12 @@ from rarms_iac.powershell.templates import (
     StepText,
     fact_lines,
     fill,
+    guarded,
     impact_of,
     step_lines,
     target_line,
 )
-from rarms_iac.powershell.tree import ShapeNode, line_of, literal_of, parse, shape_of, text_of
+from rarms_iac.powershell.tree import ShapeNode, line_of, literal_of, parse, shape_of, text_of, walk
 
 if TYPE_CHECKING:
     from tree_sitter import Node
@@ -279,13 +282,23 @@ def _template_set(node: "Node") -> tuple[str, ...]:
     """The calls of a `Set` block: cmdlets of Hyper-V, and writers of the module."""
     calls = []
     for statement in statements_of(inner(node)):
-        call = only_call(statement)
+        guard = guard_of(statement)
+        call = only_call(guard[1] if guard else statement)
         if call is None:
             raise _OtherForm(statement, "Set holds more than calls")
-        calls.append(_call_text(call, {**_SETTERS, **_FORMER_SETTERS}))
+        text = _call_text(call, {**_SETTERS, **_FORMER_SETTERS})
+        calls.append(guarded(text, [_HARMLESS] * _count_of_names(guard[0])) if guard else text)
     if not calls:
         raise _OtherForm(node, "Set does nothing, or is no block")
     return tuple(calls)
+
+
+def _count_of_names(condition: "Node") -> int:
+    """How many names the question ahead of a call holds."""
+    asked = only_call(condition)
+    if asked is None or asked.name != GUARD or set(asked.given) != {"Name"} or asked.loose or asked.operator:
+        raise _OtherForm(condition, f"a call of a step is asked for by {GUARD} alone")
+    return sum(literal_of(node) is not None for node in walk(_value(asked, "Name")) if node.type == "string_literal")
 
 
 def _call_text(call: CommandCall, allowed: Mapping[str, frozenset[str]]) -> str:

@@ -79,8 +79,6 @@ function Test-RarmsPlan {
         The script of a plan.
     .PARAMETER AsJson
         With -Path: one JSON object for all of them, as a resource of DSC gives it.
-    .PARAMETER Run
-        What a script hands over, as Invoke-RarmsPlan takes it.
     #>
     [CmdletBinding(PositionalBinding = $false)]
     param([string] $Path = '', [switch] $AsJson, [System.Collections.IDictionary] $Run = $null)
@@ -144,7 +142,7 @@ function Write-Failure {
     $script:Code = 1
     $id = [string] $Failure.FullyQualifiedErrorId
     $at = $Failure.InvocationInfo  # of what a guest says there may be none
-    if ($id -cne $detail -and $null -ne $at) { $detail += ' ({0} {1}, line {2})' -f $at.MyCommand, $id, $at.ScriptLineNumber }
+    if ($id -cne $detail -and $at) { $detail += ' ({0} {1}, line {2})' -f $at.MyCommand, $id, $at.ScriptLineNumber }
     Write-RunEvent -Kind 'failed' -Step $script:Current -Status 'failed' -Detail $detail
 }
 
@@ -159,7 +157,7 @@ function Open-Run {
     $same = $null -ne $last -and $last.plan -ceq $plan.Plan
     if ($same -and $last.run -ceq $plan.Run -and $script:Closing -cne 'abandoned') { return }
     if ($plan.Run -ceq 'undo') {
-        if (-not $same -or $last.run -cne 'apply') { Stop-Run -Detail 'the last run here was not what this undoes: rarms undo takes back that one' }
+        if (-not $same -or $last.run -cne 'apply') { Stop-Run -Detail 'undo the last run here first: it was another' }
     } elseif ($open) {
         Stop-Run -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
     } elseif (-not $plan.Guest -and [long] $script:Serials[$plan.Application] -ne $plan.Serial) {
@@ -174,9 +172,8 @@ function Close-Run {
     Import-Journal
     $last = $script:Started
     $open = $null -ne $last -and -not $script:Closing
-    if ($open -and $last.plan -cne $script:Plan.Plan) {
-        Stop-Run -Detail ('plan {0} is unfinished here, not this one: give -Abandon to its script' -f $last.plan)
-    }
+    $other = 'plan {0} is unfinished here, not this one: give -Abandon to its script'
+    if ($open -and $last.plan -cne $script:Plan.Plan) { Stop-Run -Detail ($other -f $last.plan) }
     $status = if ($open) { 'abandoned' } else { 'unchanged' }
     if ($open -and -not (Test-Wanted -Address 'host' -Action 'close the unfinished run')) {
         $status = if ($script:Preview) { 'previewed' } else { 'skipped' }
@@ -225,8 +222,8 @@ function Complete-Run {
 
 function Show-Restart {
     # What the task classes that this plan wrote wait for.
-    $wrote = @(foreach ($step in $script:Steps) { if ($step.Address -cmatch '(^|/)task/') { $script:Recorded[[string] $step.Number] } })
-    if ($wrote -cnotcontains 'changed') { return }
+    $all = @(foreach ($step in $script:Steps) { if ($step.Address -cmatch '(^|/)task/') { [string] $step.Number } })
+    if (@(foreach ($number in $all) { $script:Recorded[$number] }) -cnotcontains 'changed') { return }
     $path = 'HKLM:\SYSTEM\CurrentControlSet\Services\MMCSS'
     $start = if (Test-Path -LiteralPath $path) { (Get-Item -LiteralPath $path).GetValue('Start') } else { 4 }
     $lack = 'the service MMCSS is missing or disabled here: classes have no effect until it starts with Windows'
@@ -275,7 +272,6 @@ function Assert-Host {
         [void] $wanted.Remove('boots_from')
         $live = Get-Reading -Name $wanted.Keys
         while ($live['state'] -ceq 'busy' -and [DateTime]::UtcNow -lt $settled) {
-            # Its guest restarts just now.
             Start-Sleep -Milliseconds 500
             $script:Known.Clear()
             $live = Get-Reading -Name $wanted.Keys
@@ -309,8 +305,9 @@ function Invoke-Step {
     if ([DateTime]::UtcNow -gt $script:Fresh -or -not $script:Known.Contains($Step.Address)) { $script:Known.Clear() }
     $lacks = @(foreach ($one in $Step.Needs) { if ($script:Skipped.Contains($one)) { $one } })
     $live = Get-Reading -Step $Step
+    $script:Open = @(Compare-Reading -Live $live -Expected $Step.After)
     # What builds on a declined step is left out and not recorded, as it would look as if it had nothing to do.
-    if (-not $lacks.Count -and -not @(Compare-Reading -Live $live -Expected $Step.After).Count) {
+    if (-not $lacks.Count -and -not $script:Open.Count) {
         # One that was begun and killed has changed something.
         $status = if ($script:Recorded.Contains([string] $Step.Number)) { 'changed' } else { 'unchanged' }
         return Add-StepRecord -Step $Step -Status $status
@@ -342,6 +339,12 @@ function Invoke-Step {
     $missed = @(Compare-Reading -Live (Get-Reading -Step $Step) -Expected $Step.After)
     if ($missed.Count) { throw ($Step.Address + ': set, but the host still shows otherwise: ' + ($missed -join ', ')) }
     Add-StepRecord -Step $Step -Status 'changed' -Detail $Step.Action
+}
+
+function Test-Open {
+    # Whether one of these is not as the step wants it: what a killed run did is not done again.
+    param([string[]] $Name)
+    @(foreach ($one in $Name) { if ($script:Open -ccontains $one) { $one } }).Count -gt 0
 }
 
 function Test-Wanted {
@@ -437,7 +440,6 @@ function Write-RunEvent {
     $text = '{0,-10} {1}  {2}' -f $Status, $Step.Address, $Detail
     Write-Information -MessageData $text -InformationAction Continue
     if ($script:Preview) { return }
-    # A bar for the person who looks on; cmdlets show none of their own.
     $ProgressPreference = 'Continue'
     if ($Kind -cne 'step') { return Write-Progress -Activity 'rarms' -Completed }
     Write-Progress -Activity 'rarms' -Status $text -PercentComplete ([int] (100 * $Step.Number / ($script:Steps.Count + 1)))
@@ -491,7 +493,8 @@ function Show-Run {
             [void] (Test-Wanted -Address $one.Step.Address -Action $one.Detail)
         }
     }
-    Write-RunEvent -Kind 'run' -Status 'previewed' -Detail ('{0} of {1} steps are to do; nothing was changed' -f $ahead.Count, $shown.Count)
+    $detail = '{0} of {1} steps are to do; nothing was changed' -f $ahead.Count, $shown.Count
+    Write-RunEvent -Kind 'run' -Status 'previewed' -Detail $detail
 }
 
 function Show-State {
@@ -526,7 +529,6 @@ function Get-Preview {
             @{ Step = $step; Status = 'unchanged'; Detail = $leave }
             continue
         }
-        # Room that earlier steps make is not there yet.
         if (-not $made.Count -and $null -ne $fits -and -not (& $fits)) {
             throw ('{0}: the host cannot keep this promise: {1}' -f $step.Address, $script:Shortage)
         }
@@ -564,7 +566,7 @@ function Lock-Host {
         try {
             $script:Handle = [System.IO.FileStream]::new($path, 'OpenOrCreate', 'Write', 'Read')
         } catch [System.IO.IOException] {
-            if (-not ([DateTime]::UtcNow -lt $until)) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + (Get-Holder) + ': wait, or give -LockTimeout') }
+            if (-not ([DateTime]::UtcNow -lt $until)) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + (Get-Holder)) }
             Start-Sleep -Milliseconds 500
         }
     }
@@ -690,7 +692,6 @@ function Write-FirstRecord {
     $plan = $script:Plan
     $undo = ''
     if ($plan.Undo) {
-        # It must lie beside this one, as it was made.
         $path = [System.IO.Path]::Combine([System.IO.Path]::GetDirectoryName($script:Run.ScriptPath), $plan.Undo)
         if (-not (Test-Path -LiteralPath $path)) { throw ('{0} must lie beside this script: put it there' -f $path) }
         $data = [System.IO.File]::ReadAllBytes($path)
@@ -715,11 +716,10 @@ function Write-FirstRecord {
         history = @($script:Past)
         serials = $script:Serials; touched = @($script:Touched.Keys | Sort-Object); kind = 'run_started'
     }
-    # The script and its undo need it, too; a script in one file holds it.
     if ($script:Run.ModulePath) {
         $record['module'] = [hashtable]::new($script:Ordinal)
-        foreach ($name in @('Rarms.psd1', 'Rarms.psm1')) {
-            $record['module'][$name] = [System.IO.File]::ReadAllText([System.IO.Path]::Combine($script:Run.ModulePath, $name))
+        foreach ($one in @('Rarms.psd1', 'Rarms.psm1')) {
+            $record['module'][$one] = [System.IO.File]::ReadAllText([System.IO.Path]::Combine($script:Run.ModulePath, $one))
         }
     }
     Add-Record -Path $fresh -Record $record
@@ -758,17 +758,18 @@ function Assert-VmHost {
     if (-not $vmHost.NumaSpanningEnabled) { $script:Nodes = @(Hyper-V\Get-VMHostNumaNode) }
     if ($plan.AcceptScheduler) { return }
     if (Test-RootScheduler) {
-        throw 'the hypervisor runs its root scheduler, under which no reserve has an effect: have core by bcdedit, or accept it in the plan'
+        throw 'the hypervisor runs its root scheduler, under which no reserve works: choose core, or accept it'
     }
 }
 
 function Test-RootScheduler {
     # Event 2 says 4 for root. Where it has left the log, a client Windows has root; of a server the plan told.
     try {
-        $found = @(Get-WinEvent -FilterHashtable @{ ProviderName = 'Microsoft-Windows-Hyper-V-Hypervisor'; ID = 2 } -MaxEvents 1)
-        return [int] $found[0].Properties[0].Value -eq 4
+        $asked = @{ ProviderName = 'Microsoft-Windows-Hyper-V-Hypervisor'; ID = 2 }
+        return [int] @(Get-WinEvent -FilterHashtable $asked -MaxEvents 1)[0].Properties[0].Value -eq 4
     } catch { Write-Verbose -Message $_.Exception.Message }
-    [string] (Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion').GetValue('InstallationType') -ceq 'Client'
+    $key = Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion'
+    $key.GetValue('InstallationType') -ceq 'Client'
 }
 
 # === guest: where the script of a guest may run.
@@ -875,7 +876,7 @@ function Get-Mark {
 function Assert-Untied {
     param($Vm, [bool] $Clustered)
     $tie = Get-Tie -Vm $Vm -Clustered $Clustered
-    if ($tie) { Stop-Run -Detail ('machine {0} ({1}) is {2}, and not changed here: take it out of the plan' -f $Vm.Name, $Vm.Id, $tie) }
+    if ($tie) { Stop-Run -Detail ('machine {0} ({1}) is {2}, and not changed here: leave it out' -f $Vm.Name, $Vm.Id, $tie) }
 }
 
 function Get-Tie {
@@ -899,7 +900,8 @@ function Write-Mark {
     # The mark that the step wants, or none, above the user's lines: the only text built around what a host says.
     $wanted = $script:Current.After
     $notes = [string] $script:Vm.Notes -creplace ('(?m)' + $script:MarkForm + '\n?'), ''
-    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8), $wanted['set']
+    $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
+    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
     if ($wanted['mark']) { $notes = if ($notes) { $line + [char] 13 + [char] 10 + $notes } else { $line } }
     Hyper-V\Set-VM -VM $script:Vm -Notes $notes
 }
@@ -994,8 +996,8 @@ function Test-Stranger {
     # Whether a machine of this name is foreign: it carries no mark of our application.
     param([string] $Name)
     foreach ($vm in @(Get-MachineList)) {
-        if (-not [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)) { continue }
-        if ((Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { return $true }
+        $named = [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)
+        if ($named -and (Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { return $true }
     }
     $false
 }
@@ -1174,8 +1176,8 @@ function Get-DiskReading {
     param([string] $Path, [string] $Parent, [switch] $Everywhere)
     if (-not (Test-Path -LiteralPath $Path)) { return @{ exists = $false } }
     $disk = Hyper-V\Get-VHD -Path $Path
-    $child = [string] $disk.VhdType -ceq 'Differencing' -and (Test-SamePath -Left $disk.ParentPath -Right $Parent)
-    $live = @{ exists = $true; child = $child }
+    $live = @{ exists = $true }
+    $live['child'] = [string] $disk.VhdType -ceq 'Differencing' -and (Test-SamePath -Left $disk.ParentPath -Right $Parent)
     if ($Everywhere) { $live['used'] = Test-DiskUse -Path $Path }
     $live
 }
@@ -1463,7 +1465,6 @@ function Receive-RarmsPlan {
 }
 
 function Read-Stream {
-    # Fills the array; the connection must not end before.
     param([System.IO.Stream] $From, [byte[]] $Into)
     $at = 0
     while ($at -lt $Into.Length) {

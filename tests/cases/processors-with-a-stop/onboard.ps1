@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 23c9ded74dbe45dcd02dca68f17ebf75c10c23ef75c700d12aba41b641b4a265, Rarms.psm1 085BB6C9A38F4556CA97459F5D196B380D3159C73814C1E0EEAFF9D5EA1FF55C.
+    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo be37c63c71ef56b6f6ada12888501fbb37f3dbfd6bd938d4f546233e496fbd29, Rarms.psm1 88C5900FA2ABB4E4A65D12320FA306F5D984FFFE5772849E71726907BB036F0D.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f61314ec8d24'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '23c9ded74dbe45dcd02dca68f17ebf75c10c23ef75c700d12aba41b641b4a265'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'be37c63c71ef56b6f6ada12888501fbb37f3dbfd6bd938d4f546233e496fbd29'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -54,8 +54,8 @@ $plan = {
     } -After @{
         limit = 100; mark = 'robot/speech'; processors = 2; reserve = 20; set = '9574858e36ae'; state = 'off'; weight = 100
     } -Set {
-        Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100 -Count 2
-        Write-Mark
+        if (Test-Open -Name 'reserve', 'processors') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100 -Count 2 }
+        if (Test-Open -Name 'set') { Write-Mark }
     }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 20 -Memory 536870912 } -Before @{ state = 'off' } -After @{
         state = 'running'
@@ -65,7 +65,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
-    'Rarms.psm1' = '085BB6C9A38F4556CA97459F5D196B380D3159C73814C1E0EEAFF9D5EA1FF55C'
+    'Rarms.psm1' = '88C5900FA2ABB4E4A65D12320FA306F5D984FFFE5772849E71726907BB036F0D'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

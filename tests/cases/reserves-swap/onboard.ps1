@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo 5ab627057735bdbdd83a14a849bbbf747c14239c82d6de90841410c509d7dcf2, Rarms.psm1 085BB6C9A38F4556CA97459F5D196B380D3159C73814C1E0EEAFF9D5EA1FF55C.
+    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo ba8b76b1413ffa406f147587834d31f41a42aa12e057975ef09953016be89251, Rarms.psm1 88C5900FA2ABB4E4A65D12320FA306F5D984FFFE5772849E71726907BB036F0D.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'd989e106a3d8'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '5ab627057735bdbdd83a14a849bbbf747c14239c82d6de90841410c509d7dcf2'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'ba8b76b1413ffa406f147587834d31f41a42aa12e057975ef09953016be89251'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -50,8 +50,8 @@ $plan = {
     } -After @{
         limit = 100; mark = 'robot/vision'; reserve = 20; set = '2a25f044217c'; weight = 100
     } -Set {
-        Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100
-        Write-Mark
+        if (Test-Open -Name 'reserve') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100 }
+        if (Test-Open -Name 'set') { Write-Mark }
     }
 
     # === speech: the host differs from the manifest in reserve, limit or weight (rarms.yaml:13:3) =
@@ -61,15 +61,15 @@ $plan = {
     } -After @{
         limit = 100; mark = 'robot/speech'; reserve = 60; set = 'c959e400da4b'; weight = 100
     } -Set {
-        Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 60 -Maximum 100 -RelativeWeight 100
-        Write-Mark
+        if (Test-Open -Name 'reserve') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 60 -Maximum 100 -RelativeWeight 100 }
+        if (Test-Open -Name 'set') { Write-Mark }
     }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
-    'Rarms.psm1' = '085BB6C9A38F4556CA97459F5D196B380D3159C73814C1E0EEAFF9D5EA1FF55C'
+    'Rarms.psm1' = '88C5900FA2ABB4E4A65D12320FA306F5D984FFFE5772849E71726907BB036F0D'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo f31eb9eae2dd4d5c1101064ad021429817d43e8ad6e4c8bdc2ef095093f8ce91, Rarms.psm1 085BB6C9A38F4556CA97459F5D196B380D3159C73814C1E0EEAFF9D5EA1FF55C.
+    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 9bf08d084c5def961af96dd99d80812e6d6394a7f54dceeca0c3ac135f4f72e2, Rarms.psm1 88C5900FA2ABB4E4A65D12320FA306F5D984FFFE5772849E71726907BB036F0D.
 #>
 
 #Requires -Version 5.1
@@ -41,7 +41,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '91988e6a8f9d'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'f31eb9eae2dd4d5c1101064ad021429817d43e8ad6e4c8bdc2ef095093f8ce91'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '9bf08d084c5def961af96dd99d80812e6d6394a7f54dceeca0c3ac135f4f72e2'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 8; Cores = 4; ThreadsPerCore = 2; Percent = 800; Memory = 17179869184; AcceptScheduler = $false
     }
@@ -55,12 +55,12 @@ $plan = {
         name = 'mapping'; processors = 1; reserve = 50; set = 'b81e386612c8'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 100
     } -Set {
-        Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
+        if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
         Remove-NetworkAdapter
-        Write-Mark
-        Hyper-V\Set-VMProcessor -VM $script:Vm -Count 1 -Reserve 50 -Maximum 100 -RelativeWeight 100
-        Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled'
-        Hyper-V\Rename-VM -VM $script:Vm -NewName 'mapping'
+        if (Test-Open -Name 'mark', 'set') { Write-Mark }
+        if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 1 -Reserve 50 -Maximum 100 -RelativeWeight 100 }
+        if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
+        if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName 'mapping' }
     }
 
     # === speech: it is not there (rarms.yaml:12:3) ================================================
@@ -73,12 +73,12 @@ $plan = {
         name = 'speech'; processors = 3; reserve = 95; set = 'e2151f12c2ec'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 200
     } -Set {
-        Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
+        if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
         Remove-NetworkAdapter
-        Write-Mark
-        Hyper-V\Set-VMProcessor -VM $script:Vm -Count 3 -Reserve 95 -Maximum 100 -RelativeWeight 200
-        Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled'
-        Hyper-V\Rename-VM -VM $script:Vm -NewName 'speech'
+        if (Test-Open -Name 'mark', 'set') { Write-Mark }
+        if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 3 -Reserve 95 -Maximum 100 -RelativeWeight 200 }
+        if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
+        if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName 'speech' }
     }
 
     # === vision: it is not there (rarms.yaml:11:3) ================================================
@@ -91,12 +91,12 @@ $plan = {
         name = 'vision'; processors = 2; reserve = 95; set = '93dda9d42ef5'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 300
     } -Set {
-        Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
+        if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
         Remove-NetworkAdapter
-        Write-Mark
-        Hyper-V\Set-VMProcessor -VM $script:Vm -Count 2 -Reserve 95 -Maximum 100 -RelativeWeight 300
-        Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled'
-        Hyper-V\Rename-VM -VM $script:Vm -NewName 'vision'
+        if (Test-Open -Name 'mark', 'set') { Write-Mark }
+        if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 2 -Reserve 95 -Maximum 100 -RelativeWeight 300 }
+        if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
+        if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName 'vision' }
     }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 95 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
         state = 'running'
@@ -114,7 +114,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
-    'Rarms.psm1' = '085BB6C9A38F4556CA97459F5D196B380D3159C73814C1E0EEAFF9D5EA1FF55C'
+    'Rarms.psm1' = '88C5900FA2ABB4E4A65D12320FA306F5D984FFFE5772849E71726907BB036F0D'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
