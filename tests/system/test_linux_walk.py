@@ -68,3 +68,24 @@ def test_plan_apply_drift_undo_and_destroy(folder: Path) -> None:
 
     shown = rarms("show", "--script", *where)
     assert "A Linux host has no script, so onboard has none" in " ".join(shown.err.split())
+
+
+@pytest.mark.needs("control-groups")
+@pytest.mark.alone
+def test_what_left_the_manifest_is_removed_and_undo_brings_it_back(folder: Path) -> None:
+    where, manifest = ("-f", str(folder)), folder / "rarms.yaml"
+    assert rarms("apply", *where, "--auto-approve").code == 0
+    tree = groups_of(folder)
+    speech = tree.name_for("speech")
+    before = tree.names(), tree.read(speech)
+    lines = manifest.read_text(encoding="utf-8").splitlines(keepends=True)
+    manifest.write_text("".join(line for line in lines if not line.startswith("  speech:")), encoding="utf-8")
+
+    removed = rarms("apply", *where, "--auto-approve")
+    assert removed.code == 0, removed.err
+    assert speech not in tree.names()
+    undone = rarms("undo", *where, "--auto-approve")
+
+    assert undone.code == 0, undone.err
+    assert (tree.names(), tree.read(speech)) == before
+    assert rarms("destroy", *where, "--auto-approve").code == 0

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import venv
@@ -111,3 +112,17 @@ def test_what_lies_beside_the_package_travels_in_the_wheel(wheel: Path) -> None:
 
 def test_the_editable_install_does_the_main_job_too(tmp_path: Path) -> None:
     assert failures_of_main_job(Path(sys.executable).parent, tmp_path) == []
+
+
+@pytest.mark.needs("network", "venv")
+def test_a_program_as_the_page_has_it_passes_strict_types_against_the_wheel(installed: Path, tmp_path: Path) -> None:
+    page = (CHECKOUT / "docs" / "library.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    (tmp_path / "program.py").write_text("\n".join(blocks), encoding="utf-8")
+    python = ("--python-executable", str(installed / "python"))
+    check = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", "cache", *python, "program.py"]
+
+    done = subprocess.run(check, cwd=tmp_path, capture_output=True, text=True, encoding="utf-8")
+
+    assert len(blocks) >= 4
+    assert done.returncode == 0, done.stdout + done.stderr
