@@ -310,7 +310,7 @@ def test_a_disk_stays_when_its_machine_goes_and_is_deleted_when_no_machine_has_i
     )
     (disk,) = host.observe().disks
     at = Address(partition="vision", disk=disk.path.upper())
-    assert disk.path == f"D:\\vms\\vision-{SCOPE.plan}.vhdx"
+    assert disk.path == f"D:\\vms\\vision\\vision-{SCOPE.plan}.vhdx"
     assert host.read(at, SCOPE) == {"exists": True, "parent": "D:\\robot.vhdx", "used": True}
     removal = RemoveDisk(partition="vision", path=disk.path, parent=disk.parent)
     with pytest.raises(HostRefused, match="in use"):
