@@ -28,7 +28,7 @@ class DurationBounds:
 
     Where settings go on until they are clear, `most_ms` has the whole budget of each; where they end at `run.until`, it
     is a bound where jobs answer as fast as their thresholds ask (those without a threshold of time: within their
-    timeout). It may take more settings than `most_settings` where settings reach no steady state.
+    timeout). It never takes more settings than `most_settings`.
     """
 
     least_settings: int

@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Protocol
 
+from rarms_iac.measuring.search.trials import conclude
 from rarms_iac.measuring.setting_run import (
     MeasuringContext,
     TestPartitions,
@@ -18,6 +19,7 @@ from rarms_iac.measuring.setting_run import (
 )
 from rarms_iac.measuring.settings_log import KnownSettings, SettingsLog
 from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.model.outcomes import Conclusion, ExperimentDecision, Measure, Stopped
 from rarms_iac.model.setting import Setting
 
@@ -53,7 +55,14 @@ class LoopResult:
     new: int  # how many of them were run now
 
 
-def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, context: MeasuringContext) -> LoopResult:
+def measure(
+    experiment: Experiment,
+    strategy: Strategy,
+    log: SettingsLog,
+    context: MeasuringContext,
+    *,
+    most_settings: int | None = None,
+) -> LoopResult:
     """Run settings until the strategy has its answer; P1 and P2 are there only meanwhile.
 
     Args:
@@ -61,6 +70,8 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, contex
         strategy: asked for each next setting.
         log: settings in it are not run again; new ones are added as they end.
         context: the host, locked, and who is told.
+        most_settings: so many are run at most, as was said beforehand: then what they show is the answer. None: as many
+            as the strategy asks for.
 
     Returns:
         How it ended, with all settings that count.
@@ -83,6 +94,9 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, contex
                     break
                 anew = None  # what was asked for is measured anew: all that counts gives the answer
                 continue
+            if most_settings is not None and new >= most_settings:
+                decision = conclude(known.settings, goal_of(experiment))
+                break
             if context.should_stop():
                 decision = Stopped()
                 break

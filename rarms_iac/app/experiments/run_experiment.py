@@ -16,7 +16,7 @@ from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring import measuring_findings
-from rarms_iac.measuring.duration import DurationBounds, expected_duration, least_samples, settings_to_run
+from rarms_iac.measuring.duration import DurationBounds, SettingCount, expected_duration, least_samples, settings_to_run
 from rarms_iac.measuring.loop import LoopResult, OtherProcessors, measure
 from rarms_iac.measuring.methods import Method, Search, is_of_paper, strategy_of
 from rarms_iac.measuring.partitions import (
@@ -135,10 +135,14 @@ def _run_held(
     if log.changed:
         session.control.reporter.message(_describe_stale(log))
 
+    known = [run for run in settings_log.runs() if settings_log.anew in (None, run.seed)]
+    shows_processors = experiment.processors_from is ProcessorSource.HOST
+    count = settings_to_run(method, known, available.highest_reserve, shows_processors=shows_processors)
+
     def prepare_host() -> MeasuringResources:
         _stop_what_is_in_the_way(session, experiment, method, available)
         if tells_duration:
-            session.control.reporter.message(_describe_duration(experiment, method, available, settings_log))
+            session.control.reporter.message(_describe_duration(experiment, method, available, count, settings_log))
         return available.resources
 
     context = MeasuringContext(
@@ -153,7 +157,8 @@ def _run_held(
     # Where other partitions are in the way, `_refuse_host` names them before the first run. Do not end earlier for lack
     # of room, which says less.
     most = 100 if available.running and not session.on_busy_host else available.highest_reserve
-    measurement = measure(experiment, strategy_of(method, goal_of(experiment), most), settings_log, context)
+    strategy = strategy_of(method, goal_of(experiment), most)
+    measurement = measure(experiment, strategy, settings_log, context, most_settings=count.most)
     if measurement.new and available.running:
         session.control.reporter.findings([_busy_warning(experiment, available.running)])
     return settings_log, measurement
@@ -281,21 +286,11 @@ def _refusal(
 
 
 def _describe_duration(
-    experiment: Experiment, method: Method, available: _Availability, settings_log: SettingsLog
+    experiment: Experiment, method: Method, available: _Availability, count: SettingCount, settings_log: SettingsLog
 ) -> str:
     """Say how long measuring takes: at least, while jobs are as fast as they should be, and at most."""
-    known = [run for run in settings_log.runs() if settings_log.anew in (None, run.seed)]
-    bounds = expected_duration(
-        experiment,
-        settings_to_run(
-            method,
-            known,
-            available.highest_reserve,
-            shows_processors=experiment.processors_from is ProcessorSource.HOST,
-        ),
-        settings_log.settings(),
-        Settling(memory_ms=available.memory_ms).least_ms,
-    )
+    least_ms = Settling(memory_ms=available.memory_ms).least_ms
+    bounds = expected_duration(experiment, count, settings_log.settings(), least_ms)
     settings = counted(bounds.most_settings, "setting")
     if bounds.least_settings != bounds.most_settings:
         settings = f"{bounds.least_settings} to {settings}"

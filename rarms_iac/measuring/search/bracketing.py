@@ -3,7 +3,7 @@
 Bisection and the walk assume only that more processor time is never worse. The default interpolates, truncates,
 projects (ITP; Oliveira and Takahashi, 2020): a crossing is read off the settings so far, moved a little towards the
 middle, and kept where halving could still end in time. So no falling curve takes more than `MOST` settings whose
-verdicts are true; where noise turns one, or there is no steady state, halving takes as many as it needs.
+verdicts are true; where noise turns one, or there is no steady state, halving goes on, and the loop ends it.
 """
 
 from collections.abc import Sequence

@@ -23,7 +23,7 @@ from rarms_iac.model.run import Periodic, Run
 from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import MeasuringLimits, Threshold
-from rarms_iac.statistics.curves import curves_of, holds
+from rarms_iac.statistics.curves import curves_of, holds, least_reserve
 from rarms_iac.statistics.error_probability import FIRST_LOOK
 from rarms_iac.statistics.estimates import estimate
 from rarms_iac.statistics.overload import grows_without_end
@@ -332,6 +332,24 @@ def sufficient(history: Sequence[SearchTrial], reserve: ReservePercent) -> Suffi
     """
     failed, inconclusive = settings_below(history, reserve)
     return Sufficient(reserve=reserve, failed=failed, inconclusive=inconclusive)
+
+
+def conclude(settings: Sequence[Setting], goal: Goal) -> Sufficient | NotResolved:
+    """Conclude from the settings there are that no further one is measured.
+
+    Args:
+        settings: one a reservation.
+        goal: what is searched.
+
+    Returns:
+        That the least CR which they show to be enough is; or that they show none.
+    """
+    least = least_reserve(curves_of(settings, goal.runs, goal.apts))
+    if least is None:
+        return NotResolved(
+            reason=f"its {len(settings)} settings, as many as there may be, show no reservation to be enough"
+        )
+    return sufficient(trials_of(settings, goal), least)
 
 
 def not_sufficient(highest: SearchTrial) -> NotAchievable | NotResolved:

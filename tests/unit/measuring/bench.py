@@ -59,6 +59,7 @@ class Bench:
         should_stop: Callable[[], bool] = lambda: False,
         seed: int = 1,
         anew: int | None = None,
+        most_settings: int | None = None,
     ) -> LoopResult:
         host = self.host(simulate)
         with host.lock("a test"):
@@ -70,7 +71,8 @@ class Bench:
                 reporter=MeasuringReporter(),
                 should_stop=should_stop,
             )
-            return measure(self.experiment, strategy or self.search(), self.book(anew), around)
+            book = self.book(anew)
+            return measure(self.experiment, strategy or self.search(), book, around, most_settings=most_settings)
 
     @property
     def recorded(self) -> list[int]:

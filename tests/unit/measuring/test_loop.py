@@ -1,10 +1,13 @@
 """The loop of measuring, on a host whose answers are known by hand: 40 ms of work at 50 % take 80 ms."""
 
+import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from rarms_iac.measuring.search.trials import is_clear
 from rarms_iac.measuring.setup import Experiment, experiment_of
@@ -19,6 +22,7 @@ from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachi
 from rarms_iac.statistics.curves import curves_of, least_reserve
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series
+from tests.effort import examples
 from tests.fluid import fluid
 from tests.unit.measuring.bench import Bench
 
@@ -47,6 +51,36 @@ def an_experiment(*members: str) -> Experiment:
 @pytest.fixture
 def bench(tmp_path: Path) -> Bench:
     return Bench(tmp_path, an_experiment())
+
+
+@dataclass(frozen=True, slots=True)
+class Endless:
+    """Asks for one setting after the other, whatever was measured."""
+
+    asked: Sequence[int]
+
+    def decide(self, settings: Sequence[Setting]) -> Measure:
+        return Measure(reserve=self.asked[len(settings)], until_clear=True)
+
+
+@given(asked=st.permutations(range(10, 101, 5)), most=st.integers(1, 6))
+@settings(max_examples=examples(20), deadline=None)
+def test_no_search_takes_more_settings_than_there_may_be_and_the_answer_is_what_a_plan_reserves(
+    asked: list[int], most: int
+) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        bench = Bench(Path(folder), an_experiment())
+        ended = bench.measure(Endless(asked), most_settings=most)
+        goal = goal_of(bench.experiment)
+        least = least_reserve(curves_of(ended.settings, goal.runs, goal.apts))
+
+    assert ended.new == len(ended.settings) == most
+    if least is None:
+        assert isinstance(ended.conclusion, NotResolved)
+        assert max(asked[:most]) < 50
+    else:
+        assert isinstance(ended.conclusion, Sufficient)
+        assert ended.conclusion.reserve == least == min(reserve for reserve in asked[:most] if reserve >= 50)
 
 
 def test_the_papers_walk_ends_at_the_first_ten_that_is_not_worse(bench: Bench) -> None:
