@@ -1,6 +1,6 @@
 """How far the answers of one component lie apart over twelve seeds: 0.5 ms of work and 40 ms of waiting, a flat curve.
 
-`python -m laboratory.benchmarks.spread` measures each with the default strategy beside a busy loop on the simulated host.
+`python -m laboratory.benchmarks.spread` measures it by the default strategy beside a busy loop on the simulated one.
 """
 
 import sys
@@ -31,7 +31,9 @@ THRESHOLDS = {"p90_response_time": 65, "mean_response_time": 45}  # ms; the mean
 def answer(index: str, seed: int) -> int | None:
     """The reservation found with a seed, in per cent; None: there is no answer."""
     apt = {index: at_most(THRESHOLDS[index])}
-    component = a_component("coi", apt=apt, run=a_run(), simulation=a_simulation(work="0.5 ms", blocked="40 ms"))
+    component = a_component(
+        "coi", apt=apt, run=a_run(), processors=1, simulation=a_simulation(work="0.5 ms", blocked="40 ms")
+    )
     system = a_system(components=[component])
     experiment = experiment_of(system, system.hosts["onboard"], ("coi",), "busy-loop")
     with tempfile.TemporaryDirectory() as folder:

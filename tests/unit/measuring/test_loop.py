@@ -55,7 +55,7 @@ def bench(tmp_path: Path) -> Bench:
 
 @dataclass(frozen=True, slots=True)
 class Endless:
-    """Asks for one setting after the other, whatever was measured."""
+    """Asks for one setting after the other, with any result."""
 
     asked: Sequence[int]
 
