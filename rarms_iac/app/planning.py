@@ -17,7 +17,7 @@ from rarms_iac.manifest.checks.measurement import TOO_FEW_SAMPLES
 from rarms_iac.model.diagnostics import Diagnostic, Severity
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.state import State
-from rarms_iac.model.wording import quoted, suggestion
+from rarms_iac.model.wording import in_a_row, quoted, suggestion
 from rarms_iac.storage.plan_file import signed
 
 NO_LIMITS = PlanLimits()
@@ -160,7 +160,7 @@ def hosts_with_partition(hosts: Hosts, partition: str) -> Hosts:
         if any(vm.mark and vm.mark.name == partition for vm in states[name].of(application).partitions)
     ]
     if len(names) > 1:
-        raise RequestError(f"{partition} is on {', '.join(names)}: name one of them with --host.")
+        raise RequestError(f"{partition} is on {in_a_row(names)}: name one of them with --host.")
     return replace(hosts, selection=HostSelection(hosts=tuple(names))) if names else hosts
 
 
@@ -183,7 +183,7 @@ def refuse_unknown_partitions(hosts: Hosts, names: Sequence[str]) -> None:
     for name in names:
         if name not in present:
             raise RequestError(
-                f"{application} has no partition {quoted(name)} on {', '.join(hosts.chosen)}."
+                f"{application} has no partition {quoted(name)} on {in_a_row(hosts.chosen)}."
                 f"{suggestion(name, present)} It has: {', '.join(present) or 'none'}."
             )
 

@@ -107,7 +107,7 @@ def describe_doubts(run: TuningRun) -> Sequence[str]:
     """Name the compounds by which nothing is proved, a sentence each."""
     return [
         f"It is not proved that no other layout is better: {in_a_row(doubt.components)} together may need only "
-        f"{doubt.shown} % of their VPs, since the samples did not tell at {doubt.unresolved} %."
+        f"{doubt.shown} % of their VPs, since the samples did not tell at {doubt.unresolved} % of them."
         for doubt in run.doubts
     ]
 

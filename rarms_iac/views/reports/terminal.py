@@ -134,7 +134,7 @@ class TerminalPlot:
     def __rich_console__(self, console: "Console", options: "ConsoleOptions") -> "RenderResult":
         scale = scale_of(self.curve)
         unit = self.curve.index.symbol + (", log scale" if scale.logarithmic else "")
-        yield paragraph(f"{self.curve.component}: {self.curve.index.name} ({unit}) against CPU reservation (%)")
+        yield paragraph(f"{self.curve.component}: {self.curve.index.name} ({unit}) against CR (% of its VPs)")
         if not self.curve.curve.points:
             yield paragraph("Nothing can be said yet.", indent=2)
             return

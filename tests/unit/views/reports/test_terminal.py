@@ -49,8 +49,8 @@ def test_the_threshold_is_a_line_across_and_the_reserve_one_from_top_to_bottom()
 def test_a_scale_that_is_logarithmic_is_called_so() -> None:
     shares = next(index for each in REPORT.measurements for index in each.indexes if index.index.name == "success_rate")
 
-    assert plot_text(FACES).splitlines()[0].endswith("mean_response_time (ms, log scale) against CPU reservation (%)")
-    assert plot_text(shares).splitlines()[0].endswith("success_rate (%) against CPU reservation (%)")
+    assert plot_text(FACES).splitlines()[0].endswith("mean_response_time (ms, log scale) against CR (% of its VPs)")
+    assert plot_text(shares).splitlines()[0].endswith("success_rate (%) against CR (% of its VPs)")
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 120])
