@@ -89,4 +89,4 @@ def test_the_text_report_has_the_summary_the_total_and_every_plot() -> None:
 
     assert "onboard: 1.72 LP of 2 LP reserved (86 % of onboard)" in text
     assert re.search(r"face-detection +onboard +mean_response_time <=[ .]+1\.2 +60 % of its 2", text)
-    assert text.count("against CPU reservation") == 4
+    assert text.count("against CR") == 4
