@@ -412,21 +412,44 @@ def _text(path: Path) -> str:
     return path.read_text(encoding="utf-8").replace('": "', '":"') if path.is_file() else ""
 
 
-def test_a_robot_pulls_its_own_configuration(fleet: Fleet, tmp_path: Path) -> None:
-    fleet.add("r-1")
+def pulled(fleet: Fleet, checkout: Path) -> Mapping[str, Any]:
+    """Commit the fleet's folder, and have the robot r-1 pull it; return its result of rarms.fleet.apply."""
     book = [{"hosts": "r-1", "gather_facts": False, "tasks": [APPLY]}]
     (fleet.folder / "local.yml").write_text(json.dumps(book), encoding="utf-8")
-    (fleet.folder / ".gitignore").write_text("checkout/\n.ansible/\n.rarms/\n", encoding="utf-8")
+    (fleet.folder / ".gitignore").write_text("checkout/\n.ansible/\n.rarms/\n*.jsonl\n", encoding="utf-8")
     git = ["git", "-c", "user.name=a", "-c", "user.email=a@b", "-C", str(fleet.folder)]
-    for words in (["init", "-q"], ["add", "."], ["commit", "-qm", "A robot"]):
+    for words in (["init", "-q"], ["add", "."], ["commit", "-qm", "A robot", "--allow-empty"]):
         subprocess.run([*git, *words], check=True)
-    pull = [str(ANSIBLE / "ansible-pull"), "-U", f"file://{fleet.folder}", "-d", str(tmp_path / "checkout")]
+    pull = [str(ANSIBLE / "ansible-pull"), "-U", f"file://{fleet.folder}", "-d", str(checkout)]
+    results = fleet.folder / "pulled.jsonl"
+    results.unlink(missing_ok=True)
 
-    ran = fleet.run(
-        [*pull, "-i", str(tmp_path / "checkout" / "robots.fleet.yml"), "-l", "r-1", "local.yml"],
-        tmp_path / "pulled.jsonl",
-    )
+    inventories = ["-i", "localhost,", "-i", str(checkout / "robots.fleet.yml")]
+    python = ["-e", f"ansible_python_interpreter={sys.executable}"]
+    ran = fleet.run([*pull, *inventories, *python, "-l", "r-1", "local.yml"], results)
 
     assert ran.returncode == 0, ran.stdout.decode()
-    rows = [json.loads(line) for line in (tmp_path / "pulled.jsonl").read_text().splitlines()]
-    assert any(row["robot"] == "r-1" and row["result"].get("has_changes") for row in rows)
+    rows = [json.loads(line) for line in results.read_text().splitlines()]
+    (result,) = (row["result"] for row in rows if row["robot"] == "r-1" and "has_changes" in row["result"])
+    applied: Mapping[str, Any] = result
+    return applied
+
+
+def test_a_robot_pulls_its_own_configuration(fleet: Fleet, tmp_path: Path) -> None:
+    fleet.add("r-1")
+
+    assert pulled(fleet, tmp_path / "checkout")["changed"] is True
+    assert pulled(fleet, tmp_path / "checkout")["changed"] is False
+
+
+@pytest.mark.alone
+@pytest.mark.needs("control-groups")
+def test_a_linux_robot_pulls_its_own_configuration(tmp_path: Path) -> None:
+    fleet = a_fleet(tmp_path, LINUX.replace(", connect: { ssh: cell }", ""))
+    fleet.add("r-1", "hosts: { onboard: { linux: { slice: fleet-pull } } }\n")
+    try:
+        assert pulled(fleet, tmp_path / "checkout")["changed"] is True
+        assert pulled(fleet, tmp_path / "checkout")["changed"] is False
+    finally:
+        fleet.play({"rarms.fleet.apply": {"state": "absent"}})
+        shutil.rmtree(STATE_FOLDER / "fleet-pull", ignore_errors=True)
