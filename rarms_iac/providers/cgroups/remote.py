@@ -41,6 +41,8 @@ _GROUP_FILES = (
 )
 _ROOTS = ("", "unified", "cpuset", "memory", "cpuacct", "cpu")
 _POLL_SECONDS = 1.0
+FRESH_SECONDS = 0.5
+"""How long an answer counts as a look at a host that this run holds."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -71,14 +73,17 @@ class RemoteEffects:
         self._folder = state_folder / settings.slice
         self._slice = settings.slice
         self._view = _View()
+        self._seen = 0.0  # when the host showed it, by `time.monotonic`
         self._calls: list[str] = []
         self._seconds = 0.0  # that these calls may wait
         self._is_gathering = False  # effects of several steps, for one batch
         self._lease: tuple[str, str] | None = None  # while this run holds the host: its owner and token
 
     def look(self) -> None:
+        """While this run holds the host, what the last answer showed counts for `FRESH_SECONDS`."""
         self.commit()
-        self._send((), 0.0)
+        if self._lease is None or time.monotonic() - self._seen > FRESH_SECONDS:
+            self._send((), 0.0)
 
     def content(self, path: Path) -> bytes | None:
         return self._view.files.get(path.as_posix())
@@ -135,7 +140,7 @@ class RemoteEffects:
             remaining = max(0, round(until - time.monotonic()))
             hold = _call("hold", "take", owner, token, str(remaining), ended)
             try:
-                self._view = self._answer([hold, *self._looks()], remaining)
+                self._see([hold], remaining)
             except _Held as held:
                 if held.token and held.token != ended and has_ended(held.token):
                     ended = held.token  # the run that had this lease, on this computer, is no more
@@ -248,7 +253,11 @@ class RemoteEffects:
         """Have a batch of effects done, and see what the host shows then."""
         if calls and self._lease is None:
             calls = [_call("hold", "take", "a run of one batch", "one batch", "0", ""), *calls, "release"]
+        self._see(calls, seconds)
+
+    def _see(self, calls: Sequence[str], seconds: float) -> None:
         self._view = self._answer([*calls, *self._looks()], seconds)
+        self._seen = time.monotonic()
 
     def _answer(self, calls: Sequence[str], seconds: float) -> _View:
         """Send a batch, and return what it shows.
