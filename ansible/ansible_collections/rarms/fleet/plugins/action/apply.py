@@ -46,19 +46,19 @@ class ActionModule(RobotAction):
     }
 
     def act(self, robot: Robot, arguments: Mapping[str, Any]) -> Result:
-        """Settle what is unfinished, plan, and do it."""
+        """End what is unfinished, plan, and do it."""
         state, file = arguments["state"], arguments["plan"] and self._below(arguments["plan"])
         if state == "absent" and file:
             raise RequestError("`state: absent` makes its own plan: it takes no `plan`.")
         waits = _waits(arguments["lock_timeout"])
         is_preview = state == "planned" or self._task.check_mode
-        settled = None
+        ended_before = None
         if is_preview or arguments["unfinished"] == "fail":
             refuse_unfinished(robot.hosts)
         else:
-            settled = _settle(robot, arguments["unfinished"], waits)
-            if settled is not None and settled.ending is not RunEnding.DONE:
-                return self._ended(settled)
+            ended_before = _end_unfinished(robot, arguments["unfinished"], waits)
+            if ended_before is not None and ended_before.ending is not RunEnding.DONE:
+                return self._ended(ended_before)
         if state == "applied" and file:
             plan = _reviewed(robot, file)
         else:
@@ -71,7 +71,7 @@ class ActionModule(RobotAction):
             return {**result, "changed": state != "planned" and plan.has_changes}
         report = apply(plan, folder=robot.hosts.folder, waits=waits, channels=robot.hosts.channels)
         ended = self._ended(report)
-        return {**result, **ended, "changed": ended["changed"] or settled is not None}
+        return {**result, **ended, "changed": ended["changed"] or ended_before is not None}
 
     def remove_stale(self, arguments: Mapping[str, Any]) -> None:
         """Remove the plan of an earlier run: it must not be reviewed as today's. What is no plan stays."""
@@ -112,7 +112,7 @@ def _waits(lock_timeout: str) -> WaitLimits:
         raise RequestError(f"`lock_timeout`: {error}") from error
 
 
-def _settle(robot: Robot, how: str, waits: WaitLimits) -> RunReport | None:
+def _end_unfinished(robot: Robot, how: str, waits: WaitLimits) -> RunReport | None:
     """End the run that an earlier task or person left; None: there is none."""
     if not list(unfinished_runs(robot.hosts)):
         return None

@@ -42,8 +42,8 @@ class ActionModule(RobotAction):
         else:
             channel = self.channel(robot)
             stop = ["--stop-partitions"] if arguments["stop_partitions"] else []
-            ran = run_on_robot(channel, robot, arguments, ["measure", *arguments["components"], *stop])
-            answer, logs = ran["answer"], fetch_measurements(channel, robot, arguments["folder"])
+            answer = run_on_robot(channel, robot, arguments, ["measure", *arguments["components"], *stop])
+            logs = fetch_measurements(channel, robot, arguments["folder"])
         new = sum(experiment["new"] for experiment in answer.get("experiments", ()))
         result = {"changed": new > 0, "measured": answer, "logs": logs, "new_settings": new}
         if answer.get("kind") != "measure":  # the findings of a refusal

@@ -36,7 +36,7 @@ class ActionModule(RobotAction):
             answer = json_value(prove_layout(robot.hosts))
         else:
             channel = self.channel(robot)
-            answer = run_on_robot(channel, robot, arguments, ["prove", "--load-host"])["answer"]
+            answer = run_on_robot(channel, robot, arguments, ["prove", "--load-host"])
             fetch_measurements(channel, robot, arguments["folder"])
         if answer.get("kind") == "prove" and answer["met"]:
             return {"changed": False, "proof": answer}

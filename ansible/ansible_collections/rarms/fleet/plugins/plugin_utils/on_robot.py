@@ -24,7 +24,7 @@ if not RARMS_MISSING:
     from rarms_iac.providers.channel import CommandChannel
 
 SILENCE_S = 3600.0
-HERE = ".rarms/here"
+OVERLAYS_FOLDER = ".rarms/here"
 """Folder of the overlays, in the robot's copy, by which it is reached without `connect`."""
 LOG = re.compile(r"[a-z0-9][a-z0-9-]*/[a-z0-9][a-z0-9+-]*(?:\.configuration|/[a-z0-9][a-z0-9-]*)?\.(?:jsonl|json)")
 """A file below `measurements/`, as rarms names them: its platform first."""
@@ -46,7 +46,7 @@ def run_on_robot(channel: CommandChannel, robot: Robot, arguments: Any, words: S
         words: of the command, behind the program's name.
 
     Returns:
-        Its JSON, exit code and what it said.
+        Its JSON.
 
     Raises:
         RequestError: the robot runs Hyper-V, no folder is named, `connect` stands in no overlay, or the command gave
@@ -63,11 +63,13 @@ def run_on_robot(channel: CommandChannel, robot: Robot, arguments: Any, words: S
         )
     command = shlex.join([arguments["executable"], *words, *_manifest_words(robot), "--json"])
     if robot.connect is not None:
-        here = shlex.join(["printf", "%s\n", f"hosts: {{ {robot.host}: {{ connect: null }} }}"])
-        command = f"mkdir -p {shlex.quote(HERE)} && {here} > {shlex.quote(_here(robot))} && {command}"
+        overlay = shlex.join(["printf", "%s\n", f"hosts: {{ {robot.host}: {{ connect: null }} }}"])
+        command = (
+            f"mkdir -p {shlex.quote(OVERLAYS_FOLDER)} && {overlay} > {shlex.quote(_local_overlay(robot))} && {command}"
+        )
     answer = channel.run(f"cd {shlex.quote(arguments['folder'])} && {command}", b"", SILENCE_S)
     try:
-        return {"answer": json.loads(answer.output), "code": answer.code, "stderr": answer.error}
+        return json.loads(answer.output)
     except ValueError as error:
         raise RequestError(f"`{command}` ended with {answer.code} and no answer: {answer.error[-500:]}") from error
 
@@ -81,13 +83,13 @@ def _manifest_words(robot: Robot) -> list[str]:
     if robot.connect is not None:
         if not overlays:
             raise RequestError("Write `connect` in an overlay of the robot's own: on the robot it is left out.")
-        overlays.append(_here(robot))
+        overlays.append(_local_overlay(robot))
     return ["-f", manifest, *(word for overlay in overlays for word in ("--overlay", overlay))]
 
 
-def _here(robot: Robot) -> str:
+def _local_overlay(robot: Robot) -> str:
     """The last overlay, which keeps the robot's name."""
-    return f"{HERE}/{PurePath(robot.hosts.manifest.source.overlays[-1]).stem}.yaml"
+    return f"{OVERLAYS_FOLDER}/{PurePath(robot.hosts.manifest.source.overlays[-1]).stem}.yaml"
 
 
 def fetch_measurements(channel: CommandChannel, robot: Robot, folder: str) -> list[str]:

@@ -47,9 +47,9 @@ ROBOT_ARGUMENTS = {
 }
 
 
-REHEARSAL = """
+WARM_UP_MANIFEST = """
 schema: rarms/v1
-application: { name: rehearsal }
+application: { name: warm-up }
 hosts: { onboard: { provider: simulated, logical_processors: 1, memory: 1 GiB } }
 components: { one: { criticality: 1, memory: 64 MiB, cpu: { reserve: 0.1 LP } } }
 """
@@ -212,7 +212,7 @@ class RobotAction(ActionBase):
         return self._loader.path_dwim(path)
 
 
-def rehearse() -> None:
+def warm_up() -> None:
     """Plan and apply once in a folder of its own, on a simulated host.
 
     Ansible imports an action before it forks a process for each robot. What rarms imports and works out when it is
@@ -221,7 +221,7 @@ def rehearse() -> None:
     importlib.import_module("rarms_iac.providers.cgroups.remote")
     with TemporaryDirectory(prefix="rarms-") as folder:
         manifest = Path(folder) / "rarms.yaml"
-        manifest.write_text(REHEARSAL, encoding="utf-8")
+        manifest.write_text(WARM_UP_MANIFEST, encoding="utf-8")
         hosts = load(str(manifest))
         apply(plan(hosts), folder=folder)
         json_value(plan(hosts))
@@ -262,4 +262,4 @@ def _only_host(hosts: Hosts) -> str:
 
 
 if not RARMS_MISSING:
-    rehearse()
+    warm_up()
