@@ -361,7 +361,7 @@ def test_a_robot_behind_winrm_has_no_password_in_a_file(fleet: Fleet) -> None:
 MEASURED = """\
 schema: rarms/v1
 application: { name: robot }
-policy: { measuring: { setting: 20 s, proof: 40 s } }
+policy: { interference: busy-loop, measuring: { setting: 10 s, proof: 15 s } }
 hosts:
   onboard: { provider: linux, memory: 1 GiB, keep_for_host: { processor: 0 %, memory: 256 MiB }, platform: bench }
 components:
@@ -374,7 +374,7 @@ components:
     interference: busy-loop
     run:
       command: [python3, jobs.py, '0.006', '0', '1']
-      until: { elapsed: 2 s }
+      until: { elapsed: 1 s }
       samples: { from: json_lines, response_time: { field: ms, unit: ms } }
 """
 
