@@ -460,6 +460,7 @@ def test_between_batches_the_lease_keeps_others_out_until_no_batch_came_for_a_mi
     host: LinuxHostProvider, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     on_another_computer(monkeypatch)
+    monkeypatch.setattr(remote, "FRESH_SECONDS", 0.0)
     there, here = open_remote(builders.a_host(), tmp_path), open_slice_here(tmp_path)
     with host.lock("ann@lab, process 7"):
         for other in (there, here):
