@@ -586,7 +586,7 @@ def test_a_batch_that_waits_for_the_systems_lock_in_vain_says_who_holds_it(
     with busy.lock("ann@lab"):
         channel.at = 1
         with pytest.raises(HostLocked, match="held by ben@lab"):
-            busy.observe()
+            busy.execute(StopPartition(partition="vision", grace_ms=0), SCOPE)
 
 
 @pytest.mark.needs("linux", "shellcheck")
