@@ -112,6 +112,7 @@ def test_an_installed_module_takes_the_scripts_and_another_version_is_refused_by
     missing = remote.rarms("plan")
     remote.ask(installed=["0.0.1", "0.0.2"])
     other = remote.rarms("plan")
+    examined = remote.rarms("doctor")
     remote.ask(installed=["0.0.1", __version__])
 
     applied = apply(remote)
@@ -120,8 +121,8 @@ def test_an_installed_module_takes_the_scripts_and_another_version_is_refused_by
     assert f"the module Rarms {__version__} is not installed on cell, which has: 0.0.1 0.0.2" in " ".join(
         other.err.split()
     )
-    for refused in (missing, other):
-        assert "rarms show --transport --out FOLDER" in " ".join(refused.err.split())
+    for refused in (missing, other, examined):
+        assert "rarms show --transport --out FOLDER" in " ".join((refused.out + refused.err).split())
     assert is_as_wanted(remote)
 
 
