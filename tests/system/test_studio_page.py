@@ -303,6 +303,7 @@ def test_a_setting_is_measured_and_its_samples_and_the_scripts_difference_are_sh
         assert "at a reserve of 77 %" in shown(browser, "m1-1-samples")
         bars = browser.find_elements("css selector", "#m1-1-samples rect")
         assert any(bar.size["height"] > 0 for bar in bars)
+        browser.find_element("id", "m1-1-line").send_keys("\ue011")  # Home: away from the dot of the least reserve
         browser.find_element("css selector", "#m1 .dot").click()
         assert "at a reserve of 77 %" not in shown(browser, "m1-1-samples")
 
