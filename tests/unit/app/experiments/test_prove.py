@@ -366,7 +366,7 @@ components:
   short:
     criticality: 2
     memory: 512 MiB
-    apt: { mean_response_time: { at_most: 6 ms } }
+    apt: { mean_response_time: { at_most: 5.6 ms } }
     run: { command: [short], arrival: { every: 50 ms } }
     cpu: { reserve: 11 % }
     simulation: { work: 5 ms, varies: 1 % }
