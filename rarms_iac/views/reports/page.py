@@ -173,8 +173,9 @@ def _number(value: float) -> str:
 
 
 def _path(points: Sequence[tuple[float, float]]) -> str:
-    """Straight lines through points whose height is 0 at the bottom and 1 at the top."""
-    return "M" + "L".join(f"{_number(x)} {_number(100 - 100 * height)}" for x, height in points)
+    """Straight lines through points whose height is 0 at the bottom and 1 at the top; empty where there is none."""
+    lines = "L".join(f"{_number(x)} {_number(100 - 100 * height)}" for x, height in points)
+    return f"M{lines}" if lines else ""
 
 
 def _band(rows: Sequence[CurveRow], scale: Scale) -> str:
