@@ -114,7 +114,7 @@ MEMBERS = READING_MEMBERS | words(
     Credential arguments child environment exists files folder instances period_ticks program reserve timeout_ms used
     Arguments Close CreateTempSubdirectory Error FileName GetCurrentProcess IsCompleted MainModule NewGuid
     Abandon AsJson Caller Code Confirmation ExportedFunctions LockTimeout Module ModulePath NewBoundScriptBlock Preview
-    ScriptPath Test WriteEntry InDesiredState
+    ScriptPath Test WriteEntry InDesiredState module undo
     OpenStandardInput Out ReadAsync RedirectStandardInput StandardInput User WriteLine
     """
 )
@@ -137,6 +137,7 @@ PINS = frozenset(
         "$ErrorActionPreference = 'Stop'",
         "$PSDefaultParameterValues = @{}",
         "$ConfirmPreference = 'None'",
+        "$ConfirmPreference = 'High'",
         "$ConfirmPreference = $script:Run.Confirmation",
         "$script:WhatIfPreference = $script:Preview",
         "$ProgressPreference = 'SilentlyContinue'",

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 from rarms_iac.powershell.tree import text_of
 from tests.powershell_lint.cmdlets import cmdlet, problems_of_call
 from tests.twin import members
+from tests.twin.dotnet import content
 from tests.twin.expressions import Expression, expression, invoke, only, run_block
-from tests.twin.scopes import Block, Body, FunctionInfo, Scope
+from tests.twin.scopes import Block, Body, Exit, FunctionInfo, Scope
 from tests.twin.values import EMPTY, ScriptError, Thing, Unsupported, Value, number, text, truth
 
 if TYPE_CHECKING:
@@ -78,10 +79,32 @@ def _invocation(node: Node) -> Body:
         elif isinstance(held, Block) and not written.given and not written.splatted:
             arguments = [argument(scope) for argument in written.positional] if written.positional else None
             _emit(out, run_block(held, scope, arguments=arguments))
+        elif isinstance(held, str):
+            _run_file(held, written, scope, out)
         else:
             raise Unsupported(f"{written.name} calls {held!r}")
 
     return run
+
+
+def _run_file(path: str, written: Written, scope: Scope, out: list[Value]) -> None:
+    """A script by `&`: it sees what its caller sees, a module's own variables too; `exit` ends the script alone."""
+    from tests.twin.compiling import compiled
+    from tests.twin.run import given_to_script
+
+    assert not written.positional
+    script = compiled(content(scope, path))
+    inner = Scope(scope.session, scope.state.current, is_script=True)
+    given = {name.lower(): truth(value(scope)) if value else True for name, value in written.given}
+    given_to_script(inner, script, given, path, written.name)
+    state = scope.state
+    outer, state.current = state.current, inner
+    try:
+        script.body(inner, out)
+    except Exit as end:
+        scope.variables["lastexitcode"] = end.code
+    finally:
+        state.current = outer
 
 
 def _method(path: Node, argument: Expression) -> Expression:

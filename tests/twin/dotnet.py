@@ -244,10 +244,12 @@ def _delete(scope: Scope, path: Value) -> Value:
     return EMPTY
 
 
-def _delete_folder(scope: Scope, path: Value) -> Value:
+def _delete_folder(scope: Scope, path: Value, recursive: Value = False) -> Value:
     host, where = scope.session.host, text(path).lower()
     inside = [at for at in host.files if at.startswith(where + "\\")]
-    if inside or any(vm.folder.lower() == where for vm in host.vms.values()):
+    for at in inside if recursive else ():
+        _delete(scope, at)
+    if (inside and not recursive) or any(vm.folder.lower() == where for vm in host.vms.values()):
         raise ScriptError("The directory is not empty.", error_id="IOException", kind="System.IO.IOException")
     return _delete(scope, path)
 

@@ -377,7 +377,8 @@ def _describe_call(function: Function, state: SessionState, given: dict[str, Val
     """The variables that PowerShell itself gives to a function, and what its common parameters set."""
     called = Record(Name=function.name, Module=state.module)
     inner.variables["myinvocation"] = Record(MyCommand=called, InvocationName=function.name)
-    inner.variables["psboundparameters"] = Table(list(given.items()))
+    named = {"whatif": "WhatIf", "confirm": "Confirm"}
+    inner.variables["psboundparameters"] = Table([(named.get(name, name), value) for name, value in given.items()])
     if function.binding is None:
         return
     what_if = confirm = None

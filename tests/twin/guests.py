@@ -400,7 +400,7 @@ CALLS: dict[tuple[str, str], Callable[..., Value]] = {
         text(program), text(arguments)
     ),
     ("diagnostics.process", "start"): start_process,
-    ("io.path", "combine"): lambda scope, folder, name: f"{text(folder)}\\{text(name)}",
+    ("io.path", "combine"): lambda scope, *parts: "\\".join(map(text, parts)),
     ("io.path", "gettemppath"): lambda scope: "C:\\Temp\\",
     ("io.path", "getdirectoryname"): lambda scope, path: text(path).rpartition("\\")[0],
     ("io.file", "exists"): lambda scope, path: text(path) in scope.session.host.guest_files,

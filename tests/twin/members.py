@@ -194,6 +194,8 @@ def cast(to: str, value: Value, scope: Scope) -> Value:
             return _held(value, Block, to)
         case "system.collections.idictionary":
             return _held(value, Table, to)
+        case "pscustomobject" if isinstance(value, Record):
+            return value
         case "pscustomobject":
             return Record(**{text(name): held for name, held in _held(value, Table, to).items()})
         case "ref":

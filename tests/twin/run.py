@@ -116,21 +116,7 @@ def walk(session: Session, script: Function, given: Mapping[str, bool | int], *,
         compiled(session.host.profile.encode("ascii")).body(outermost, session.output)
     scope = Scope(session, outermost, is_script=True) if at_prompt else outermost
     scope.state.current = scope
-    what_if, confirm = bool(given.get("whatif")) or None, bool(given.get("confirm")) or None
-    scope.variables |= {
-        "psboundparameters": Table([(_WRITTEN[name], value) for name, value in given.items() if value is not False]),
-        "psscriptroot": session.path.rpartition("\\")[0],
-        "myinvocation": Record(InvocationName=session.invoked_by),
-        "pscommandpath": session.path,
-        "pscmdlet": Cmdlet(session, script.binding.impact if script.binding else "Medium", what_if, confirm),
-    }
-    if what_if:
-        scope.variables["whatifpreference"] = True
-    if confirm:
-        scope.variables["confirmpreference"] = "Low"
-    for parameter in script.parameters:
-        default = parameter.default(scope) if parameter.default else False
-        scope.variables[parameter.name] = given.get(parameter.name, default)
+    given_to_script(scope, script, given, session.path, session.invoked_by)
     try:
         script.body(scope, session.output)
     except Exit as end:
@@ -139,6 +125,28 @@ def walk(session: Session, script: Function, given: Mapping[str, bool | int], *,
         session.talk.append(error.says)
         return 1
     return 0
+
+
+def given_to_script(
+    scope: Scope, script: Function, given: Mapping[str, bool | int], path: str, invoked_by: str
+) -> None:
+    """What PowerShell gives a script by itself, and its parameters."""
+    what_if = bool(given["whatif"]) if "whatif" in given else None
+    confirm = bool(given.get("confirm")) or None
+    scope.variables |= {
+        "psboundparameters": Table([(_WRITTEN[name], value) for name, value in given.items() if value is not False]),
+        "psscriptroot": path.rpartition("\\")[0],
+        "myinvocation": Record(InvocationName=invoked_by),
+        "pscommandpath": path,
+        "pscmdlet": Cmdlet(scope.session, script.binding.impact if script.binding else "Medium", what_if, confirm),
+    }
+    if what_if is not None:
+        scope.variables["whatifpreference"] = what_if
+    if confirm:
+        scope.variables["confirmpreference"] = "Low"
+    for parameter in script.parameters:
+        default = parameter.default(scope) if parameter.default else False
+        scope.variables[parameter.name] = given.get(parameter.name, default)
 
 
 _WRITTEN = {

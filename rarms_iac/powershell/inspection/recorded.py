@@ -36,7 +36,7 @@ _PARAMETERS = re.compile(
     r"ConfirmImpact = '(?:Medium|High)'\)\]\s+"
     rf"(?:\[Diagnostics\.CodeAnalysis\.SuppressMessageAttribute\({_WORDS}(?:,\s+{_WORDS})*\)\]\s+)?"
     rf"param\({_PARAMETER}(?:, {_PARAMETER})*\)"
-    r"|\[Diagnostics\.CodeAnalysis\.SuppressMessageAttribute\([^)\r\n]*\r\n[^)\r\n]*\)\]\r\nparam\(\)"
+    r"|(?:\[Diagnostics\.CodeAnalysis\.SuppressMessageAttribute\([^)\r\n]*\r\n[^)\r\n]*\)\]\r\n)+param\(\)"
 )
 _FUNCTION = re.compile(r"function [A-Za-z]+-[A-Za-z0-9]+ \{")
 

@@ -6,7 +6,9 @@
     Description          = 'Does the plans of rarms: each script of a plan calls it.'
     PowerShellVersion    = '5.1'
     CompatiblePSEditions = @('Desktop', 'Core')
-    FunctionsToExport    = @('Invoke-RarmsPlan', 'Test-RarmsPlan', 'Receive-RarmsPlan')
+    FunctionsToExport    = @(
+        'Invoke-RarmsPlan', 'Test-RarmsPlan', 'Get-RarmsRun', 'Stop-RarmsRun', 'Close-RarmsRun', 'Receive-RarmsPlan'
+    )
     CmdletsToExport      = @()
     VariablesToExport    = @()
     AliasesToExport      = @()

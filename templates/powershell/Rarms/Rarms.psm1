@@ -3,6 +3,8 @@
 
 [Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSUseShouldProcessForStateChangingFunctions', '', Scope = 'Function',
     Target = '*', Justification = 'Every step is asked for, once, in Test-Wanted.')]
+[Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSShouldProcess', '', Scope = 'Function', Target = '*-RarmsRun',
+    Justification = 'They hand on what was asked for.')]
 param()
 
 # What a profile or a caller set reaches none of the calls below.
@@ -30,17 +32,12 @@ function Invoke-RarmsPlan {
         Does the steps of a plan, and gives their events to the pipeline.
     .PARAMETER Path
         The script of a plan, which is run as it is.
-    .PARAMETER AsJson
-        With -Path: one JSON object a line, for a program to read.
     .PARAMETER Run
-        What a script hands over: Caller is its $PSCmdlet, ScriptPath its $PSCommandPath, ModulePath the folder of this
-        module or nothing where the script holds it, ExitCode a reference, Plan a block, the others its preferences.
-    .EXAMPLE
-        Invoke-RarmsPlan -Path .\cell.ps1 -AsJson
+        What a script hands over: its $PSCmdlet, paths, preferences and plan, and a reference for its exit code.
     #>
     [CmdletBinding(PositionalBinding = $false)]
     param([string] $Path = '', [switch] $AsJson, [System.Collections.IDictionary] $Run = $null)
-    if ($Path) { return & $Path -AsJson:$AsJson }
+    if ($Path) { return Invoke-Script -Path $Path -AsJson $AsJson }
     if ($null -eq $Run) { throw 'give -Path: the script of a plan' }
     # An alias of the caller would come before a function of this module: none is called before this.
     $own = @(Microsoft.PowerShell.Core\Get-Command -CommandType Function -Module $MyInvocation.MyCommand.Module.Name)
@@ -75,26 +72,72 @@ function Test-RarmsPlan {
     <#
     .SYNOPSIS
         Gives an object for each step of a plan: Address, Action, InDesiredState, Disruption; and writes nothing.
-    .PARAMETER Path
-        The script of a plan.
     .PARAMETER AsJson
         With -Path: one JSON object for all of them, as a resource of DSC gives it.
     #>
     [CmdletBinding(PositionalBinding = $false)]
     param([string] $Path = '', [switch] $AsJson, [System.Collections.IDictionary] $Run = $null)
-    if ($Path) { return & $Path -Test -AsJson:$AsJson }
+    if ($Path) { return Invoke-Script -Path $Path -Test $true -AsJson $AsJson }
     if ($null -eq $Run) { throw 'give -Path: the script of a plan' }
     $Run['Test'] = $true
     Invoke-RarmsPlan -Run $Run
 }
 
+function Get-RarmsRun {
+    <#
+    .SYNOPSIS
+        Gives the runs that this computer remembers, the last one at the end; what has no closing is unfinished.
+    #>
+    [CmdletBinding(PositionalBinding = $false)]
+    param()
+    Initialize-Run
+    $script:Preview = $true
+    Import-Journal
+    Clear-Journal
+    foreach ($one in $script:Past) { [pscustomobject] $one }
+}
+
+function Stop-RarmsRun {
+    <#
+    .SYNOPSIS
+        Asks the run of this script to end before its next step; run the script again to go on.
+    #>
+    [CmdletBinding(PositionalBinding = $false)]
+    param([Parameter(Mandatory)] [string] $Path)
+    if (-not (Test-Path -LiteralPath $Path)) { throw ('there is no script {0}' -f $Path) }
+    [System.IO.File]::WriteAllText($Path + '.stop', 's')
+}
+
+function Close-RarmsRun {
+    <#
+    .SYNOPSIS
+        Closes the unfinished run of this computer, of any plan, and changes nothing else.
+    #>
+    [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'High')]
+    param([switch] $Force)
+    $asked = if ($Force) { 'None' } else { 'High' }
+    Initialize-Run -Run @{
+        Caller = $PSCmdlet; Confirmation = $asked; Preview = [bool] $PSBoundParameters['WhatIf']; Test = $false
+        AsJson = $false; LockTimeout = 0
+    }
+    try { Close-Run } finally { Unlock-Host }
+}
+
+function Invoke-Script {
+    # It would see the preferences of this module, under which nothing is asked: it gets those of PowerShell.
+    param([string] $Path, [bool] $AsJson, [bool] $Force, [bool] $Test, [bool] $Preview)
+    $ConfirmPreference = 'High'
+    $WhatIfPreference = $false
+    & $Path -AsJson:$AsJson -Force:$Force -Test:$Test -WhatIf:$Preview
+}
+
 function Initialize-Run {
-    param([System.Collections.IDictionary] $Run)
+    param([System.Collections.IDictionary] $Run = @{ Preview = $false; Test = $false; AsJson = $false; LockTimeout = 0 })
     $script:Code = 1                # how the script will end: 0, 1 or 3
     $script:Current = $script:Whole # the step that is read or done: what fails, fails there
     $script:Told = @{ Status = 'begun'; Detail = '' } # by the last event about the whole run
     $script:Ending = $null          # of the event that ends the run, where the run itself ends it
-    $script:Plan = @{ Plan = '' }   # the run's facts, which the plan gives
+    $script:Plan = @{ Plan = ''; Run = '' }  # the run's facts, which the plan gives
     $script:Steps = @()             # those of the plan
     $script:Handle = $null          # of the owner's file while this run holds the computer; it ends with its process
     $script:Run = $Run              # what the script handed over
@@ -105,7 +148,6 @@ function Initialize-Run {
     $script:Looking = $false        # whether everything is looked at, and no step done
     $script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that a declined -Confirm left out
     $script:Nodes = @()             # NUMA nodes, where no machine may lie on two of them
-    $script:Shortage = ''           # what the host has, and what a promise needs, where the promise was refused
     $script:Changed = 0             # steps that this run did
     $script:Messages = @()          # what a step has to tell beside that it is done
     # A service or a logon may come without the variable; Windows knows the folder all the same.
@@ -121,7 +163,6 @@ function Initialize-Run {
     $script:Recorded = [hashtable]::new($script:Ordinal)  # by number of a step: what it says of it
     $script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many runs there were
     $script:Touched = [hashtable]::new($script:Ordinal)  # of an undo: the apply's steps that may have changed something
-    $script:Vm = $null              # the machine that was read last
     $script:Shielded = [hashtable]::new($script:Ordinal)  # by id of a machine
     $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
     $set = '[0-9a-f]{12}(?: stopped| measuring)?(?: robot=NAME)?(?: protected)?'
@@ -131,7 +172,6 @@ function Initialize-Run {
 }
 
 function Write-Failure {
-    # The event that ends a run which does not end well; the code that its script ends with.
     param($Failure)
     $detail = [string] $Failure.Exception.Message
     $ending = $script:Ending
@@ -147,7 +187,6 @@ function Write-Failure {
 }
 
 function Open-Run {
-    # A run of this plan that was killed goes on; one that ended is only looked at.
     $plan = $script:Plan
     Lock-Host
     if ($plan.Guest) { Assert-Guest } else { Assert-VmHost }
@@ -167,13 +206,13 @@ function Open-Run {
 }
 
 function Close-Run {
-    # -Abandon: this plan's unfinished run is closed, and the host stays as it is.
+    # The unfinished run, of this plan where there is one; the host stays as it is.
     Lock-Host
     Import-Journal
     $last = $script:Started
     $open = $null -ne $last -and -not $script:Closing
     $other = 'plan {0} is unfinished here, not this one: give -Abandon to its script'
-    if ($open -and $last.plan -cne $script:Plan.Plan) { Stop-Run -Detail ($other -f $last.plan) }
+    if ($open -and $script:Plan.Plan -and $last.plan -cne $script:Plan.Plan) { Stop-Run -Detail ($other -f $last.plan) }
     $status = if ($open) { 'abandoned' } else { 'unchanged' }
     if ($open -and -not (Test-Wanted -Address 'host' -Action 'close the unfinished run')) {
         $status = if ($script:Preview) { 'previewed' } else { 'skipped' }
@@ -189,7 +228,6 @@ function Use-Target {
 }
 
 function Add-Step {
-    # A step of the plan: what is to be read before it and after it, and what makes it so.
     param(
         [string] $Action, [System.Collections.IDictionary] $Before, [System.Collections.IDictionary] $After,
         [scriptblock] $Set, [scriptblock] $Fits = $null, [string] $Undoes = '', [string] $Lost = ''
@@ -205,7 +243,6 @@ function Add-Step {
 }
 
 function Complete-Run {
-    # Do the steps, look once more at everything together, and only then close the journal.
     if ($null -eq $script:Started) { Write-FirstRecord }
     foreach ($step in $script:Steps) { Invoke-Step -Step $step }
     if ($script:Skipped.Count) {
@@ -221,7 +258,6 @@ function Complete-Run {
 }
 
 function Show-Restart {
-    # What the task classes that this plan wrote wait for.
     $all = @(foreach ($step in $script:Steps) { if ($step.Address -cmatch '(^|/)task/') { [string] $step.Number } })
     if (@(foreach ($number in $all) { $script:Recorded[$number] }) -cnotcontains 'changed') { return }
     $path = 'HKLM:\SYSTEM\CurrentControlSet\Services\MMCSS'
@@ -296,8 +332,10 @@ function Invoke-Step {
     $script:Current = $Step
     $leave = Get-Leave -Step $Step
     if ($leave) { return Write-RunEvent -Kind 'step' -Step $Step -Status 'unchanged' -Detail $leave }
-    if (Test-Path -LiteralPath ($script:Run.ScriptPath + '.stop')) {
-        # The maker of that file beside the script wants it to end before the next step.
+    $stop = $script:Run.ScriptPath + '.stop'
+    if (Test-Path -LiteralPath $stop) {
+        # The maker of that file beside the script wants it to end before the next step, this once.
+        [System.IO.File]::Delete($stop)
         $script:Current = $script:Whole
         Stop-Run -Kind 'run' -Status 'stopped' -Code 1 -Detail 'asked to stop; run it again to go on'
     }
@@ -351,7 +389,6 @@ function Test-Wanted {
     # What -WhatIf or the user at the prompt says. -AsJson is for a program: no "What if" line between its events.
     param([string] $Address, [string] $Action)
     if ($script:Run.AsJson -and $script:Preview) { return $false }
-    # The caller's ShouldProcess reads it where it is called.
     $ConfirmPreference = $script:Run.Confirmation
     try { $script:Run.Caller.ShouldProcess($Address, $Action) }
     catch { throw 'this has to be confirmed, and no console answers here: run the script in a console, or with -Force' }
@@ -361,8 +398,8 @@ function Get-Leave {
     # Why there is nothing to do in a step; nothing where there is. The first two are for undo scripts.
     param([System.Collections.IDictionary] $Step)
     if ($Step.Undoes -cne '' -and -not $script:Touched.Contains($Step.Undoes)) { return 'was not done' }
-    $lost = $script:Touched.Contains($Step.Lost)
-    if ($lost -and -not (Get-Reading -Name 'exists')['exists']) { return 'went with its machine' }
+    $lost = $script:Touched.Contains($Step.Lost) -and -not (Get-Reading -Name 'exists')['exists']
+    if ($lost) { return 'went with its machine' }
     $recorded = $script:Recorded[[string] $Step.Number]
     if ($script:Closing -ceq 'done' -or @('changed', 'unchanged') -ccontains $recorded) { 'done before' }
 }
@@ -376,7 +413,6 @@ function Add-StepRecord {
 }
 
 function Get-Reading {
-    # What the host shows of a step's names, or of others, at the address of the current step.
     param([System.Collections.IDictionary] $Step = $null, [string[]] $Name = @())
     $read = $script:Current.Read
     $script:Wanted = if ($null -eq $Step) { $Name } else { @($Step.Before.Keys) + @($Step.After.Keys) }
@@ -393,7 +429,6 @@ function Compare-Step {
         # What is not asked before a step may be anything, but not where nothing was.
         $all = $Step.Before['exists'] -ceq $false -or $names -ccontains 'values'
         if ($all) { $names += @($Step.After.Keys) + @(@($Live.Keys) -clike 'value:*') }
-        # What the killed run did itself is no difference: only the odd ones are named.
         foreach ($name in $names) {
             # Names of values come and go one by one; a machine may be on its way to be off.
             $busy = @('values', 'empty') -ccontains $name -or ($name -ceq 'state' -and $Live[$name] -ceq 'busy')
@@ -412,7 +447,6 @@ function Compare-Reading {
 }
 
 function Get-Difference {
-    # The names that differ, or that all of it is gone.
     param([string[]] $Name, $Live, $Expected, [string] $Text = 'changed since the plan: ')
     if ($Live['exists'] -ceq $false -and -not ($Expected['exists'] -ceq $false)) {
         return 'it is gone from this host: make a new plan'
@@ -421,9 +455,9 @@ function Get-Difference {
 }
 
 function Test-Agreed {
-    # Whether two tables have the same value of a name, or both none; -ceq is blind to characters without width.
     param([System.Collections.IDictionary] $Left, [System.Collections.IDictionary] $Right, [string] $Name)
     if ($Left.Contains($Name) -ne $Right.Contains($Name)) { return $false }
+    # -ceq is blind to characters without width.
     [string]::Equals([string] $Left[$Name], [string] $Right[$Name], [System.StringComparison]::Ordinal)
 }
 
@@ -498,7 +532,6 @@ function Show-Run {
 }
 
 function Show-State {
-    # What -Test gives: an object a step; with -AsJson one line for all of them.
     $all = @(foreach ($one in @(Get-Preview)) {
         [pscustomobject] @{
             Address = $one.Step.Address; Action = $one.Step.Action
@@ -513,7 +546,6 @@ function Show-State {
 }
 
 function Get-Preview {
-    # Each step with the status that a preview shows of it, and its detail.
     $made = [hashtable]::new($script:Ordinal)  # by address: the last action that is shown of it
     foreach ($step in $script:Steps) {
         $script:Current = $step
@@ -540,7 +572,6 @@ function Get-Preview {
 }
 
 function Get-Loss {
-    # What a step takes: the machine from its users, a machine or class from the host, a file from its disk.
     param([System.Collections.IDictionary] $Step)
     if ($Step.Before['exists'] -ceq $true -and $Step.After['exists'] -ceq $false) {
         if ($Step.Address -cmatch '/disk(/|$)') { 'deletes' } else { 'removes' }
@@ -555,16 +586,14 @@ function Lock-Host {
     $wait = $script:Run.LockTimeout
     if ($wait -lt 0 -or $wait -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
     if ($script:Preview) { return }
-    $path = $script:OwnerFile
-    # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to all.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
     else { Add-Folder -Path $script:Folder }
-    if (Test-Path -LiteralPath $path) { Assert-Owner -Path $path }
+    if (Test-Path -LiteralPath $script:OwnerFile) { Assert-Owner -Path $script:OwnerFile }
     Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
     $until = [DateTime]::UtcNow.AddMilliseconds(1000 * $wait)
     while ($null -eq $script:Handle) {
         try {
-            $script:Handle = [System.IO.FileStream]::new($path, 'OpenOrCreate', 'Write', 'Read')
+            $script:Handle = [System.IO.FileStream]::new($script:OwnerFile, 'OpenOrCreate', 'Write', 'Read')
         } catch [System.IO.IOException] {
             if (-not ([DateTime]::UtcNow -lt $until)) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + (Get-Holder)) }
             Start-Sleep -Milliseconds 500
@@ -687,7 +716,6 @@ function Clear-Journal {
 }
 
 function Write-FirstRecord {
-    # Starts the run in one write: uses the plan, raises the serial, and holds the run whole.
     if ($script:Preview) { return }
     $plan = $script:Plan
     $undo = ''
@@ -730,7 +758,6 @@ function Write-FirstRecord {
 
 # === host: whether a script runs where it was made for, and whether a reserve has any effect there.
 function Assert-VmHost {
-    # Is it this host, may we, and does a reserve have any effect here?
     $plan = $script:Plan
     if ([IntPtr]::Size -ne 8) { Stop-Run -Detail 'this PowerShell has 32 bits: start the one that has 64' }
     # Where 7 does not load Hyper-V itself, its objects come through 5.1 and are none that cmdlets take.
@@ -774,7 +801,6 @@ function Test-RootScheduler {
 
 # === guest: where the script of a guest may run.
 function Assert-Guest {
-    # In the machine that it was made for, as Hyper-V tells its guest: by its id, or by its name where the plan makes it.
     if ([IntPtr]::Size -ne 8) { Stop-Run -Detail 'this PowerShell has 32 bits: start the one that has 64' }
     $path = 'HKLM:\SOFTWARE\Microsoft\Virtual Machine\Guest\Parameters'
     if (-not (Test-Path -LiteralPath $path)) {
@@ -792,13 +818,20 @@ function Get-PartitionReading {
     # Of the machine with this id, or of the one that this plan makes under this name: of it also whether it was given
     # more than this disk since, as an undo must not take it away with that.
     param([string] $Machine = '', [string] $Name = '', [string] $Disk = '', [switch] $Clustered)
-    $live = Get-Known
+    # Nothing is read twice until a step changes something.
+    $at = $script:Current.Address
+    if (-not $script:Known.Contains($at)) { $script:Known[$at] = [hashtable]::new($script:Ordinal) }
+    $live = $script:Known[$at]
     if (-not $live.Count) {
         if ($Name) { $Machine = $script:Machines[$Name] }
         $found = @(if ($Machine) { Find-Machine -Machine $Machine } else { Find-NewMachine -Name $Name })
         # Of what was done nothing is to be changed.
-        $guarded = -not $Name -and $script:Current.Contains('Set')
-        foreach ($vm in $found) { if ($guarded) { Assert-Untied -Vm $vm -Clustered $Clustered } }
+        $changing = -not $Name -and $script:Current.Contains('Set')
+        foreach ($vm in $found) {
+            $tie = if ($changing) { Get-Tie -Vm $vm -Clustered $Clustered }
+            $refusal = 'machine {0} ({1}) is {2}, and not changed here: leave it out'
+            if ($tie) { Stop-Run -Detail ($refusal -f $vm.Name, $vm.Id, $tie) }
+        }
         if ($found.Count -gt 1) { Stop-Run -Detail ('{0} machines answer to it' -f $found.Count) }
         $live['exists'] = $found.Count -eq 1
         $live['vm'] = $null
@@ -814,13 +847,6 @@ function Get-PartitionReading {
     $live
 }
 
-function Get-Known {
-    # What was read already at the address of the current step: nothing is read twice until a step changes something.
-    $at = $script:Current.Address
-    if (-not $script:Known.Contains($at)) { $script:Known[$at] = [hashtable]::new($script:Ordinal) }
-    $script:Known[$at]
-}
-
 function Find-Machine {
     # All machines are listed where everything is looked at, where a promise counts the others, and where it was removed.
     param([string] $Machine)
@@ -831,7 +857,6 @@ function Find-Machine {
 }
 
 function Get-MachineList {
-    # All machines of the host, listed once for all that is read until something changes.
     if (-not $script:Known.Contains('machines')) { $script:Known['machines'] = @(Hyper-V\Get-VM) }
     $script:Known['machines']
 }
@@ -867,16 +892,10 @@ function Get-Mark {
     param($Vm)
     $found = @(@([string] $Vm.Notes -split '\n') | Where-Object -FilterScript { $_ -cmatch $script:MarkForm })
     $sound = $found.Count -eq 1 -and -not (Test-Replica -Vm $Vm) -and $found[0] -cmatch $script:MarkForm
-    if ($sound -and $Matches['vm'] -ceq ([string] $Vm.Id).ToLowerInvariant().Substring(0, 8)) {
+    if ($sound -and $Matches['vm'] -ceq ([string] $Vm.Id).Substring(0, 8).ToLowerInvariant()) {
         return @{ Application = $Matches['app']; Name = $Matches['name']; Set = $Matches['set'] }
     }
     @{ Application = ''; Name = ''; Set = '' }
-}
-
-function Assert-Untied {
-    param($Vm, [bool] $Clustered)
-    $tie = Get-Tie -Vm $Vm -Clustered $Clustered
-    if ($tie) { Stop-Run -Detail ('machine {0} ({1}) is {2}, and not changed here: leave it out' -f $Vm.Name, $Vm.Id, $tie) }
 }
 
 function Get-Tie {
@@ -900,7 +919,7 @@ function Write-Mark {
     # The mark that the step wants, or none, above the user's lines: the only text built around what a host says.
     $wanted = $script:Current.After
     $notes = [string] $script:Vm.Notes -creplace ('(?m)' + $script:MarkForm + '\n?'), ''
-    $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
+    $id = ([string] $script:Vm.Id).Substring(0, 8).ToLowerInvariant()
     $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
     if ($wanted['mark']) { $notes = if ($notes) { $line + [char] 13 + [char] 10 + $notes } else { $line } }
     Hyper-V\Set-VM -VM $script:Vm -Notes $notes
@@ -915,7 +934,6 @@ function ConvertTo-RunState {
 }
 
 function ConvertTo-Word {
-    # An enumeration's name as plans write it: TurnOff becomes turn_off.
     param($Value)
     ([string] $Value -creplace '(?<=[a-z])(?=[A-Z])', '_').ToLowerInvariant()
 }
@@ -981,19 +999,16 @@ function Find-NewMachine {
     foreach ($vm in @(Get-MachineList)) {
         $mark = Get-Mark -Vm $vm
         $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
-        # -ceq takes no notice of characters without width, such as a soft hyphen.
         if ($ours -or [string]::Equals($vm.Name, $pending, [System.StringComparison]::Ordinal)) { $vm }
     }
 }
 
 function Get-PendingName {
-    # What a partition is called while this plan makes it; a dot cannot occur in a manifest's name.
     param([string] $Name)
     '{0}.rarms-{1}' -f $Name, $script:Plan.Plan
 }
 
 function Test-Stranger {
-    # Whether a machine of this name is foreign: it carries no mark of our application.
     param([string] $Name)
     foreach ($vm in @(Get-MachineList)) {
         $named = [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)
@@ -1034,7 +1049,6 @@ function Add-Folder {
 }
 
 function Get-EmptyFolder {
-    # Those that are there, lead nowhere else and hold nothing.
     param([string[]] $Path)
     foreach ($one in $Path) {
         if (-not (Test-Path -LiteralPath $one)) { continue }
@@ -1142,14 +1156,11 @@ function Stop-Partition {
                     else { Hyper-V\Stop-VM -VM $vm -AsJob })
             }
             $jobs = @(foreach ($job in $jobs) {
-                if ([string] $job.State -cne 'Failed') {
-                    $job
-                    continue
+                if ([string] $job.State -cne 'Failed') { $job } else {
+                    $message = 'its guest could not be {0}, and is waited for: ' -f $asked
+                    try { [void] (Receive-Job -Job $job) } catch { $script:Messages += $message + $_.Exception.Message }
+                    Remove-Job -Job $job -Force
                 }
-                try { [void] (Receive-Job -Job $job) } catch {
-                    $script:Messages += 'its guest could not be {0}, and is waited for: {1}' -f $asked, $_.Exception.Message
-                }
-                Remove-Job -Job $job -Force
             })
             Start-Sleep -Milliseconds 1000
             $now = Hyper-V\Get-VM -Id $vm.Id
@@ -1161,9 +1172,9 @@ function Stop-Partition {
 }
 
 function Test-ShutdownService {
-    # Whether the guest answers to what asks it to shut down; by id, as the service's name is in the host's language.
     param($Vm)
     foreach ($one in @(Hyper-V\Get-VMIntegrationService -VM $Vm)) {
+        # By its id: its name is in the host's language.
         if (-not (([string] $one.Id).ToLowerInvariant() -clike '*9f8233ac-be49-4c79-8ee3-e7e1985b2077')) { continue }
         return $one.Enabled -and @('Ok', 'Degraded') -ccontains [string] $one.PrimaryOperationalStatus
     }
@@ -1172,7 +1183,6 @@ function Test-ShutdownService {
 
 # === disks: how virtual disks are read and removed.
 function Get-DiskReading {
-    # Whether it is there and grows out of this image; with -Everywhere also whether any machine has it.
     param([string] $Path, [string] $Parent, [switch] $Everywhere)
     if (-not (Test-Path -LiteralPath $Path)) { return @{ exists = $false } }
     $disk = Hyper-V\Get-VHD -Path $Path
@@ -1183,7 +1193,6 @@ function Get-DiskReading {
 }
 
 function Test-DiskUse {
-    # Whether a machine or one of its checkpoints has this disk, or one that grows out of it.
     param([string] $Path)
     $all = @(Get-MachineList)
     if (-not $all.Count) { return $false }
@@ -1201,7 +1210,6 @@ function Test-DiskUse {
 }
 
 function Test-SamePath {
-    # Windows tells paths apart neither by case nor by the direction of a slash.
     param([string] $Left, [string] $Right)
     $Left.Replace('/', '\') -eq $Right.Replace('/', '\')
 }
@@ -1213,7 +1221,6 @@ function Remove-DiskFile {
 
 # === tasks: how multimedia task classes are read and written, each value with its type, and what rarms keeps of them.
 function Get-TaskClassReading {
-    # Values with their types, and our record: whose it is and what was last written.
     param([string] $Task)
     $live = [hashtable]::new($script:Ordinal)
     $live['exists'] = $false
@@ -1244,7 +1251,6 @@ function Get-TaskClassReading {
 }
 
 function Get-TaskValueName {
-    # The names of a task class's values; of the key above the classes only the one that is meant.
     param([string] $Task)
     $path = Get-TaskPath -Task $Task
     if (-not (Test-Path -LiteralPath $path)) { return }
@@ -1273,7 +1279,6 @@ function Write-TaskValue {
 }
 
 function Remove-TaskValue {
-    # Takes one value away; with -Keep every value but these, whose names are joined as readings join them.
     param([string] $Task, [string] $Name = '', [string] $Keep = '')
     foreach ($one in @(Get-TaskValueName -Task $Task)) {
         $goes = if ($Keep) { @($Keep -split ', ') -notcontains $one } else { $one -eq $Name }
@@ -1380,7 +1385,6 @@ function Save-TaskRecord {
 }
 
 function Restore-TaskClass {
-    # Brings back what the record says was there before rarms: no class, or exactly these values.
     param([string] $Task, [string] $Application)
     $path = Get-RecordPath -Task $Task -Application $Application
     # Without its digest nothing was written yet; without the record all is back.
@@ -1403,10 +1407,7 @@ function Receive-RarmsPlan {
         Input: 8 digits, the length of a table; the table, a line for the arguments and one `name length sha256` a file;
         then their bytes. Text that ends with a dot, `3 run 45 55.`, is laid beside the script, which reads it; `o` says
         that nothing follows and it goes on; anything else, or the input's end, asks it to stop before its next step.
-    .PARAMETER Source
-        Where they come from. Without it: standard input, after a line that names the version of this module.
-    .EXAMPLE
-        exit (Receive-RarmsPlan)
+        Without -Source it first writes a line that names the version of this module, and reads standard input.
     #>
     [CmdletBinding(PositionalBinding = $false)]
     param([System.IO.Stream] $Source = $null)
@@ -1475,7 +1476,6 @@ function Read-Stream {
 }
 
 function Get-OwnFolder {
-    # A new one, which only its user can read.
     if ($env:OS -cne 'Windows_NT') { return [System.IO.Directory]::CreateTempSubdirectory('rarms-').FullName }
     $folder = [System.IO.Path]::GetTempPath() + 'rarms-' + [guid]::NewGuid().ToString('N')
     [void] [System.IO.Directory]::CreateDirectory($folder)

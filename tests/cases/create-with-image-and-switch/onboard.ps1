@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 3bf1385826a6eefebed4a73a81294b6d0a69b8c629ae16a550ed6c4cca3284cb, Rarms.psm1 88C5900FA2ABB4E4A65D12320FA306F5D984FFFE5772849E71726907BB036F0D.
+    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo f1751e66101b2cd8d4b29359dabcd0ed4cd081549252edecaf7713f27d96480b, Rarms.psm1 6F3766B779E1F8499C04292BD5C9262A80587A7A3F0B4652282D40FB7E955B13.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '9bd8a48c1959'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '3bf1385826a6eefebed4a73a81294b6d0a69b8c629ae16a550ed6c4cca3284cb'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'f1751e66101b2cd8d4b29359dabcd0ed4cd081549252edecaf7713f27d96480b'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -80,8 +80,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
-    'Rarms.psm1' = '88C5900FA2ABB4E4A65D12320FA306F5D984FFFE5772849E71726907BB036F0D'
+    'Rarms.psd1' = '5A2109336F5C5EDC0E60375178139F1BF0569CC918234486F8C3FA3DF57CA3D8'
+    'Rarms.psm1' = '6F3766B779E1F8499C04292BD5C9262A80587A7A3F0B4652282D40FB7E955B13'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo be37c63c71ef56b6f6ada12888501fbb37f3dbfd6bd938d4f546233e496fbd29, Rarms.psm1 88C5900FA2ABB4E4A65D12320FA306F5D984FFFE5772849E71726907BB036F0D.
+    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 669e876467ae87f66c3fc8b7464c5ea55d61e0f83caca3c61fcbbf679573bea9, Rarms.psm1 6F3766B779E1F8499C04292BD5C9262A80587A7A3F0B4652282D40FB7E955B13.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f61314ec8d24'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'be37c63c71ef56b6f6ada12888501fbb37f3dbfd6bd938d4f546233e496fbd29'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '669e876467ae87f66c3fc8b7464c5ea55d61e0f83caca3c61fcbbf679573bea9'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -64,8 +64,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
-    'Rarms.psm1' = '88C5900FA2ABB4E4A65D12320FA306F5D984FFFE5772849E71726907BB036F0D'
+    'Rarms.psd1' = '5A2109336F5C5EDC0E60375178139F1BF0569CC918234486F8C3FA3DF57CA3D8'
+    'Rarms.psm1' = '6F3766B779E1F8499C04292BD5C9262A80587A7A3F0B4652282D40FB7E955B13'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

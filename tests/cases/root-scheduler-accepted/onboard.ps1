@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 62828619c61e, rarms 0.1.0. SHA-256: the undo e6e79a9b9338201ed2f8e4618f874557024a211f2e8b3b94544137859666e998, Rarms.psm1 88C5900FA2ABB4E4A65D12320FA306F5D984FFFE5772849E71726907BB036F0D.
+    Manifest 62828619c61e, rarms 0.1.0. SHA-256: the undo d067017d3fe9b705be69ba1e21f56cf21682850e85d6f1d2642aa292b36132e7, Rarms.psm1 6F3766B779E1F8499C04292BD5C9262A80587A7A3F0B4652282D40FB7E955B13.
     Accepted: RARMS159 The host's scheduler does not honour reserves, onboard runs the root scheduler: reserve, limit and weight of vision would be stored without effect.
 #>
 
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'dc81d5d49dc0'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'e6e79a9b9338201ed2f8e4618f874557024a211f2e8b3b94544137859666e998'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'd067017d3fe9b705be69ba1e21f56cf21682850e85d6f1d2642aa292b36132e7'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $true
     }
@@ -68,8 +68,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
-    'Rarms.psm1' = '88C5900FA2ABB4E4A65D12320FA306F5D984FFFE5772849E71726907BB036F0D'
+    'Rarms.psd1' = '5A2109336F5C5EDC0E60375178139F1BF0569CC918234486F8C3FA3DF57CA3D8'
+    'Rarms.psm1' = '6F3766B779E1F8499C04292BD5C9262A80587A7A3F0B4652282D40FB7E955B13'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: Rarms.psm1 88C5900FA2ABB4E4A65D12320FA306F5D984FFFE5772849E71726907BB036F0D.
+    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: Rarms.psm1 6F3766B779E1F8499C04292BD5C9262A80587A7A3F0B4652282D40FB7E955B13.
 #>
 
 #Requires -Version 5.1
@@ -73,8 +73,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
-    'Rarms.psm1' = '88C5900FA2ABB4E4A65D12320FA306F5D984FFFE5772849E71726907BB036F0D'
+    'Rarms.psd1' = '5A2109336F5C5EDC0E60375178139F1BF0569CC918234486F8C3FA3DF57CA3D8'
+    'Rarms.psm1' = '6F3766B779E1F8499C04292BD5C9262A80587A7A3F0B4652282D40FB7E955B13'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 50d1c3071fb5, rarms 0.1.0. SHA-256: the undo 7babdb2fe7a617bc39a6c2e9e52da49d60c6bc9b21c3bc36266b4baeeedc5810, Rarms.psm1 88C5900FA2ABB4E4A65D12320FA306F5D984FFFE5772849E71726907BB036F0D.
+    Manifest 50d1c3071fb5, rarms 0.1.0. SHA-256: the undo 99c02c3e9939d0415014ea744dacf9952913eea7c9884cf52ad11aa50fb5a3ca, Rarms.psm1 6F3766B779E1F8499C04292BD5C9262A80587A7A3F0B4652282D40FB7E955B13.
 #>
 
 #Requires -Version 5.1
@@ -41,7 +41,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1ad36b4789f6'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '7babdb2fe7a617bc39a6c2e9e52da49d60c6bc9b21c3bc36266b4baeeedc5810'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '99c02c3e9939d0415014ea744dacf9952913eea7c9884cf52ad11aa50fb5a3ca'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -112,8 +112,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5E8B373394EC67584CB0EA7F50D77E2A1CDF8F4DF24A98B9CF6E9B3E566DBC84'
-    'Rarms.psm1' = '88C5900FA2ABB4E4A65D12320FA306F5D984FFFE5772849E71726907BB036F0D'
+    'Rarms.psd1' = '5A2109336F5C5EDC0E60375178139F1BF0569CC918234486F8C3FA3DF57CA3D8'
+    'Rarms.psm1' = '6F3766B779E1F8499C04292BD5C9262A80587A7A3F0B4652282D40FB7E955B13'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -1,0 +1,153 @@
+"""What the module Rarms gives a person at a prompt: a plan by its script's path, and what is said of the last run."""
+
+from __future__ import annotations
+
+import pytest
+
+from rarms_iac.model.plan import Purpose
+from tests.twin.cell import apply, apply_script, files_of, undo
+from tests.twin.cells import Prepared, fresh
+from tests.twin.host import WindowsHost
+from tests.twin.observing import document_of
+from tests.twin.run import FOLDER, Ran, put, run
+from tests.twin.values import Thing, Value
+
+IMPORTED = f"""[CmdletBinding()]
+param([switch] $AsJson, [switch] $Abandon, [switch] $Force, [int] $LockTimeout = 0, [switch] $Test)
+Set-StrictMode -Version 3.0
+$ErrorActionPreference = 'Stop'
+$rarms = Import-Module -Name '{FOLDER}\\Rarms\\Rarms.psd1' -PassThru
+"""
+
+
+def at_prompt(host: WindowsHost, line: str, output: list[Value] | None = None, **how: bool) -> Ran:
+    """The line, typed where the module is imported."""
+    put(host, {"prompt.ps1": (IMPORTED + line + "\n").replace("\n", "\r\n").encode("ascii")})
+    return run(host, "prompt.ps1", as_json=False, output=output, **how)  # type: ignore[arg-type]  # names of options
+
+
+@pytest.fixture
+def prepared() -> Prepared:
+    return fresh()
+
+
+@pytest.fixture
+def host(prepared: Prepared) -> WindowsHost:
+    host = prepared.copy()
+    put(host, files_of(prepared.plan))
+    return host
+
+
+def seen(host: WindowsHost) -> dict[str, object]:
+    return {name: probe for name, probe in document_of(host).items() if name != "journal"}
+
+
+def killed(prepared: Prepared) -> WindowsHost:
+    """A host on which the run was killed half-way."""
+    host = prepared.copy(kill_after=20)
+    assert apply(host, prepared.plan).code is None
+    return host.copy()
+
+
+def test_a_plan_is_done_and_tested_by_the_path_of_its_script(prepared: Prepared, host: WindowsHost) -> None:
+    path = f"-Path '{FOLDER}\\{apply_script(prepared.plan)}'"
+    before: list[Value] = []
+    after: list[Value] = []
+
+    tested = at_prompt(host, f"Test-RarmsPlan {path}", before)
+    assert (tested.code, host.effects) == (0, []), tested.says
+    done = at_prompt(host, f"Invoke-RarmsPlan {path} -AsJson")
+    again = at_prompt(host, f"Test-RarmsPlan {path}", after)
+
+    assert (done.code, again.code) == (0, 0), done.says
+    assert done.events[-1]["status"] == "done"
+    for given, wanted in ((before, False), (after, True)):
+        assert {thing.get("InDesiredState") for thing in given if isinstance(thing, Thing)} == {wanted}
+        assert any(str(thing.get("Address")).startswith("partition/") for thing in given if isinstance(thing, Thing))
+
+
+def test_a_script_that_takes_something_away_asks_also_by_its_path(prepared: Prepared, host: WindowsHost) -> None:
+    """The module's own preference is that nothing is asked; a script that its function calls does not see that."""
+    assert apply(host, prepared.plan).code == 0
+    removal = prepared.cell.on(host).plan(purpose=Purpose.DESTROY)
+    put(host, files_of(removal))
+    before = seen(host)
+
+    ran = at_prompt(host, f"Invoke-RarmsPlan -Path '{FOLDER}\\{apply_script(removal)}'", unanswered=True)
+
+    assert "no console answers here" in ran.says
+    assert seen(host) == before
+
+
+def test_a_path_or_what_a_script_hands_over_must_be_given(host: WindowsHost) -> None:
+    for name in ("Invoke-RarmsPlan", "Test-RarmsPlan"):
+        assert "give -Path: the script of a plan" in at_prompt(host, name).says
+
+
+def test_the_runs_of_a_computer_are_told_in_their_order(prepared: Prepared, host: WindowsHost) -> None:
+    none: list[Value] = []
+    runs: list[Value] = []
+    assert at_prompt(host, "Get-RarmsRun", none).code == 0
+    assert apply(host, prepared.plan).code == 0
+    assert undo(host, prepared.plan).code == 0
+    effects = len(host.effects)
+
+    told = at_prompt(host, "Get-RarmsRun", runs)
+
+    assert (told.code, len(host.effects), none) == (0, effects, []), told.says
+    things = [thing for thing in runs if isinstance(thing, Thing)]
+    assert [(thing.get("run"), thing.get("closing")) for thing in things] == [("apply", "done"), ("undo", "done")]
+    assert {thing.get("plan") for thing in things} == {prepared.plan.id}
+
+
+def test_an_unfinished_run_is_among_them_without_a_closing(prepared: Prepared) -> None:
+    runs: list[Value] = []
+
+    assert at_prompt(killed(prepared), "Get-RarmsRun", runs).code == 0
+
+    assert [thing.get("closing") for thing in runs if isinstance(thing, Thing)] == [None]
+
+
+@pytest.mark.parametrize(("line", "closed"), [("-Force", True), ("-WhatIf", False)])
+def test_an_unfinished_run_of_any_plan_is_closed(prepared: Prepared, line: str, closed: bool) -> None:
+    host = killed(prepared)
+    before = seen(host)
+    runs: list[Value] = []
+
+    ran = at_prompt(host, f"Close-RarmsRun {line}")
+
+    assert ran.code == 0, ran.says
+    assert at_prompt(host, "Get-RarmsRun", runs).code == 0
+    assert [thing.get("closing") for thing in runs if isinstance(thing, Thing)] == ["abandoned" if closed else None]
+    assert seen(host) == before
+
+
+def test_closing_a_run_is_asked_for(prepared: Prepared) -> None:
+    host = killed(prepared)
+
+    ran = at_prompt(host, "Close-RarmsRun", unanswered=True)
+
+    assert (ran.code, "no console answers here" in ran.says) == (1, True), ran.says
+
+
+def test_a_run_is_asked_to_end_before_its_next_step_and_goes_on_when_it_is_run_again(
+    prepared: Prepared, host: WindowsHost
+) -> None:
+    script = apply_script(prepared.plan)
+
+    assert at_prompt(host, f"Stop-RarmsRun -Path '{FOLDER}\\{script}'").code == 0
+    stopped = run(host, script)
+    again = run(host, script)
+
+    assert (stopped.code, stopped.events[-1]["status"]) == (1, "stopped"), stopped.says
+    assert (again.code, again.events[-1]["status"]) == (0, "done"), again.says
+    assert "there is no script" in at_prompt(host, f"Stop-RarmsRun -Path '{FOLDER}\\none.ps1'").says
+
+
+def test_a_computer_that_is_held_is_not_closed(prepared: Prepared) -> None:
+    host = killed(prepared)
+    host.lock = "held"
+
+    ran = at_prompt(host, "Close-RarmsRun -Force")
+
+    assert (ran.code, "it is held by" in ran.says) == (1, True), ran.says
