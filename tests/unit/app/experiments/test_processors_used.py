@@ -16,7 +16,7 @@ hosts:
 components:
   eyes:
     criticality: 3
-    apt: { mean_response_time: { at_most: 60 ms } }
+    apt: { mean_response_time: { at_most: 50 ms } }
     interference: busy-loop
     run: { command: [eyes], until: { samples: 40 } }
     memory: 256 MiB
