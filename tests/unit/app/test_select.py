@@ -26,7 +26,7 @@ def test_a_level_is_written_with_its_comments_and_the_reservation_follows(here: 
     assert answer.lines == [
         "vision: mean_response_time at most 100 ms -> at most 110 ms",
         "  partition vision: 1.22 LP, 61 % of its 2 VPs, 61 % of onboard",
-        "  measured there: 105 ms (104.6 to 105.4 ms)",
+        "  measured there: 105 ms (104.5 to 105.5 ms)",
         "  headroom of onboard: 0.78 LP of 2 LP",
     ]
     assert manifest(here) == before.replace("at_most: 100 ms", "at_most: 110 ms")

@@ -606,7 +606,7 @@ SITUATIONS = {
     "a pair might be combined": Situation(
         (write(PAIR), logs(vision=40, speech=45)),
         "explain vision",
-        ("`rarms tune` measures it",),
+        ("`rarms tune` has measured nothing",),
         ("rarms tune",),
         in_view=True,
     ),
@@ -698,6 +698,7 @@ OTHER_TESTS = {
     "See what this kernel lacks: `rarms doctor`": "tests/system/test_linux_advice.py",
     "See what the other one did: `rarms history`": "tests/contracts/test_remote_linux.py",
     "or adopt the right machine with": "tests/system/test_remote_host.py",
+    "Have `rarms show --transport --out FOLDER`": "tests/system/test_remote_host.py",  # another module there
     "No step was done. Look with": "tests/system/test_remote_host.py",  # a script's guard refused
     "it asks the host's own journal": "tests/system/test_remote_host.py",  # the connection broke
     "Run the script there by hand and look": "tests/unit/cli/test_hyperv_snapshots.py",

@@ -159,7 +159,7 @@ KINDS: dict[str, tuple[str, Callable[..., None]]] = {
     "memory": (r"(\d+ [GM]iB) more memory on (h\d)", _memory),
     "processors": (MORE, _processors),
     "apt": (r"(c\d+): mean_response_time at most (\S+ \w+) instead of .*", _apt),
-    "combine": (rf"(?:Combining may be enough, .*: )?{COMBINED} together need .* up to (\S+ %) fits", _together),
+    "combine": (rf"(?:Combining may be enough, .*: )?{COMBINED} together need .* up to (\S+ LP) fits", _together),
     "anew": (rf"{MORE}(?:, with `processors: (\d+)` for (.*) as now)?,? may be enough.*", _anew),
     "moving": (r"`--max-disruption removal`, .*", _nothing),
 }
