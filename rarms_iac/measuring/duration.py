@@ -10,7 +10,7 @@ from math import ceil, inf
 from rarms_iac.measuring.methods import Method, is_of_paper, reserves_of
 from rarms_iac.measuring.search.bracketing import MOST
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.measuring.strategies import Sweep
+from rarms_iac.measuring.strategies import SettingCount, Sweep
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.quantities import Unit
 from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount
@@ -37,16 +37,6 @@ class DurationBounds:
     most_ms: float
     measured: int = 0  # settings of the data log whose time it rests on; 0: it rests on what the manifest allows
     by_timeout: bool = False  # `most_ms` has only some component's timeout to go by: far beyond what is usual
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SettingCount:
-    """Between what numbers the settings that an experiment still asks for will lie."""
-
-    least: int
-    most: int
-    ends_early: bool  # a setting may end as soon as its samples tell
-    goes_on: bool = False  # and it goes on until they tell, or its budget is spent
 
 
 def settings_to_run(

@@ -19,7 +19,8 @@ from rarms_iac.measuring.setting_run import (
 )
 from rarms_iac.measuring.settings_log import KnownSettings, SettingsLog
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.measuring.strategies import goal_of
+from rarms_iac.measuring.strategies import SettingCount, goal_of
+from rarms_iac.measuring.wall_times import RemainingSettings
 from rarms_iac.model.outcomes import Conclusion, ExperimentDecision, Measure, Stopped
 from rarms_iac.model.setting import Setting
 
@@ -61,7 +62,7 @@ def measure(
     log: SettingsLog,
     context: MeasuringContext,
     *,
-    most_settings: int | None = None,
+    count: SettingCount | None = None,
 ) -> LoopResult:
     """Run settings until the strategy has its answer; P1 and P2 are there only meanwhile.
 
@@ -70,8 +71,8 @@ def measure(
         strategy: asked for each next setting.
         log: settings in it are not run again; new ones are added as they end.
         context: the host, locked, and who is told.
-        most_settings: so many are run at most, as was said beforehand: then what they show is the answer. None: as many
-            as the strategy asks for.
+        count: so many settings are run at least and at most, as was said beforehand: what the last one shows is the
+            answer. None: as many as the strategy asks for.
 
     Returns:
         How it ended, with all settings that count.
@@ -94,22 +95,34 @@ def measure(
                     break
                 anew = None  # what was asked for is measured anew: all that counts gives the answer
                 continue
-            if most_settings is not None and new >= most_settings:
+            if count is not None and new >= count.most:
                 decision = conclude(known.settings, goal_of(experiment))
                 break
             if context.should_stop():
                 decision = Stopped()
                 break
             partitions = partitions or make_test_partitions(experiment, context, ends)
-            context.reporter.setting_started(experiment, decision.reserve, len(known.seen_with(anew)) + 1)
+            began, remaining = context.wall_times.clock(), _remaining(experiment, context, count, new, running=1)
+            context.reporter.setting_started(experiment, decision.reserve, remaining)
             setting = run_setting(experiment, context, partitions, decision, known)
             if not isinstance(setting, Setting):
                 decision = setting
                 break
+            context.wall_times.add(experiment, context.wall_times.clock() - began)
             log.add(setting)
             known, new = known.with_run(setting), new + 1
-            context.reporter.setting_ended(experiment, known.at(setting.reserve))
+            remaining = _remaining(experiment, context, count, new, running=0)
+            context.reporter.setting_ended(experiment, known.at(setting.reserve), remaining)
             if (number := other_processors(experiment, setting.used_processors)) is not None:
                 decision = OtherProcessors(number=number)
                 break
     return LoopResult(conclusion=decision, settings=known.settings, new=new)
+
+
+def _remaining(
+    experiment: Experiment, context: MeasuringContext, count: SettingCount | None, new: int, *, running: int
+) -> RemainingSettings | None:
+    """What is left after so many new settings, one that runs included."""
+    if count is None:
+        return None
+    return context.wall_times.remaining(experiment, max(running, count.least - new), count.most - new)

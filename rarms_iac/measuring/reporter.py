@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring.wall_times import RemainingSettings
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.series import Series
 from rarms_iac.model.setting import Setting
@@ -19,13 +20,15 @@ class MeasuringReporter:
             recorded: its settings so far.
         """
 
-    def setting_started(self, experiment: Experiment, reserve: ReservePercent, number: int) -> None:
-        """The setting of this CR begins; it is the number-th, from 1.
+    def setting_started(
+        self, experiment: Experiment, reserve: ReservePercent, remaining: RemainingSettings | None
+    ) -> None:
+        """The setting of this CR begins.
 
         Args:
             experiment: what is measured.
             reserve: the CR in per cent of P1's own processors.
-            number: of the setting, from 1.
+            remaining: what the experiment still asks for, with this setting; None: nothing tells yet how long it takes.
         """
 
     def samples_came(self, experiment: Experiment, reserve: ReservePercent, seen: Mapping[str, Series]) -> None:
@@ -37,12 +40,13 @@ class MeasuringReporter:
             seen: by component, the series so far.
         """
 
-    def setting_ended(self, experiment: Experiment, setting: Setting) -> None:
+    def setting_ended(self, experiment: Experiment, setting: Setting, remaining: RemainingSettings | None) -> None:
         """The setting is recorded.
 
         Args:
             experiment: what is measured.
             setting: as it is recorded.
+            remaining: what the experiment may still ask for after it, likewise.
         """
 
     def setting_disturbed(self, experiment: Experiment, reserve: ReservePercent, reason: str) -> None:

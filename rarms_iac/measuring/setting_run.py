@@ -5,7 +5,7 @@ What disturbed it is measured once more.
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import inf
 
 from rarms_iac.manifest.text.positions import FirstLine
@@ -25,6 +25,7 @@ from rarms_iac.measuring.settings_log import KnownSettings
 from rarms_iac.measuring.settling import Contender, Settling, wants_all_processors
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import goal_of
+from rarms_iac.measuring.wall_times import WallTimes
 from rarms_iac.model.measurement import P1, P2
 from rarms_iac.model.outcomes import Measure, SettingFailed, Stopped, TooManyFailures
 from rarms_iac.model.processor_number import ProcessorSource
@@ -50,6 +51,7 @@ class MeasuringContext:
     seed: int
     reporter: MeasuringReporter
     should_stop: Callable[[], bool]
+    wall_times: WallTimes = field(default_factory=WallTimes)  # of the command's settings so far; they are added to
     others: tuple[PartitionWork, ...] = ()  # what goes on in partitions beside P1 and P2, and is not looked at
 
 

@@ -37,6 +37,16 @@ def goal_of(experiment: Experiment) -> Goal:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SettingCount:
+    """Between what numbers the settings that an experiment still asks for will lie."""
+
+    least: int
+    most: int
+    ends_early: bool  # a setting may end as soon as its samples tell
+    goes_on: bool = False  # and it goes on until they tell, or its budget is spent
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Searching:
     """A search of `measuring.search`, kept within what the host can give; it ends with what a plan reserves."""
 

@@ -11,6 +11,7 @@ from rarms_iac.measuring.measuring_findings import show_index
 from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, measured_indexes, shortfall_at
 from rarms_iac.measuring.reporter import MeasuringReporter
 from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring.wall_times import RemainingSettings
 from rarms_iac.model.indexes import index_named, show_bound, show_range, show_value
 from rarms_iac.model.outcomes import (
     Estimate,
@@ -23,7 +24,7 @@ from rarms_iac.model.outcomes import (
     Swept,
     Unsteady,
 )
-from rarms_iac.model.quantities import guaranteed, share_of_processors, show_processors
+from rarms_iac.model.quantities import guaranteed, share_of_processors, show_duration, show_processors
 from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.wording import counted, in_a_row
@@ -208,14 +209,15 @@ class MeasuringProgress(MeasuringReporter):
         self._clock = clock
         self._live = live
         self._began = 0.0
+        self._remaining: RemainingSettings | None = None
         self._said = clock()
 
     def experiment_started(self, experiment: Experiment, recorded: tuple[Setting, ...]) -> None:
         """Show nothing yet: the first setting names what is measured."""
 
-    def setting_started(self, experiment: Experiment, reserve: int, number: int) -> None:  # noqa: ARG002 - a reserve says more
+    def setting_started(self, experiment: Experiment, reserve: int, remaining: RemainingSettings | None) -> None:
         """Show the running setting where it can be updated."""
-        self._began = self._clock()
+        self._began, self._remaining = self._clock(), remaining
         if self._live is not None:
             self._live.show((_subject(experiment), _setting(experiment, reserve), "..."))
 
@@ -226,8 +228,8 @@ class MeasuringProgress(MeasuringReporter):
             progress = f"{samples_of(seen)}, {values}{self._time_left(experiment, seen)}"
             self._live.show((_subject(experiment), _setting(experiment, reserve), progress))
 
-    def setting_ended(self, experiment: Experiment, setting: Setting) -> None:
-        """Say what was measured there, where the last line is long ago."""
+    def setting_ended(self, experiment: Experiment, setting: Setting, remaining: RemainingSettings | None) -> None:
+        """Say what was measured there and how long the rest takes, where the last line is long ago."""
         now = self._clock()
         if self._live is not None or now - self._said < BETWEEN_LINES:
             return
@@ -238,7 +240,7 @@ class MeasuringProgress(MeasuringReporter):
             f"{_owner(index, several=several)}{show_index(index)}" for index in measured_indexes(setting, experiment)
         )
         took = show_seconds(now - self._began)
-        done = f"{samples_of(series)}, {values or 'measured'}, in {took}"
+        done = f"{samples_of(series)}, {values or 'measured'}, in {took}{_describe_remaining(remaining)}"
         self._say(paragraph(f"{_subject(experiment)} at {_setting(experiment, setting.reserve)}: {done}"))
 
     def setting_disturbed(self, experiment: Experiment, reserve: int, reason: str) -> None:
@@ -255,11 +257,32 @@ class MeasuringProgress(MeasuringReporter):
             self._live.hide()
 
     def _time_left(self, experiment: Experiment, series: Mapping[str, Series]) -> str:
-        done = share_done(experiment, series)
+        """Of the experiment, as the command's settings took so far; with the first one, of that setting."""
         took = self._clock() - self._began
+        if self._remaining is not None:
+            return _describe_remaining(self._remaining, took)
+        done = share_done(experiment, series)
         if not 0 < done < 1 or took < 1:
             return ""
         return f", at most {show_seconds(took * (1 - done) / done)} left"
+
+
+def _describe_remaining(remaining: RemainingSettings | None, took: float = 0.0) -> str:
+    """`, 12 s to about 40 s left`; nothing where that is not known, or nothing is left.
+
+    A setting that takes longer than those before may end at once.
+    """
+    if remaining is None:
+        return ""
+    of_this = min(took, remaining.setting_seconds)
+    least, most = (1000 * (count * remaining.setting_seconds - of_this) for count in (remaining.least, remaining.most))
+    if most <= 0:
+        return ""
+    if least <= 0:
+        return f", at most about {show_duration(most)} left"
+    if remaining.least == remaining.most:
+        return f", about {show_duration(most)} left"
+    return f", {show_duration(least)} to about {show_duration(most)} left"
 
 
 def share_done(experiment: Experiment, series: Mapping[str, Series]) -> float:

@@ -16,7 +16,7 @@ from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring import measuring_findings
-from rarms_iac.measuring.duration import DurationBounds, SettingCount, expected_duration, least_samples, settings_to_run
+from rarms_iac.measuring.duration import DurationBounds, expected_duration, least_samples, settings_to_run
 from rarms_iac.measuring.loop import LoopResult, OtherProcessors, measure
 from rarms_iac.measuring.methods import Method, Search, is_of_paper, strategy_of
 from rarms_iac.measuring.partitions import (
@@ -30,7 +30,7 @@ from rarms_iac.measuring.setting_run import MeasuringContext
 from rarms_iac.measuring.settings_log import SettingsLog
 from rarms_iac.measuring.settling import Settling
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.measuring.strategies import Sweep, ThresholdCheck, goal_of
+from rarms_iac.measuring.strategies import SettingCount, Sweep, ThresholdCheck, goal_of
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.host import ProviderKind
@@ -142,7 +142,9 @@ def _run_held(
     def prepare_host() -> MeasuringResources:
         _stop_what_is_in_the_way(session, experiment, method, available)
         if tells_duration:
-            session.control.reporter.message(_describe_duration(experiment, method, available, count, settings_log))
+            bounds = _expected(experiment, count, available, settings_log)
+            seconds = session.wall_times.comparable(experiment)
+            session.control.reporter.message(_describe_duration(experiment, method, bounds, seconds))
         return available.resources
 
     context = MeasuringContext(
@@ -151,6 +153,7 @@ def _run_held(
         seed=session.seed or max((run.seed for run in settings_log.runs()), default=0) or USUAL_SEED,
         reporter=session.control.reporter.settings,
         should_stop=session.control.stop.should_stop,
+        wall_times=session.wall_times,
         others=tuple(_work_of_others(session.hosts, available.running)),
     )
     _refuse_without_threshold(session.hosts, experiment, method)
@@ -158,7 +161,7 @@ def _run_held(
     # of room, which says less.
     most = 100 if available.running and not session.on_busy_host else available.highest_reserve
     strategy = strategy_of(method, goal_of(experiment), most)
-    measurement = measure(experiment, strategy, settings_log, context, most_settings=count.most)
+    measurement = measure(experiment, strategy, settings_log, context, count=count)
     if measurement.new and available.running:
         session.control.reporter.findings([_busy_warning(experiment, available.running)])
     return settings_log, measurement
@@ -285,36 +288,57 @@ def _refusal(
     return UseCaseError(outcome, [finding.at(None, message, advice, address=f"host/{values['host']}", values=values)])
 
 
-def _describe_duration(
-    experiment: Experiment, method: Method, available: _Availability, count: SettingCount, settings_log: SettingsLog
-) -> str:
-    """Say how long measuring takes: at least, while jobs are as fast as they should be, and at most."""
+def _expected(
+    experiment: Experiment, count: SettingCount, available: _Availability, settings_log: SettingsLog
+) -> DurationBounds:
     least_ms = Settling(memory_ms=available.memory_ms).least_ms
-    bounds = expected_duration(experiment, count, settings_log.settings(), least_ms)
+    return expected_duration(experiment, count, settings_log.settings(), least_ms)
+
+
+def _describe_duration(experiment: Experiment, method: Method, bounds: DurationBounds, seconds: Sequence[float]) -> str:
+    """Say how many settings there will be, and how long they take on this machine as far as something tells that.
+
+    Args:
+        experiment: What is measured.
+        method: Which settings.
+        bounds: Of their number and of the host's own time, which on a simulated host is not its user's.
+        seconds: What comparable settings of this command took.
+    """
     settings = counted(bounds.most_settings, "setting")
     if bounds.least_settings != bounds.most_settings:
         settings = f"{bounds.least_settings} to {settings}"
     is_simulated = experiment.host.provider is ProviderKind.SIMULATED
-    # A simulated host's clock shows nothing that its user waits for: the settings are counted, and no time is said.
-    takes = [settings] if is_simulated else [settings, _describe_time(bounds)]
     needs = [
         f"{member.name} needs {counted(samples, 'sample')} a setting"
         for member in experiment.members
         if not isinstance(method, Sweep) and (samples := least_samples(member)) > FIRST_LOOK
     ]
+    if seconds and (is_simulated or not bounds.measured):
+        took = f"as {counted(len(seconds), 'setting')} of this command took"
+        least, most = bounds.least_settings * min(seconds), bounds.most_settings * max(seconds)
+        takes = f"{_describe_range(1000 * least, 1000 * most)}, {took}"
+    elif is_simulated:
+        takes = "how long they take here is not known yet"
+    else:
+        takes = _describe_time(bounds)
     subject = f"{experiment.name} beside {experiment.setup.interference} on {experiment.host.name}"
-    return f"{subject}{' (simulated)' if is_simulated else ''}: {'; '.join((', '.join(takes), *needs))}."
+    return f"{subject}{' (simulated)' if is_simulated else ''}: {'; '.join((f'{settings}, {takes}', *needs))}."
 
 
 def _describe_time(bounds: DurationBounds) -> str:
     """As in: 20 s to about 2 min, as 3 settings took before."""
-    least = f"{show_duration(bounds.least_ms)} to " if 0 < bounds.least_ms < bounds.most_ms else ""
-    most = show_duration(bounds.most_ms)
     if bounds.by_timeout:
-        return f"{least}{most}, as only `run.timeout` bounds a job"
+        least = f"{show_duration(bounds.least_ms)} to " if 0 < bounds.least_ms < bounds.most_ms else ""
+        return f"{least}{show_duration(bounds.most_ms)}, as only `run.timeout` bounds a job"
+    takes = _describe_range(bounds.least_ms, bounds.most_ms)
     if bounds.measured:
-        return f"{least}about {most}, as {counted(bounds.measured, 'setting')} took before"
-    return f"{least}about {most}, and more where a setting is disturbed and measured again"
+        return f"{takes}, as {counted(bounds.measured, 'setting')} took before"
+    return f"{takes}, and more where a setting is disturbed and measured again"
+
+
+def _describe_range(least_ms: float, most_ms: float) -> str:
+    least, most = show_duration(least_ms), show_duration(most_ms)
+    return f"{least} to about {most}" if least_ms > 0 and least != most else f"about {most}"
 
 
 def _work_of_others(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:

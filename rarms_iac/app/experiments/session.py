@@ -19,6 +19,7 @@ from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring.wall_times import WallTimes
 from rarms_iac.model.commands import START, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts
 from rarms_iac.model.host import Host, SimulatedHost
@@ -39,6 +40,7 @@ class MeasuringSession:
     anew: bool = False  # what was not measured with this seed is measured once more
     on_busy_host: bool = False  # measure although other partitions run there
     lock_timeout_ms: int = 0  # how long to wait for another run, at a host and at a data log
+    wall_times: WallTimes = field(default_factory=WallTimes)  # of the settings that this command has run
     held_hosts: Mapping[str, MeasuringHost] = field(default_factory=dict)  # by name; their locks are held
 
     @property

@@ -10,7 +10,8 @@ from rarms_iac.measuring.reporter import MeasuringReporter
 from rarms_iac.measuring.setting_run import MeasuringContext
 from rarms_iac.measuring.settings_log import SettingsLog
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.measuring.strategies import Searching, goal_of
+from rarms_iac.measuring.strategies import Searching, SettingCount, goal_of
+from rarms_iac.measuring.wall_times import WallTimes
 from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of
@@ -59,7 +60,9 @@ class Bench:
         should_stop: Callable[[], bool] = lambda: False,
         seed: int = 1,
         anew: int | None = None,
-        most_settings: int | None = None,
+        count: SettingCount | None = None,
+        reporter: MeasuringReporter | None = None,
+        wall_times: WallTimes | None = None,
     ) -> LoopResult:
         host = self.host(simulate)
         with host.lock("a test"):
@@ -68,11 +71,12 @@ class Bench:
                 host=host,
                 resources=lambda: host_resources(a_host(), host.observe(), "robot"),
                 seed=seed,
-                reporter=MeasuringReporter(),
+                reporter=reporter or MeasuringReporter(),
+                wall_times=wall_times or WallTimes(),
                 should_stop=should_stop,
             )
             book = self.book(anew)
-            return measure(self.experiment, strategy or self.search(), book, around, most_settings=most_settings)
+            return measure(self.experiment, strategy or self.search(), book, around, count=count)
 
     @property
     def recorded(self) -> list[int]:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from rarms_iac.measuring.search.trials import is_clear
 from rarms_iac.measuring.setup import Experiment, experiment_of
-from rarms_iac.measuring.strategies import Sweep, goal_of
+from rarms_iac.measuring.strategies import SettingCount, Sweep, goal_of
 from rarms_iac.model.measurement import P1, P2
 from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SettingFailed, Stopped, Sufficient
 from rarms_iac.model.run import SampleCount
@@ -70,7 +70,7 @@ def test_no_search_takes_more_settings_than_there_may_be_and_the_answer_is_what_
 ) -> None:
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(Path(folder), an_experiment())
-        ended = bench.measure(Endless(asked), most_settings=most)
+        ended = bench.measure(Endless(asked), count=SettingCount(least=1, most=most, ends_early=True))
         goal = goal_of(bench.experiment)
         least = least_reserve(curves_of(ended.settings, goal.runs, goal.apts))
 

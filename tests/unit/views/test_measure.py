@@ -9,6 +9,7 @@ import pytest
 from rarms_iac.app.experiments.measure import MeasureOutcome
 from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.measuring.setup import Experiment, experiment_of
+from rarms_iac.measuring.wall_times import RemainingSettings
 from rarms_iac.model.outcomes import Stopped, Sufficient
 from rarms_iac.model.run import SampleCount
 from rarms_iac.model.series import Sample, Series
@@ -156,16 +157,20 @@ SETTING = Setting(reserve=62, series=(series_of(100),), beside=38)
 
 
 def written(
-    *, seconds_since_start: float, experiment: Experiment = ONE_EXPERIMENT, setting: Setting = SETTING
+    *,
+    seconds_since_start: float,
+    experiment: Experiment = ONE_EXPERIMENT,
+    setting: Setting = SETTING,
+    after: RemainingSettings | None = None,
 ) -> list[str]:
     """The lines of a pipe about a setting that ends so long after the command began."""
     lines: list[str] = []
     now = [0.0]
     progress = MeasuringProgress(lambda line: lines.append(render(line, 200)), lambda: now[0])
     progress.experiment_started(experiment, ())
-    progress.setting_started(experiment, 62, 1)
+    progress.setting_started(experiment, 62, None)
     now[0] = seconds_since_start
-    progress.setting_ended(experiment, setting)
+    progress.setting_ended(experiment, setting, after)
     progress.experiment_ended()
     return lines
 
@@ -177,12 +182,45 @@ def test_a_pipe_is_told_of_a_setting_where_the_last_line_is_long_ago() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("least", "most", "text"),
+    [
+        (0, 3, ", at most about 36 s left"),
+        (2, 2, ", about 24 s left"),
+        (1, 3, ", 12 s to about 36 s left"),
+        (0, 0, ""),
+    ],
+)
+def test_a_setting_says_how_long_the_rest_takes_by_those_so_far(least: int, most: int, text: str) -> None:
+    after = RemainingSettings(least=least, most=most, setting_seconds=12.0)
+
+    (line,) = written(seconds_since_start=32.0, after=after)
+
+    assert line.endswith(f", in 32 s{text}\n")
+
+
+@pytest.mark.parametrize(("now", "text"), [(4.0, "8 s to about 44 s left"), (40.0, "at most about 36 s left")])
+def test_the_running_setting_counts_down_by_those_before_it(now: float, text: str) -> None:
+    screen = StringIO()
+    times = iter([0.0, 0.0, now])
+    progress = MeasuringProgress(
+        lambda _: None, lambda: next(times), LiveTable(live_console(screen, 100, colour=False))
+    )
+
+    progress.setting_started(ONE_EXPERIMENT, 62, RemainingSettings(least=1, most=4, setting_seconds=12.0))
+    progress.samples_came(ONE_EXPERIMENT, 62, {"vision": series_of(50)})
+    shown = screen.getvalue()
+    progress.experiment_ended()
+
+    assert f"50 samples, mean_response_time 98 ms, {text}" in shown
+
+
 def test_a_setting_that_is_measured_again_says_what_that_adds() -> None:
     lines: list[str] = []
     times = iter([0.0, 0.0, 12.0, 12.4])
     progress = MeasuringProgress(lambda line: lines.append(render(line, 200)), lambda: next(times))
 
-    progress.setting_started(ONE_EXPERIMENT, 62, 1)
+    progress.setting_started(ONE_EXPERIMENT, 62, None)
     for _ in range(2):
         progress.setting_disturbed(ONE_EXPERIMENT, 62, "the load got less")
 
@@ -197,7 +235,7 @@ def test_a_terminal_sees_the_running_setting_and_how_long_it_may_take() -> None:
     progress = MeasuringProgress(lambda _: None, lambda: next(times), live)
 
     progress.experiment_started(ONE_EXPERIMENT, ())
-    progress.setting_started(ONE_EXPERIMENT, 62, 1)
+    progress.setting_started(ONE_EXPERIMENT, 62, None)
     progress.samples_came(ONE_EXPERIMENT, 62, {"vision": series_of(50)})
     shown = screen.getvalue()
     progress.experiment_ended()

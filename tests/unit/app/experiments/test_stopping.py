@@ -1,6 +1,7 @@
 """Measuring on an applied host: what runs there rests meanwhile, where the user consents, and runs again afterwards."""
 
 import json
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -135,10 +136,13 @@ def test_what_the_user_stopped_stays_stopped() -> None:
     assert machines() == {"speech": (False, StoppedBy.USER), "vision": (True, StoppedBy.NO_USER)}
 
 
-def test_it_says_how_many_settings_there_are_and_no_time_of_a_simulated_clock() -> None:
-    said = rarms(*SWEEP, "--stop-partitions", "--samples", "10").err
+def test_it_says_how_many_settings_there_are_and_how_long_they_take_once_it_has_run_some() -> None:
+    loads = ("--interference", "busy-loop", "--interference", "bursts-20")
+    said = " ".join(rarms(*SWEEP, *loads, "--stop-partitions", "--samples", "10").err.split())
 
-    assert "vision beside busy-loop on onboard (simulated): 2 settings.\n" in said
+    first, second = re.findall(r"vision beside [a-z0-9-]+ on onboard \(simulated\): 2 settings, (.*?)\.(?= |$)", said)
+    assert first == "how long they take here is not known yet"
+    assert re.fullmatch(r"([0-9.]+ s to )?about [0-9.]+ s, as 2 settings of this command took", second)
 
 
 def test_stopping_and_measuring_beside_exclude_each_other() -> None:

@@ -1,0 +1,69 @@
+"""How long the settings of one command took on this machine, and how much is left by that; kept in memory alone.
+
+A data log has the times of the host's own clock: a simulated host's says nothing of how long its user waits.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from statistics import fmean
+
+from rarms_iac.measuring.setup import Experiment
+from rarms_iac.model.host import ProviderKind
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RemainingSettings:
+    """How many settings an experiment still asks for, and how long one took so far in this command."""
+
+    least: int  # the running setting is one of them
+    most: int
+    setting_seconds: float  # on the average, by a wall clock, with all tries of one that was disturbed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WallTimes:
+    """What each setting took that was run in this command."""
+
+    clock: Callable[[], float] = time.monotonic  # seconds, from any start
+    _seconds: list[tuple[str, str, float]] = field(default_factory=list)  # host, experiment and time, as they ended
+
+    def add(self, experiment: Experiment, seconds: float) -> None:
+        """Keep what a setting took that was recorded.
+
+        Args:
+            experiment: What it is a setting of.
+            seconds: From its start to its end, with all tries of one that was disturbed.
+        """
+        self._seconds.append((experiment.host.name, experiment.name, seconds))
+
+    def comparable(self, experiment: Experiment) -> Sequence[float]:
+        """Return the times, in seconds, that tell how long a setting of an experiment will take.
+
+        Args:
+            experiment: What is to be measured.
+
+        Returns:
+            Those of the same components on the same host, beside any load. Where there are none: on a simulated host
+            those of other components, since it is the machine that is waited for; on others nothing, as each
+            component has its own pace.
+        """
+        host, name = experiment.host.name, experiment.name
+        same = [seconds for on, of, seconds in self._seconds if (on, of) == (host, name)]
+        if same or experiment.host.provider is not ProviderKind.SIMULATED:
+            return same
+        return [seconds for on, _, seconds in self._seconds if on == host]
+
+    def remaining(self, experiment: Experiment, least: int, most: int) -> RemainingSettings | None:
+        """Say what is left of an experiment.
+
+        Args:
+            experiment: What is measured.
+            least: So many settings at least; not negative.
+            most: And at most.
+
+        Returns:
+            None: no setting of this command tells how long one takes.
+        """
+        seconds = self.comparable(experiment)
+        return RemainingSettings(least=least, most=most, setting_seconds=fmean(seconds)) if seconds else None
