@@ -37,6 +37,9 @@ _FEWEST_OF_QUARTER = 10  # samples
 _MAXIMUM = "maximum_response_time"
 """It is of all samples: no warm-up excuses a late answer."""
 
+_PER_SECOND = 1000 / 100
+"""What per cent of the jobs, over ms a job, are in jobs a second."""
+
 _TREND = 2.0
 """So many times the first quarter the last one is at least, or the other way round, where there is a trend."""
 
@@ -69,9 +72,10 @@ def _estimate(index: str, series: Series, run: Run, error: float, unseen: bool) 
     starts = 1 + len(_starts(series))
     if unseen and series.starts and isinstance(run.arrival, Periodic) and starts < PERIODIC_STARTS:
         return NoEstimate(reason=f"its load began {starts} times, and bounds of periodic jobs need {PERIODIC_STARTS}")
-    share = percentile_of(index)
-    if share is not None:
-        return _percentile(response_times(series.samples), float(share) / 100, error, _answered_starts(series))
+    percentile_percent = percentile_of(index)
+    if percentile_percent is not None:
+        share = float(percentile_percent) / 100
+        return _percentile(response_times(series.samples), share, error, _answered_starts(series))
     return _ESTIMATORS[index](series, run, error, unseen)
 
 
@@ -117,8 +121,8 @@ def _estimate_of_quarters(index: str, series: Series, run: Run, error: float) ->
     if (min(steps) > 0.0 or max(steps) < 0.0) and max(values) >= _TREND * min(values):
         return None
     mean = fmean(values)
-    away = student_quantile(1.0 - error, _QUARTERS - 1.0) * stdev(values) / sqrt(_QUARTERS)
-    lower, upper = max(0.0, mean - away), mean + away
+    half_width = student_quantile(1.0 - error, _QUARTERS - 1.0) * stdev(values) / sqrt(_QUARTERS)
+    lower, upper = max(0.0, mean - half_width), mean + half_width
     if isinstance(whole := estimate(index, series, run, error=error), Estimate):
         lower, upper = min(lower, whole.lower), max(upper, whole.upper)
     return Estimate(value=mean, lower=lower, upper=upper, samples=count, effective_samples=float(_QUARTERS))
@@ -142,9 +146,15 @@ class _Moments:
     second: float  # central moments
     third: float
 
-    def with_unseen(self, distance: float, worth: float) -> "_Moments":
+    def with_unseen_jobs(
+        self, distance_below: float, distance_above: float, effective: float
+    ) -> tuple["_Moments", "_Moments"]:
+        """The moments for the lower and for the upper bound, each with an unseen job on its side."""
+        return self._with_unseen(distance_below, effective), self._with_unseen(distance_above, effective)
+
+    def _with_unseen(self, distance: float, effective: float) -> "_Moments":
         """Add an unseen job, so far from the mean, to samples worth so many."""
-        part = 1.0 / (worth + 1.0)
+        part = 1.0 / (effective + 1.0)
         shift = part * distance
         second = (1.0 - part) * self.second + part * distance**2
         third = (1.0 - part) * self.third + part * distance**3
@@ -179,47 +189,48 @@ def mean_estimate(
     count = len(numbers)
     if count < 2:
         return NoEstimate(reason=f"{count} jobs answered; a mean with bounds needs two")
-    mean, worth = sum(numbers) / count, effective_samples(numbers, starts, error)
+    mean, effective = sum(numbers) / count, effective_samples(numbers, starts, error)
     if unseen and mean <= 0.0:
         return NoEstimate(reason="every job took 0 ms: the clock is too coarse for it")
-    if unseen and count >= FIRST_LOOK and worth < min(FEWEST_EFFECTIVE, count / 2):
-        return NoEstimate(reason=_too_dependent(count, worth))
-    seen, worth = _moments(numbers, mean, worth, starts, error)
-    away_above, away_below = (max(mean, max(numbers) - mean), -mean) if unseen else (0.0, 0.0)
+    if unseen and count >= FIRST_LOOK and effective < min(FEWEST_EFFECTIVE, count / 2):
+        return NoEstimate(reason=_too_dependent(count, effective))
+    seen, effective = _moments(numbers, mean, effective, starts, error)
+    distance_above = max(mean, max(numbers) - mean)
+    below, above = seen.with_unseen_jobs(-mean, distance_above, effective) if unseen else (seen, seen)
     return Estimate(
         value=mean,
-        lower=max(0.0, _bound(seen.with_unseen(away_below, worth), worth, error, side=-1.0)),
-        upper=_bound(seen.with_unseen(away_above, worth), worth, error, side=1.0),
+        lower=max(0.0, _bound(below, effective, error, side=-1.0)),
+        upper=_bound(above, effective, error, side=1.0),
         samples=count,
-        effective_samples=worth,
+        effective_samples=effective,
     )
 
 
 def _moments(
-    numbers: Sequence[float], mean: float, worth: float, starts: Sequence[int], error: float
+    numbers: Sequence[float], mean: float, effective: float, starts: Sequence[int], error: float
 ) -> tuple[_Moments, float]:
-    """What bounds rest on, and how many samples: those of batches, where these show that values make up for another."""
+    """What bounds rest on, and of how many samples: of batches, where high and low neighbours balance each other."""
     count = len(numbers)
-    if worth > count / 2 and (of_batches := batch_moments(numbers, starts, error)):
+    if effective > count / 2 and (of_batches := batch_moments(numbers, starts, error)):
         return _Moments(mean, *of_batches), float(count)
     deviations = [number - mean for number in numbers]
     squares, cubes = sum(map(mul, deviations, deviations)), sum(map(pow, deviations, repeat(3)))
-    return _Moments(mean, squares / count, cubes / count), worth
+    return _Moments(mean, squares / count, cubes / count), effective
 
 
-def _too_dependent(count: int, worth: float) -> str:
+def _too_dependent(count: int, effective: float) -> str:
     needed = f"a bound needs {min(FEWEST_EFFECTIVE, -(-count // 2))}"
-    return f"its {count} samples depend on one another so strongly that they are worth {worth:.0f}, and {needed}"
+    return f"its {count} samples depend on one another so strongly that they are worth {effective:.0f}, and {needed}"
 
 
-def _bound(moments: _Moments, worth: float, error: float, *, side: float) -> float:
+def _bound(moments: _Moments, effective: float, error: float, *, side: float) -> float:
     """The bound of a mean on one side; skewness only ever moves it outwards."""
-    standard = sqrt(max(0.0, moments.second) / max(1.0, worth - 1.0))
+    standard = sqrt(max(0.0, moments.second) / max(1.0, effective - 1.0))
     if standard == 0.0:
         return moments.mean
-    quantile = student_quantile(1.0 - error, max(1.0, float(int(worth) - 1)))
+    quantile = student_quantile(1.0 - error, max(1.0, float(int(effective) - 1)))
     skewness = max(0.0, side * moments.third / sqrt(moments.second) ** 3)
-    return moments.mean + side * standard * (quantile + skewness * (1.0 + 2.0 * quantile**2) / (6.0 * sqrt(worth)))
+    return moments.mean + side * standard * (quantile + skewness * (1.0 + 2.0 * quantile**2) / (6.0 * sqrt(effective)))
 
 
 def share_estimate(
@@ -238,15 +249,18 @@ def share_estimate(
     """
     if not ones:
         return NoEstimate(reason="no job ended")
-    share, worth = sum(ones) / len(ones), effective_samples(ones, starts, error)
+    share, effective = sum(ones) / len(ones), effective_samples(ones, starts, error)
     if min(ones) == max(ones) and len(times) == len(ones):
-        worth = effective_samples(times, starts, error)
-    lower, upper = share_interval(share * worth, worth, error=2.0 * error)
-    if worth > len(ones) / 2 and (of_batches := batch_moments(ones, starts, error)):
-        seen, worth = _Moments(share, *of_batches), float(len(ones))
-        lower = max(0.0, _bound(seen.with_unseen(-share, worth), worth, error, side=-1.0))
-        upper = min(1.0, _bound(seen.with_unseen(max(share, 1.0 - share), worth), worth, error, side=1.0))
-    return Estimate(value=100 * share, lower=100 * lower, upper=100 * upper, samples=len(ones), effective_samples=worth)
+        effective = effective_samples(times, starts, error)
+    lower, upper = share_interval(share * effective, effective, error=2.0 * error)
+    if effective > len(ones) / 2 and (of_batches := batch_moments(ones, starts, error)):
+        seen, effective = _Moments(share, *of_batches), float(len(ones))
+        below, above = seen.with_unseen_jobs(-share, max(share, 1.0 - share), effective)
+        lower = max(0.0, _bound(below, effective, error, side=-1.0))
+        upper = min(1.0, _bound(above, effective, error, side=1.0))
+    return Estimate(
+        value=100 * share, lower=100 * lower, upper=100 * upper, samples=len(ones), effective_samples=effective
+    )
 
 
 def _percentile(times: Sequence[float], share: float, error: float, starts: Sequence[int]) -> Estimate | NoEstimate:
@@ -256,24 +270,24 @@ def _percentile(times: Sequence[float], share: float, error: float, starts: Sequ
         return NoEstimate(reason="no job answered")
     ordered = sorted(times)
     value = ordered[min(count - 1, ceil(share * count) - 1)]
-    worth = effective_samples([1.0 if time > value else 0.0 for time in times], starts, error)
-    lower, upper = _rank_bounds(share, worth, 2.0 * error)
+    effective = effective_samples([1.0 if time > value else 0.0 for time in times], starts, error)
+    lower, upper = _rank_bounds(share, effective, 2.0 * error)
     return Estimate(
         value=value,
         lower=ordered[ceil(lower * count) - 1] if lower > 0.0 else -inf,
         upper=ordered[ceil(upper * count) - 1] if upper <= 1.0 else inf,
         samples=count,
-        effective_samples=worth,
+        effective_samples=effective,
     )
 
 
-def _rank_bounds(share: float, worth: float, error: float) -> tuple[float, float]:
+def _rank_bounds(share: float, effective: float, error: float) -> tuple[float, float]:
     """Ranks, as shares of all samples, that enclose the percentile; 0 or above 1 where so few samples have none.
 
     The r-th of n ordered samples has a share of the distribution below it that is Beta(r, n + 1 - r): the least r
     whose share is above the percentile's, and the greatest whose share is below it, each but for half the error.
     """
-    whole = max(1, int(worth))
+    whole = max(1, int(effective))
 
     def below(error: float, rank: int) -> float:
         return beta_quantile(error, rank, whole + 1 - rank)
@@ -308,20 +322,20 @@ def _extreme(times: Sequence[float], error: float, starts: Sequence[int], *, lon
     """The extreme seen; n samples leave a share of 1 - error ** (1 / n) of the jobs possibly beyond it."""
     if not times:
         return NoEstimate(reason="no job answered")
-    worth = effective_samples(times, starts, error)
+    effective = effective_samples(times, starts, error)
     value = max(times) if longest else min(times)
     return Estimate(
         value=value,
         lower=value if longest else -inf,
         upper=inf if longest else value,
         samples=len(times),
-        effective_samples=worth,
-        beyond=100 * (1.0 - error ** (1.0 / worth)),
+        effective_samples=effective,
+        beyond=100 * (1.0 - error ** (1.0 / effective)),
     )
 
 
 def _jitter(series: Series, _run: Run, error: float, unseen: bool) -> Estimate | NoEstimate:
-    """The standard deviation: the root of a mean, that of the squared deviations; the unseen job included."""
+    """The standard deviation: the root of a mean, that of the squared deviations, with an unseen job as that has."""
     times = response_times(series.samples)
     if len(times) < 3:
         return NoEstimate(reason=f"{len(times)} jobs answered; jitter with bounds needs three")
@@ -329,23 +343,23 @@ def _jitter(series: Series, _run: Run, error: float, unseen: bool) -> Estimate |
     squares = [(time - mean) ** 2 for time in times]
     variance = sum(squares) / count
     starts = _answered_starts(series)
-    worth = min(effective_samples(times, starts, error), effective_samples(squares, starts, error))
-    if unseen and count >= FIRST_LOOK and worth < min(FEWEST_EFFECTIVE, count / 2):
-        return NoEstimate(reason=_too_dependent(count, worth))
+    effective = min(effective_samples(times, starts, error), effective_samples(squares, starts, error))
+    if unseen and count >= FIRST_LOOK and effective < min(FEWEST_EFFECTIVE, count / 2):
+        return NoEstimate(reason=_too_dependent(count, effective))
     seen = _Moments(
         variance,
         sum((square - variance) ** 2 for square in squares) / count,
         sum((square - variance) ** 3 for square in squares) / count,
     )
-    away_above, away_below = (max(mean**2, *squares) - variance, -variance) if unseen else (0.0, 0.0)
-    lower = _bound(seen.with_unseen(away_below, worth), worth, error, side=-1.0)
-    upper = _bound(seen.with_unseen(away_above, worth), worth, error, side=1.0)
+    distance_above = max(mean**2, *squares) - variance
+    below, above = seen.with_unseen_jobs(-variance, distance_above, effective) if unseen else (seen, seen)
+    lower, upper = _bound(below, effective, error, side=-1.0), _bound(above, effective, error, side=1.0)
     return Estimate(
         value=sqrt(variance * count / (count - 1)),
         lower=sqrt(max(0.0, lower)),
-        upper=sqrt(max(0.0, upper) * worth / max(1.0, worth - 1.0)),
+        upper=sqrt(max(0.0, upper) * effective / max(1.0, effective - 1.0)),
         samples=count,
-        effective_samples=worth,
+        effective_samples=effective,
     )
 
 
@@ -366,12 +380,13 @@ def _throughput(series: Series, _run: Run, error: float, unseen: bool) -> Estima
     share = share_estimate(successes(jobs), error / 3.0, times, starts)
     time = mean_estimate(times, error / 3.0, unseen=unseen, starts=starts)
     gained = _counts_a_success(jobs, error / 3.0, unseen)
-    if isinstance(share, NoEstimate) or isinstance(time, NoEstimate):
-        return time if isinstance(time, NoEstimate) else NoEstimate(reason="no job ended")
+    if isinstance(time, NoEstimate):
+        return time
+    assert isinstance(share, Estimate), "jobs ended, so a share of them succeeded"
     return Estimate(
-        value=10 * share.value * gained[1] * count / series.elapsed_ms,
-        lower=10 * share.lower * gained[0] / time.upper,
-        upper=10 * share.upper * gained[2] / time.lower if time.lower > 0.0 else inf,
+        value=_PER_SECOND * share.value * gained[1] * count / series.elapsed_ms,
+        lower=_PER_SECOND * share.lower * gained[0] / time.upper,
+        upper=_PER_SECOND * share.upper * gained[2] / time.lower if time.lower > 0.0 else inf,
         samples=count,
         effective_samples=min(time.effective_samples, share.effective_samples),
     )
@@ -384,7 +399,7 @@ def _counts_a_success(jobs: SampleColumns, error: float, unseen: bool) -> tuple[
     if all(count == 1.0 for count in counts):
         return 1.0, 1.0, 1.0
     seen = mean_estimate(counts, error, unseen=unseen)
-    return (0.0, mean, inf) if isinstance(seen, NoEstimate) else (max(0.0, seen.lower), mean, seen.upper)
+    return (0.0, mean, inf) if isinstance(seen, NoEstimate) else (seen.lower, mean, seen.upper)
 
 
 _ESTIMATORS: dict[str, Callable[[Series, Run, float, bool], Estimate | NoEstimate]] = {

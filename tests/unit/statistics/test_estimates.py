@@ -2,13 +2,14 @@
 
 import random
 from dataclasses import replace
-from math import inf
+from math import inf, sqrt
 
 import pytest
 
 from rarms_iac.model.indexes import INDEXES
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.series import Series
+from rarms_iac.statistics.distributions import student_quantile
 from rarms_iac.statistics.error_probability import PERIODIC_STARTS
 from rarms_iac.statistics.estimates import estimate, mean_estimate
 from rarms_iac.statistics.samples import effective_samples
@@ -168,6 +169,24 @@ def test_without_jobs_that_were_not_seen_it_is_the_guess_of_the_samples_alone() 
 
     assert isinstance(alike, Estimate)
     assert (alike.lower, alike.upper) == (100.0, 100.0)
+
+
+def test_a_guess_of_the_samples_alone_takes_their_variance_whole() -> None:
+    """Student's t of two samples: their standard error is half their distance."""
+    pair = estimate("mean_response_time", a_series([100.0, 102.0]), RUN, error=0.25, unseen=False)
+
+    assert isinstance(pair, Estimate)
+    assert (pair.lower, pair.upper) == pytest.approx((100.0, 102.0))
+
+
+def test_a_guess_of_jitter_takes_the_samples_alone() -> None:
+    """Their squared deviations are 1 and 9 ms, so these vary by 16 around 5."""
+    even = estimate("jitter", a_series([97.0, 99.0, 103.0, 101.0] * 2), RUN, error=0.25, unseen=False)
+
+    assert isinstance(even, Estimate)
+    worth = even.effective_samples
+    half_width = student_quantile(0.75, int(worth) - 1.0) * sqrt(16 / (worth - 1.0))
+    assert even.lower**2 == pytest.approx(5 - half_width)
 
 
 def test_a_few_rare_jobs_that_make_all_of_the_jitter_leave_it_uncertain() -> None:
