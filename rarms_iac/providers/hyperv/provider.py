@@ -1,4 +1,4 @@
-"""A Hyper-V host: `observe.ps1` looks at it, and a plan's own scripts change it."""
+"""A Hyper-V host: looked at by `observe.ps1`, or on this computer through WMI and the registry; changed by scripts."""
 
 import re
 import sys
@@ -39,11 +39,11 @@ OBSERVE_SECONDS = 300.0
 OBSERVE = "observe.ps1"
 LARGEST_SIGNED = 32 * 2**20  # bytes
 JOURNAL = "%ProgramData%\\rarms\\journal.jsonl"
-FORMAT = "rarms-event/1"
+EVENT_FORMAT = "rarms-event/1"
 NATIVE_BUILD = 17763
 """The first build of Windows (Server 2019) whose Hyper-V module PowerShell 7 loads itself."""
 
-LONGEST = 100_000
+LONGEST_LINE = 100_000
 """Characters of a line that is looked at; a script's own are far shorter."""
 
 _GRACE = re.compile(r"-GraceMs ([0-9]{1,9})\b")
@@ -52,10 +52,10 @@ _GRACE = re.compile(r"-GraceMs ([0-9]{1,9})\b")
 class LiveHypervHost:
     """A `ScriptedHost`. Every question is asked of the host anew, unless it is told to `look_once`."""
 
-    def __init__(self, host: Host, transport: Transport, signed: Path | None = None) -> None:
+    def __init__(self, host: Host, transport: Transport, signed_folder: Path | None = None) -> None:
         self._host = host
         self._transport = transport
-        self._signed = signed
+        self._signed_folder = signed_folder
         self._looks_once = False
         self._document = ""  # of the one look
 
@@ -100,6 +100,8 @@ class LiveHypervHost:
             case JournalDamaged(message=message):
                 advice = "Look at what the last run did, then remove it."
                 raise HostDamaged(self.name, f"{JOURNAL} is damaged: {message}", advice)
+            case unreachable:
+                assert_never(unreachable)
 
     def unfinished(self) -> ScriptRun | None:
         run = self.journal()
@@ -122,53 +124,53 @@ class LiveHypervHost:
         return replace(script, files={name: self._signed_copy(name, text) for name, text in script.files.items()})
 
     def _signed_copy(self, name: str, text: str) -> str:
-        if self._signed is None:
+        if self._signed_folder is None:
             return text
         try:
-            copy = read_file(self._signed / name, LARGEST_SIGNED).decode("ascii", "replace")
+            copy = read_file(self._signed_folder / name, LARGEST_SIGNED).decode("ascii", "replace")
         except FileNotFoundError:
             return text
         except OSError as error:
             raise HostFailed(
-                self.name, f"{self._signed / name} cannot be read: {error}", "Mend or remove it."
+                self.name, f"{self._signed_folder / name} cannot be read: {error}", "Mend or remove it."
             ) from None
         return copy if without_signature(copy) == text else text
 
     def recorded(self) -> bytes:
-        """The very line that `observe.ps1` prints."""
-        document = self._printed()
-        self._read(document)
+        """Return the document of the host, as `observe.ps1` prints it, with a line's end."""
+        document = self._document_text()
+        self._parse(document)
         return f"{document}\n".encode()
 
     def observation(self) -> HostObservation:
-        """Read what `observe.ps1` prints there now.
+        """Look at the host now, or read what the one look gave.
 
         Raises:
-            HostFailed: the host cannot be reached, or the script printed something else.
+            HostFailed: the host cannot be reached, or what it answers is no observation.
         """
-        return self._read(self._printed())
+        return self._parse(self._document_text())
 
-    def _printed(self) -> str:
-        """What `observe.ps1` prints now, or printed at the one look."""
+    def _document_text(self) -> str:
+        """The document of the host as it is now, or as it was at the one look."""
         if self._looks_once and self._document:
             return self._document
-        self._document = self._print()
+        self._document = self._fetch()
         if self._lacks_hyperv(self._document):
             self._transport = self._transport.in_windows_powershell()
-            self._document = self._print()
+            self._document = self._fetch()
         return self._document
 
     def _lacks_hyperv(self, document: str) -> bool:
         """Whether PowerShell 7 looked where it loads Hyper-V through 5.1, whose objects no cmdlet takes."""
-        observation = self._read(document)
+        observation = self._parse(document)
         powershell, windows = or_else(observation.powershell, None), or_else(observation.windows, None)
         if powershell is None or windows is None:
             return False
         return powershell.edition == "Core" and windows.build < NATIVE_BUILD
 
-    def _print(self) -> str:
-        """What `observe.ps1` prints, or on the computer itself what WMI and the registry show."""
-        if sys.platform == "win32" and self._host.connect is None:
+    def _fetch(self) -> str:
+        """What `observe.ps1` prints, or on this computer what WMI and the registry show."""
+        if sys.platform == "win32" and isinstance(self._transport, LocalTransport):
             from rarms_iac.providers.hyperv.local_windows import observe_here
 
             return observe_here()
@@ -181,12 +183,13 @@ class LiveHypervHost:
                     self.name, f"it could not be observed: {why}", "Look whether it is busy, then try again."
                 )
             case ScriptExited(code=0):
-                pass
+                return document.text
             case ScriptExited(code=code, last_lines=lines):
                 raise self._unreadable(f"exit code {code}, {' '.join(lines[-3:]) or 'and no word why'}")
-        return document.text
+            case _:
+                assert_never(ended)
 
-    def _read(self, document: str) -> HostObservation:
+    def _parse(self, document: str) -> HostObservation:
         try:
             return observation_of(parse_json(document))
         except NotDecodable as error:
@@ -197,19 +200,19 @@ class LiveHypervHost:
         return HostFailed(self.name, f"what {OBSERVE} printed cannot be read: {message}", advice)
 
 
-def open_hyperv(host: Host, signed: Path, channel: CommandChannel | None = None) -> LiveHypervHost:
+def open_hyperv(host: Host, signed_folder: Path, channel: CommandChannel | None = None) -> LiveHypervHost:
     """Open the host that this describes.
 
     Args:
         host: as the manifest or a plan has it.
-        signed: the folder of what was signed for it.
+        signed_folder: the folder of what was signed for it.
         channel: reaches it in place of what `connect` says.
     """
     if channel is None:
-        return LiveHypervHost(host, transport_to(host), signed)
+        return LiveHypervHost(host, transport_to(host), signed_folder)
     connect = host.connect
     there = RemotePowerShell(SHELLS[0]) if connect is None else RemotePowerShell(connect.shell, connect.receiver)
-    return LiveHypervHost(host, ChannelTransport(host.name, channel, there), signed)
+    return LiveHypervHost(host, ChannelTransport(host.name, channel, there), signed_folder)
 
 
 def transport_to(host: Host) -> Transport:
@@ -265,11 +268,11 @@ def _longest_grace(script: ScriptBundle) -> int:
 
 def read_event(line: str) -> RunEvent | None:
     """The event that a line of a script's output is (docs/scripts.md), None where it is none of this format."""
-    if len(line) > LONGEST or not line.startswith("{"):
+    if len(line) > LONGEST_LINE or not line.startswith("{"):
         return None
     try:
         document = parse_json(line)
-        if not isinstance(document, dict) or document.pop("format", None) != FORMAT:
+        if not isinstance(document, dict) or document.pop("format", None) != EVENT_FORMAT:
             return None
         event = decode(RunEvent, document)
     except NotDecodable:

@@ -1,13 +1,17 @@
 """Scripts on a Hyper-V host through a channel that runs one command."""
 
+import sys
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import pytest
 
 from rarms_iac.providers.channel import SSH_FAILED, CommandResult
 from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, NO_MORE, READY, RemotePowerShell, frame
+from rarms_iac.providers.hyperv.provider import open_hyperv
 from rarms_iac.providers.hyperv.transport import ChannelTransport
 from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost
+from tests.builders import a_host
 
 SCRIPT = ScriptBundle(runs="cell.ps1", files={"cell.ps1": "exit 0\r\n"})
 
@@ -73,3 +77,14 @@ def test_a_way_that_breaks_loses_the_script() -> None:
 def test_nothing_is_talked_with() -> None:
     with pytest.raises(HostFailed, match="one command at a time"):
         ChannelTransport("onboard", Answering(0, ""), THERE).session(SCRIPT, ())
+
+
+def test_a_host_behind_a_channel_is_looked_at_through_it_from_windows_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without `connect` the host could be taken for this computer."""
+    monkeypatch.setattr(sys, "platform", "win32")
+    channel = Answering(9009, "", "not found\n")
+
+    with pytest.raises(HostFailed, match="does not start on ops@cell"):
+        open_hyperv(a_host("onboard"), Path("signed"), channel).observe()
+
+    assert len(channel.asked) == 1
