@@ -174,6 +174,11 @@ lock_timeout_option = partial(
 auto_approve_option = partial(flag, "--auto-approve", help="Do not ask.")
 samples_option = partial(option, "--samples", least=2, help="So many a setting. [default: as `run.until` says]")
 busy_host_option = partial(flag, "--on-busy-host", help="Measure although something else runs; the data logs say so.")
+STOP_PARTITIONS = Option(
+    flags=("--stop-partitions",), help="Stop the application's own partitions meanwhile, and start them again."
+)
+"""Whether partitions may be stopped to measure: no field of a request, as a terminal and a page ask each their way."""
+
 verbose_option = partial(option, "--verbose", "-v", default=False, help="Show every attribute, reason and step, too.")
 load_host_option = partial(
     flag, "--load-host", help="Use all idle time of the hosts; needed where there is no terminal to say so at."

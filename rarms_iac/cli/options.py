@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from rarms_iac.app.options import flag, option
+from rarms_iac.app.options import STOP_PARTITIONS, flag, option
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.session import Session
 from rarms_iac.views.finding_forms import BadOutput, OutputFormat, OutputTarget, parse_outputs
@@ -37,10 +37,7 @@ class OutputOptions:
 class StopOptions:
     """Whether partitions may be stopped to measure."""
 
-    stop_partitions: bool = flag(
-        "--stop-partitions",
-        help="Stop the application's own partitions meanwhile, and start them again. [default: ask at a terminal]",
-    )
+    stop_partitions: bool = flag(*STOP_PARTITIONS.flags, help=f"{STOP_PARTITIONS.help} [default: ask at a terminal]")
 
     def stops(self, *, on_busy_host: bool) -> bool:
         """Whether they are stopped without a question.

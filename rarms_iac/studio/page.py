@@ -1,6 +1,7 @@
 """What a server adds to the report's page: hosts, components, what can be done, the plan, and history, for a template.
 
-Nothing here decides anything: it is what the use cases said, with boxes for what a terminal asks or takes as options.
+It shows what the use cases said, with boxes for what a terminal asks or takes as options. It decides which forms can be
+used now: one that finishes a run, or starts what a measurement stopped, only where that is left and no use case runs.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,7 +12,7 @@ from types import MappingProxyType
 from rarms_iac.app.experiments.measure_request import MeasureRequest
 from rarms_iac.app.experiments.prove import ProveRequest
 from rarms_iac.app.experiments.tune import TuneRequest
-from rarms_iac.app.options import Option
+from rarms_iac.app.options import STOP_PARTITIONS, Option
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.status import HostOverview, NextCommand, PartitionStatus
 from rarms_iac.manifest.load import manifest_path
@@ -26,7 +27,7 @@ from rarms_iac.studio.plan_page import PlanOnPage, plan_on_page
 from rarms_iac.views.reports.html import render_page
 from rarms_iac.views.reports.page import on_page
 from rarms_iac.views.reports.table import show_cell
-from rarms_iac.views.reports.tables import RESERVE, levels_of_component
+from rarms_iac.views.reports.tables import RESERVE, RESERVE_LP, levels_of_component
 from rarms_iac.views.status import describe_partition, history_rows
 
 
@@ -72,13 +73,6 @@ class ComponentOnPage:
     verdicts: tuple[str, ...]  # or why nothing is known
 
 
-STOP_PARTITIONS = Box(
-    name="stop_partitions",
-    flag="--stop-partitions",
-    label="Stop the application's own partitions meanwhile, and start them again.",
-)
-
-
 COARSE = Box(name="coarse", flag="--interactive", label="Measure a coarse curve, to choose the level from.")
 
 
@@ -88,11 +82,16 @@ def _boxes(request: type, *names: str) -> Iterator[Box]:
     for name in names:
         option = options[name]
         assert isinstance(option, Option), "only fields that are options have boxes"
-        yield Box(name=name, flag=option.flags[0], label=option.help)
+        yield _box(name, option)
 
 
-MEASURE_BOXES = (COARSE, STOP_PARTITIONS, *_boxes(MeasureRequest, "on_busy_host", "weak_load", "together"))
-TUNE_BOXES = (STOP_PARTITIONS, *_boxes(TuneRequest, "on_busy_host", "dry_run"))
+def _box(name: str, option: Option) -> Box:
+    return Box(name=name, flag=option.flags[0], label=option.help)
+
+
+_STOP_BOX = _box("stop_partitions", STOP_PARTITIONS)
+MEASURE_BOXES = (COARSE, _STOP_BOX, *_boxes(MeasureRequest, "on_busy_host", "weak_load", "together"))
+TUNE_BOXES = (_STOP_BOX, *_boxes(TuneRequest, "on_busy_host", "dry_run"))
 PROVE_BOXES = tuple(_boxes(ProveRequest, "load_host", "without_load"))
 
 
@@ -109,7 +108,7 @@ class StudioOnPage:
     next_command: NextCommand | None
     unfinished: bool  # a run on a host did not end
     left_by_measurement: bool  # a measurement did not end
-    ways: Mapping[str, str]  # by verb of a recommended command, the form that does the same
+    forms_by_verb: Mapping[str, str]  # by verb of a recommended command, the form that does the same
     plan: PlanOnPage | None
     history: tuple[tuple[str, ...], ...]  # host, when, what, plan, application, by whom, ending
     has_manifest: bool
@@ -124,7 +123,7 @@ FORMS = MappingProxyType(
 
 
 def page_of(
-    known: Knowledge, workspace: Workspace, *, version: str, works: bool, manifest_options: str, read_only: bool
+    known: Knowledge, workspace: Workspace, *, version: str, is_busy: bool, manifest_options: str, read_only: bool
 ) -> bytes:
     """Make the page of what is known.
 
@@ -132,7 +131,7 @@ def page_of(
         known: of the application.
         workspace: the plan that was made last.
         version: of what is known, for the page to compare.
-        works: whether a use case runs: what it needs on a host for a while is not left by another one.
+        is_busy: whether a use case runs: what it needs on a host for a while is not left by another one.
         manifest_options: what commands end with, such as ` -f cell`.
         read_only: whether nothing may be changed.
 
@@ -142,8 +141,8 @@ def page_of(
     report = _report(known, workspace)
     overview = known.overview
     hosts = overview.hosts if overview else ()
-    unfinished = any(host.last_run and host.last_run.closing is None for host in hosts) and not works
-    is_cut_off = any(part.is_left_by_measurement for host in hosts for part in host.partitions) and not works
+    unfinished = any(host.last_run and host.last_run.closing is None for host in hosts) and not is_busy
+    is_cut_off = any(part.is_left_by_measurement for host in hosts for part in host.partitions) and not is_busy
     forms = {
         verb: form
         for verb, form in FORMS.items()
@@ -156,10 +155,10 @@ def page_of(
         manifest_options=manifest_options,
         hosts=tuple(map(_host, hosts)),
         components=tuple(_components(known, report)),
-        next_command=overview.next_command if overview and not works else None,
+        next_command=overview.next_command if overview and not is_busy else None,
         unfinished=unfinished,
         left_by_measurement=is_cut_off,
-        ways=forms,
+        forms_by_verb=forms,
         plan=plan_on_page(known, workspace, manifest_options),
         history=tuple(_history(known)),
         has_manifest=known.manifest is not None,
@@ -239,7 +238,7 @@ def _components(known: Knowledge, report: Report) -> Iterator[ComponentOnPage]:
         at = {column.field: number for number, column in enumerate(table.columns)}
         reserves, shares, verdicts = (
             tuple(dict.fromkeys(show_cell(row[at[field]]) for row in table.rows))
-            for field in ("reserve (LP)", RESERVE, "verdict")
+            for field in (RESERVE_LP, RESERVE, "verdict")
         )
         apt = (f"{name} {show_threshold(index_named(name), threshold)}" for name, threshold in component.apt.items())
         yield ComponentOnPage(

@@ -111,7 +111,7 @@ class Studio:
             self._watch.now(),
             self._workspace,
             version=version,
-            works=not state.ending,
+            is_busy=not state.ending,
             manifest_options=self._settings.manifest_options,
             read_only=self._settings.read_only,
         )

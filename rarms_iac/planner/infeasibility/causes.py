@@ -2,14 +2,15 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import assert_never
 
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.layout import Cause, Infeasible, Layout
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
-from rarms_iac.model.wording import in_a_row, list_names, natural_order, number
+from rarms_iac.model.wording import list_names, natural_order, number
 from rarms_iac.planner import planning_findings
-from rarms_iac.planner.infeasibility.conflict import Conflict, conflicts, evident_conflicts
+from rarms_iac.planner.infeasibility.conflict import Conflict, Lack, conflicts, evident_conflicts
 from rarms_iac.planner.infeasibility.edits import Variant
 from rarms_iac.planner.infeasibility.ways_out import ways_out
 from rarms_iac.planner.packing.pack import can_pack
@@ -84,7 +85,7 @@ def _staying(item: Item) -> Item:
 
 def _describe_moves(needed: Mapping[str, str]) -> str:
     """As in: vision would have to leave onboard."""
-    return in_a_row([f"{name} would have to leave {host}" for name, host in needed.items()])
+    return list_names((f"{name} would have to leave {host}" for name, host in needed.items()), MOST_NAMES)
 
 
 def evident_causes(problem: Problem) -> tuple[Cause, ...]:
@@ -104,21 +105,23 @@ def _cause(conflict: Conflict, problem: Problem) -> Cause:
     names = list_names((item.name for item in conflict.items), MOST_NAMES)
     cannot_share = f"{names} cannot share {list_names((host.name for host in conflict.bins), MOST_NAMES)}"
     match conflict.lacking:
-        case "processors":
+        case Lack.PROCESSORS:
             finding, message = planning_findings.RESERVATIONS, _processors_exceed(conflict, problem)
-        case "memory":
+        case Lack.MEMORY:
             finding, message = planning_findings.MEMORY, _memory_exceeds(conflict, problem)
-        case _ if len(conflict.bins) == 1:
-            finding, places = planning_findings.PACKING, _places(conflict.bins[0])
-            reason = f"each virtual processor needs its whole reserve on one of the {places}"
+        case Lack.PLACEMENT if len(conflict.bins) == 1:
+            finding, cores = planning_findings.PACKING, _describe_cores(conflict.bins[0])
+            reason = f"each virtual processor needs its whole reserve on one of the {cores}"
             message = f"{cannot_share}: {reason}, and there is no way to place them."
-        case _:
+        case Lack.PLACEMENT:
             finding = planning_findings.PLACEMENT
             reason = "together these have enough, but each partition needs room on one of them"
             message = f"{cannot_share}: {reason}."
+        case _:
+            assert_never(conflict.lacking)
     if conflict.proven and not conflict.smallest:
         message += " Whether fewer of them conflict was not searched to the end."
-    if conflict.lacking != "memory":
+    if conflict.lacking is not Lack.MEMORY:
         message += "".join(_describe_smt(conflict, host) for host in conflict.bins)
     free = free_on(conflict.bins)
     values: Facts = {
@@ -158,7 +161,7 @@ def _processors_exceed(conflict: Conflict, problem: Problem) -> str:
         (load_of(host.foreign_claims).processors, "are taken by unmanaged machines"),
     )
     parts = [f"{show_processors(amount)} {purpose}" for amount, purpose in promised if amount]
-    return f"{exceeded} Of its {show_processors(whole)}, {in_a_row(parts)}." if parts else exceeded
+    return f"{exceeded} Of its {show_processors(whole)}, {list_names(parts)}." if parts else exceeded
 
 
 def _memory_exceeds(conflict: Conflict, problem: Problem) -> str:
@@ -169,7 +172,7 @@ def _memory_exceeds(conflict: Conflict, problem: Problem) -> str:
 def _sum_exceeds(
     conflict: Conflict, problem: Problem, need: Callable[[Item], int], show: Callable[[int], str], free: int
 ) -> str:
-    """As in: FDP 3 GiB and SRP 2 GiB need 5 GiB; onboard has 4 GiB to promise."""
+    """As in: FDP 3 GiB and SRP 2 GiB need 5 GiB; onboard has 4 GiB to promise. Needs and `free` are in one unit."""
     hosts = list_names((host.name for host in conflict.bins), MOST_NAMES)
     verb = "has" if len(conflict.bins) == 1 else "have"
     together = _all_together(conflict, problem, need, show)
@@ -179,7 +182,7 @@ def _sum_exceeds(
 def _all_together(conflict: Conflict, problem: Problem, need: Callable[[Item], int], show: Callable[[int], str]) -> str:
     """The sum of all partitions, where others need the same hosts: ways out count them, and a conflict leaves them out.
 
-    Nothing where all are in the conflict, or where some may run disjoint.
+    Empty where all partitions are in the conflict, or where some may run on hosts that are not.
     """
     if len(conflict.items) == len(problem.items) or len(conflict.bins) < len(problem.bins):
         return ""
@@ -201,6 +204,6 @@ def _logical_processors(host: Bin) -> str:
     return f"{number(many)} logical processor{'' if many == 1 else 's'}"
 
 
-def _places(host: Bin) -> str:
+def _describe_cores(host: Bin) -> str:
     """What virtual processors are laid onto: `two logical processors`, `four cores`."""
     return _logical_processors(host) if host.capacity.sharing.threads == 1 else f"{number(host.capacity.cores)} cores"

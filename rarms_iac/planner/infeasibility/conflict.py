@@ -3,6 +3,7 @@
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from itertools import accumulate
 
 from rarms_iac.model.wording import natural_order
@@ -20,15 +21,23 @@ PACKINGS_TRIED = 80
 """Sets that are packed at most, as most of them take no node."""
 
 
+class Lack(Enum):
+    """What the hosts of a conflict do not have."""
+
+    PROCESSORS = "processors"  # in sum
+    MEMORY = "memory"  # in sum
+    PLACEMENT = "placement"  # the sums are enough, and there is no way to place the partitions
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conflict:
     """Partitions that do not fit together on the hosts that any of them may run on."""
 
     items: Sequence[Item]  # by name
     bins: Sequence[Bin]
+    lacking: Lack
     proven: bool = True  # otherwise it is only that nothing was found
     smallest: bool = True  # otherwise the search for a smaller one ended at its limit
-    lacking: str = ""  # in sum, processors or memory; empty: neither, but there is no way to place them
 
 
 def conflicts(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> Sequence[Conflict]:
@@ -69,7 +78,7 @@ def evident_conflicts(items: Sequence[Item], bins: Sequence[Bin]) -> Sequence[Co
 def _alone(item: Item, bins: Sequence[Bin]) -> Conflict:
     hosts = _hosts_of([item], bins)
     memory = all(item.claims[host.name].memory > free_in(host).memory for host in hosts)
-    return Conflict(items=[item], bins=hosts, lacking="memory" if memory else "processors")
+    return Conflict(items=[item], bins=hosts, lacking=Lack.MEMORY if memory else Lack.PROCESSORS)
 
 
 def _by_sums(items: Sequence[Item], bins: Sequence[Bin]) -> Sequence[Conflict]:
@@ -77,7 +86,7 @@ def _by_sums(items: Sequence[Item], bins: Sequence[Bin]) -> Sequence[Conflict]:
     memory = _fewest_beyond(items, bins, least_memory, lambda host: free_in(host).memory)
     return [
         Conflict(items=_by_name(fewest), bins=_hosts_of(fewest, bins), lacking=lacking)
-        for lacking, fewest in (("processors", processors), ("memory", memory))
+        for lacking, fewest in ((Lack.PROCESSORS, processors), (Lack.MEMORY, memory))
         if fewest
     ]
 
@@ -132,7 +141,9 @@ def _by_packing(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> 
 
     start = next((group for group in _groups(items) if len(group) < len(items) and conflict(group)), items)
     if start is items and not proven:
-        return Conflict(items=_by_name(items), bins=_hosts_of(items, bins), proven=False, smallest=False)
+        return Conflict(
+            items=_by_name(items), bins=_hosts_of(items, bins), proven=False, smallest=False, lacking=Lack.PLACEMENT
+        )
     remaining = sorted(start, key=lambda item: (least_cost(item), least_memory(item), natural_order(item.name)))
     step = len(remaining)
     while step > 1:
@@ -144,4 +155,6 @@ def _by_packing(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> 
                 remaining = without
             else:
                 at += step
-    return Conflict(items=_by_name(remaining), bins=_hosts_of(remaining, bins), smallest=smallest)
+    return Conflict(
+        items=_by_name(remaining), bins=_hosts_of(remaining, bins), smallest=smallest, lacking=Lack.PLACEMENT
+    )

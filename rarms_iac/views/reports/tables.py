@@ -28,6 +28,7 @@ MOST_CANDIDATES = 24
 TIME_PLACES = 4
 """Of a millisecond, as data logs keep a sample's times."""
 
+RESERVE_LP = "reserve (LP)"
 RESERVE = "reserve (% of the partition's VPs)"
 
 Row = Sequence[Cell | Value]
@@ -54,7 +55,7 @@ LEVELS = (
     Column(short="threshold", wraps=True),
     Column(field="unit"),
     Column(field="expected at the reserve", title="Expected"),
-    Column(field="reserve (LP)", title="Reserve", short="LP", style="strong", unit="LP", right=True),
+    Column(field=RESERVE_LP, title="Reserve", short="LP", style="strong", unit="LP", right=True),
     Column(field=RESERVE, title="CR", short="CR", wraps=True),
     Column(field="verdict", title="Verdict"),
 )

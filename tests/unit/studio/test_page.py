@@ -45,7 +45,7 @@ STUDIO = StudioOnPage(
     next_command=NextCommand(command=command("x"), reason="x"),
     unfinished=True,
     left_by_measurement=True,
-    ways={},
+    forms_by_verb={},
     plan=PLAN,
     history=(("x",) * 7,),
     has_manifest=True,
