@@ -50,11 +50,15 @@ def finish_unfinished(
 def _finish(
     host: LiveHost, run: Journal | ScriptRun, reporter: RunReporter, should_stop: ShouldStop, waits: WaitLimits
 ) -> RunReport:
-    if isinstance(host, StepwiseHost) and isinstance(run, Journal):
-        return run_steps(host, run, reporter, should_stop)
-    assert isinstance(host, ScriptedHost), "a host keeps the runs of its kind"
-    assert isinstance(run, ScriptRun), "a host keeps the runs of its kind"
-    return run_job(host, finish_job(host.name, run), reporter, should_stop, waits)
+    match host:
+        case StepwiseHost():
+            assert isinstance(run, Journal), "a host keeps the runs of its kind"
+            return run_steps(host, run, reporter, should_stop)
+        case ScriptedHost():
+            assert isinstance(run, ScriptRun), "a host keeps the runs of its kind"
+            return run_job(host, finish_job(host.name, run), reporter, should_stop, waits)
+        case _:
+            assert_never(host)
 
 
 def apply_plan(
@@ -146,7 +150,7 @@ def _runs_here(host: LiveHost, part: HostPlan) -> bool:
 
 
 def _begin_or_resume(host: StepwiseHost, plan: Plan, part: HostPlan, origin: RunOrigin, last_run: LastRun) -> Journal:
-    """The plan's own unfinished run, or a fresh one."""
+    """Return the host's unfinished run; without one, begin a run of the plan in the host's journal, and return that."""
     journal = host.unfinished()
     if journal is not None:
         return journal

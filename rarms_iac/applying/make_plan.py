@@ -5,6 +5,7 @@ Observed states come from live hosts or from snapshots; nothing here knows which
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import assert_never
 
 from rarms_iac.applying.desired_hosts import budget_of, context_of, desired_hosts, rules_of, threads_of
 from rarms_iac.applying.doctor import DOCTOR_ONLY_CODES
@@ -47,7 +48,10 @@ class PlanningResult:
 
 
 def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningResult:
-    """Make the plan that turns the observed hosts into what the manifest wants.
+    """Make the plan of a request for the observed hosts.
+
+    By the request's purpose it makes them what the manifest wants; or destroys, imports, releases, stops or starts what
+    they have.
 
     Args:
         request: the manifest, the purpose and the limits.
@@ -216,6 +220,8 @@ def _difference(request: PlanRequest, desired: Desired, context: HostContext, ru
             return _difference_of(*stop_changes(observed, request, locate))
         case Purpose.START:
             return _difference_of(*start_changes(observed, request, locate))
+        case _:
+            assert_never(request.purpose)
 
 
 def _difference_of(changes: tuple[Change, ...], findings: tuple[Diagnostic, ...]) -> Difference:

@@ -45,7 +45,8 @@ class SettingsLog:
         """Join what counts to one setting a reservation (`join_settings`).
 
         Returns:
-            As `runs`.
+            One setting for each reservation, in the order in which they were first recorded; none before the file is
+                begun, or where it is stale.
 
         Raises:
             LogUnreadable: the file is no whole data log.

@@ -1,7 +1,7 @@
 """Everything that can be judged from the manifest alone: one module a topic, one function a check.
 
 A checked `System` comes in, ordered findings go out. `CHECKS` lists every check with its finding; a check yields a
-`Violation` for each case, and `run_checks` makes findings with places of them. Begin with `common.Violation` and any
+`Violation` for each case, and `run_checks` makes findings with places of them. Begin with `violation.Violation` and any
 topic: `names`, `partitions`, `hosts`, `processors`, `tasks`, `measurement`, `secrets`.
 """
 
@@ -54,9 +54,9 @@ CHECKS: Mapping[Finding, Check] = {
     processors.WEIGHT_ON_LINUX: processors.weight_on_linux,
     processors.RESERVE_ROUNDED_UP: processors.reserve_rounded_up,
     processors.CRITICALITIES_ALIKE: processors.criticalities_alike,
-    partitions.BELOW_MEMBERS: of_partitions(partitions.partition_memory_below_members),
+    partitions.PARTITION_MEMORY_BELOW_MEMBERS: of_partitions(partitions.partition_memory_below_members),
     partitions.MEMORY_OVER_HOST: partitions.memory_over_host,
-    partitions.NOT_A_MACHINES: partitions.memory_not_a_machines,
+    partitions.MEMORY_NOT_OF_HYPERV: partitions.memory_not_of_hyperv,
     tasks.SHIPPED_TASK: tasks.shipped_task,
     tasks.UNKNOWN_TASK: tasks.unknown_task,
     tasks.TASK_DIFFERS_IN_CASE: tasks.task_differs_in_case,

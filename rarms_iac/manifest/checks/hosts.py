@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator
 
-from rarms_iac.manifest.checks.system_lookups import may_run_on
+from rarms_iac.manifest.checks.system_lookups import allowed_hosts
 from rarms_iac.manifest.checks.violation import Violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host, HypervHost, ProviderKind, WinRmConnect
@@ -29,7 +29,7 @@ def nothing_kept_for_host(system: System) -> Iterator[Violation]:
     """Hosts that keep no processor time, or too little memory, for the components that may run on them."""
     on_host = [component for component in system.components.values() if component.runs_on is RunsOn.HOST]
     for host in system.hosts.values():
-        here = [component for component in on_host if host in may_run_on(system, component)]
+        here = [component for component in on_host if host in allowed_hosts(system, component)]
         memory = sum(component.memory for component in here)
         lacks = []
         if here and in_processors(host.keep_for_host.processor, host.logical_processors) == 0:

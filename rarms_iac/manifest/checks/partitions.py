@@ -1,15 +1,14 @@
-"""Checks of partitions: which components share one, and its memory.
-
-The first are of `partitions`, `together`, `apart`, `dedicated`, `runs_on` and `hosts`.
+"""Checks of partitions: which components share one (`partitions`, `together`, `apart`, `dedicated`, `runs_on`), on which
+host they can be together (`hosts`), and how much memory a partition has.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 
 from rarms_iac.manifest.checks.system_lookups import (
+    allowed_hosts,
     behaves_like_hyperv,
     bound_groups,
     hosts_for,
-    may_run_on,
     members,
     partition_of_component,
 )
@@ -31,9 +30,9 @@ TOGETHER_WITH_ITSELF = Finding.error("RARMS332", "A component is together with i
 HOST_COMPONENT_WITH_CPU = Finding.error("RARMS059", "A component that runs on the host has settings of a partition")
 NO_COMMON_HOST = Finding.error("RARMS093", "Components of one partition have no host in common")
 
-BELOW_MEMBERS = Finding.warning("RARMS065", "A partition has less memory than its components")
+PARTITION_MEMORY_BELOW_MEMBERS = Finding.warning("RARMS065", "A partition has less memory than its components")
 MEMORY_OVER_HOST = Finding.error("RARMS066", "More memory than any host has")
-NOT_A_MACHINES = Finding.error("RARMS067", "Memory that Hyper-V does not take")
+MEMORY_NOT_OF_HYPERV = Finding.error("RARMS067", "Memory that Hyper-V does not take")
 
 
 _MEBIBYTE = 2**20
@@ -207,7 +206,7 @@ def together_is_separated(system: System) -> Iterator[Violation]:
     for component in system.components.values():
         for number, name in enumerate(component.together):
             other = system.components.get(name)
-            if other is None or not component.runs_on is other.runs_on is RunsOn.PARTITION:
+            if other is None or not (component.runs_on is other.runs_on is RunsOn.PARTITION):
                 continue  # RARMS042 and RARMS046 report these
             if listed.get(component.name) != listed.get(name):
                 yield Violation(
@@ -239,12 +238,12 @@ def no_common_host(system: System) -> Iterator[Violation]:
 
 
 def _have_no_common_host(system: System, components: list[Component]) -> bool:
-    return all(may_run_on(system, component) for component in components) and not hosts_for(system, components)
+    return all(allowed_hosts(system, component) for component in components) and not hosts_for(system, components)
 
 
 def _no_common_host_violation(system: System, path: Path, components: list[Component]) -> Violation:
     each = list_names(
-        f"{component.name} on {list_names(host.name for host in may_run_on(system, component))}"
+        f"{component.name} on {list_names(host.name for host in allowed_hosts(system, component))}"
         for component in components
     )
     return Violation(
@@ -288,7 +287,7 @@ def memory_over_host(system: System) -> Iterator[Violation]:
             )
 
 
-def memory_not_a_machines(system: System) -> Iterator[Violation]:
+def memory_not_of_hyperv(system: System) -> Iterator[Violation]:
     """Memory on a host like Hyper-V that is too little for a machine, or no even number of MiB."""
     for section, name, memory, hosts in _memory_of_partitions(system):
         up = machine_memory(memory)
@@ -313,7 +312,7 @@ def _memory_of_partitions(system: System) -> Iterator[tuple[str, str, int, list[
     listed = partition_of_component(system)
     for component in system.components.values():
         if component.name not in listed and component.runs_on is RunsOn.PARTITION:
-            yield "components", component.name, component.memory, may_run_on(system, component)
+            yield "components", component.name, component.memory, allowed_hosts(system, component)
     for partition in system.partitions.values():
         components = members(system, partition)
         if partition.components and not components and partition.memory is None:

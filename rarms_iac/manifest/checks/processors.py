@@ -6,10 +6,10 @@ from math import ceil
 from typing import assert_never
 
 from rarms_iac.manifest.checks.system_lookups import (
+    allowed_hosts,
     cpu_settings,
     fixed_reserve,
     hosts_for,
-    may_run_on,
     members,
     on_every,
 )
@@ -139,7 +139,7 @@ def reserve_beyond_parallelism(system: System) -> Iterator[Violation]:
             continue
         reserves = [
             reserve
-            for host in may_run_on(system, component)
+            for host in allowed_hosts(system, component)
             if (reserve := fixed_reserve(component.cpu, host)) is not None
         ]
         if reserves and min(reserves) > threads:
@@ -188,7 +188,7 @@ def _virtual_processors(system: System) -> Iterator[tuple[str, str, int, list[Ho
     """Section, name, `processors` and possible hosts of every component and partition that fixes it."""
     for component in system.components.values():
         if component.processors is not None:
-            yield "components", component.name, component.processors, may_run_on(system, component)
+            yield "components", component.name, component.processors, allowed_hosts(system, component)
     for partition in system.partitions.values():
         if partition.processors is not None:
             hosts = hosts_for(system, members(system, partition))

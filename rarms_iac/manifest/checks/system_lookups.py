@@ -19,7 +19,7 @@ from rarms_iac.model.task_names import ROBOTIC_TASKS
 _NOTHING_FIXED = CpuRequest()
 
 
-def may_run_on(system: System, component: Component) -> list[Host]:
+def allowed_hosts(system: System, component: Component) -> list[Host]:
     """The hosts of the manifest that the component itself allows."""
     if component.hosts is None:
         return list(system.hosts.values())
@@ -33,7 +33,7 @@ def members(system: System, partition: PartitionRequest) -> list[Component]:
 
 def hosts_for(system: System, components: Iterable[Component]) -> list[Host]:
     """The hosts that every one of the components allows."""
-    allowed = [{host.name for host in may_run_on(system, component)} for component in components]
+    allowed = [{host.name for host in allowed_hosts(system, component)} for component in components]
     return [host for host in system.hosts.values() if all(host.name in names for names in allowed)]
 
 
@@ -99,7 +99,7 @@ def cpu_settings(system: System) -> Iterator[tuple[str, str, CpuRequest, list[Ho
     """Section, name, CPU and possible hosts of every component and partition for which the manifest fixes CPU."""
     for component in system.components.values():
         if component.cpu != _NOTHING_FIXED:
-            yield "components", component.name, component.cpu, may_run_on(system, component)
+            yield "components", component.name, component.cpu, allowed_hosts(system, component)
     for partition in system.partitions.values():
         if partition.cpu != _NOTHING_FIXED:
             yield "partitions", partition.name, partition.cpu, hosts_for(system, members(system, partition))
