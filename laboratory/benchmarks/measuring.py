@@ -131,7 +131,7 @@ class Once:
 class Recorded:
     """A log in memory."""
 
-    anew = None
+    remeasure_seed = None
     is_simulated = True
 
     def __init__(self) -> None:

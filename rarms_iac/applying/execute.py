@@ -74,34 +74,38 @@ def apply_plan(
     A plan of several hosts that was interrupted goes on where it stopped: hosts that it finished are passed over.
     """
     try:
-        journals = {part.host.name: hosts[part.host.name].journal() for part in plan.hosts}
+        journals = {host_plan.host.name: hosts[host_plan.host.name].journal() for host_plan in plan.hosts}
         problems = [
             problem
-            for part in plan.hosts
-            for problem in refusals_of(plan, part, hosts[part.host.name], journals[part.host.name])
+            for host_plan in plan.hosts
+            for problem in refusals_of(plan, host_plan, hosts[host_plan.host.name], journals[host_plan.host.name])
         ]
     except HostError as error:
         return failed_run(error)
-    if not problems and plan.hosts and all(finished_by(plan, journals[part.host.name]) for part in plan.hosts):
-        problems = [refusals.used(part.host.name, plan.id) for part in plan.hosts]
+    if (
+        not problems
+        and plan.hosts
+        and all(finished_by(plan, journals[host_plan.host.name]) for host_plan in plan.hosts)
+    ):
+        problems = [refusals.used(host_plan.host.name, plan.id) for host_plan in plan.hosts]
     if problems:
         return RunReport(ending=RunEnding.REFUSED, findings=tuple(problems))
 
     reports: list[RunReport] = []
-    for part in plan.hosts:
-        host, journal = hosts[part.host.name], journals[part.host.name]
-        if finished_by(plan, journal) or not _runs_here(host, part):
+    for host_plan in plan.hosts:
+        host, journal = hosts[host_plan.host.name], journals[host_plan.host.name]
+        if finished_by(plan, journal) or not _has_work(host, host_plan):
             continue
         try:
             match host:
                 case StepwiseHost():
                     reports.append(
-                        run_steps(host, _begin_or_resume(host, plan, part, origin, journal), reporter, should_stop)
+                        run_steps(host, _begin_or_resume(host, plan, host_plan, origin, journal), reporter, should_stop)
                     )
                 case ScriptedHost():
-                    report = run_job(host, apply_job(plan.id, part), reporter, should_stop, waits)
+                    report = run_job(host, apply_job(plan.id, host_plan), reporter, should_stop, waits)
                     reports.append(
-                        replace(report, hosts=tuple(replace(entry, host_plan=part) for entry in report.hosts))
+                        replace(report, hosts=tuple(replace(entry, host_plan=host_plan) for entry in report.hosts))
                     )
                 case _:
                     assert_never(host)
@@ -112,23 +116,23 @@ def apply_plan(
     return combined_report(reports)
 
 
-def refusals_of(plan: Plan, part: HostPlan, host: LiveHost, journal: LastRun) -> list[Diagnostic]:
+def refusals_of(plan: Plan, host_plan: HostPlan, host: LiveHost, journal: LastRun) -> list[Diagnostic]:
     """Why the plan must not run on this host now; nothing where it may begin, go on, or is done already."""
     if journal is not None and journal.unfinished:
         same = journal.started.plan == plan.id and journal.started.run is RunKind.APPLY
         return [] if same else [refusals.unfinished(host.name, journal)]
     if finished_by(plan, journal):
         return []
-    if part.steps and isinstance(host, ScriptedHost) and script_name(part) not in part.scripts:
+    if host_plan.steps and isinstance(host, ScriptedHost) and script_name(host_plan) not in host_plan.scripts:
         return [refusals.no_script(host.name, plan.id)]
     state = host.observe()
     serial = state.serials.get(plan.application, 0)
-    if serial > part.serial:
+    if serial > host_plan.serial:
         return [refusals.used(host.name, plan.id)]
-    if serial < part.serial:
-        return [refusals.another(host.name, serial, part.serial)]
-    parts = moved_parts(part.digests, part_digests(state, plan.application))
-    return [refusals.moved(host.name, parts)] if parts else []
+    if serial < host_plan.serial:
+        return [refusals.different_host(host.name, serial, host_plan.serial)]
+    moved = moved_parts(host_plan.digests, part_digests(state, plan.application))
+    return [refusals.moved(host.name, moved)] if moved else []
 
 
 def finished_by(plan: Plan, journal: LastRun) -> bool:
@@ -142,14 +146,16 @@ def finished_by(plan: Plan, journal: LastRun) -> bool:
     )
 
 
-def _runs_here(host: LiveHost, part: HostPlan) -> bool:
+def _has_work(host: LiveHost, host_plan: HostPlan) -> bool:
     """Whether the host has anything to do itself: what lies in a guest of a Hyper-V host is done there, by hand."""
     if isinstance(host, ScriptedHost):
-        return script_name(part) in part.scripts
-    return bool(part.steps)
+        return script_name(host_plan) in host_plan.scripts
+    return bool(host_plan.steps)
 
 
-def _begin_or_resume(host: StepwiseHost, plan: Plan, part: HostPlan, origin: RunOrigin, last_run: LastRun) -> Journal:
+def _begin_or_resume(
+    host: StepwiseHost, plan: Plan, host_plan: HostPlan, origin: RunOrigin, last_run: LastRun
+) -> Journal:
     """Return the host's unfinished run; without one, begin a run of the plan in the host's journal, and return that."""
     journal = host.unfinished()
     if journal is not None:
@@ -163,8 +169,8 @@ def _begin_or_resume(host: StepwiseHost, plan: Plan, part: HostPlan, origin: Run
         started_by=origin.by,
         started_at=origin.at,
         history=history_of(last_run),
-        host_plan=replace(part, basis=None),  # what is finished is not shown again
-        steps=part.steps,
+        host_plan=replace(host_plan, basis=None),  # what is finished is not shown again
+        steps=host_plan.steps,
         serials=raised_serials(host.observe().serials, plan.application),
     )
     host.start_run(started)

@@ -63,11 +63,11 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
     hosts, found = desired_hosts(request, observed)
     findings = [*request.findings, *found, *hosts_of_one_machine(request.system, observed, request.places)]
     addresses: list[str] = []
-    parts: list[HostPlan] = []
+    host_plans: list[HostPlan] = []
     for name, desired in hosts.items():
         if name in (request.hosts or observed):
             planned = _plan_host(request, desired, observed)
-            parts.append(planned.part)
+            host_plans.append(planned.host_plan)
             addresses += planned.addresses
             findings += planned.findings
     findings += unknown_targets(addresses, request.targets)
@@ -75,7 +75,7 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
     if has_errors(remaining):
         return PlanningResult(plan=None, findings=remaining, accepted=accepted)
     layout = next((desired.layout for desired in hosts.values()), None)
-    bare = Plan(
+    unidentified = Plan(
         id="",
         rarms_version=__version__,
         application=request.application,
@@ -86,20 +86,22 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
         manifest_digest=request.manifest_digest,
         today=request.today.isoformat(),
         max_disruption=request.limit,
-        hosts=tuple(parts),
+        hosts=tuple(host_plans),
         findings=remaining,
         accepted=accepted,
         placement=None if layout is None else layout.placement,
     )
-    plan, wrong = with_scripts(identified(bare))
-    return PlanningResult(plan=None if wrong else plan, findings=in_order((*remaining, *wrong)), accepted=accepted)
+    plan, script_findings = with_scripts(identified(unidentified))
+    return PlanningResult(
+        plan=None if script_findings else plan, findings=in_order((*remaining, *script_findings)), accepted=accepted
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _PlannedHost:
     """The plan of one host, the addresses of all that differs there, and what there is to say of both."""
 
-    part: HostPlan
+    host_plan: HostPlan
     addresses: tuple[str, ...]
     findings: tuple[Diagnostic, ...]
 
@@ -108,22 +110,22 @@ def _plan_host(request: PlanRequest, desired: Desired, observed: Mapping[str, St
     rules, context = rules_of(request, desired), context_of(request, desired)
     difference = _difference(request, desired, context, rules)
     budget = budget_of(request, desired, context, observed)
-    held = hold_back(targeted(difference.changes, request.targets), budget)
-    ordered = order(plan_changes(held.allowed, context), budget)
+    split = hold_back(targeted(difference.changes, request.targets), budget)
+    ordered = order(plan_changes(split.allowed, context), budget)
     steps, stuck = ((), (ordered.finding,)) if isinstance(ordered, Deadlock) else (ordered.steps, ())
     guests = _guest_tasks(request, desired, rules)
-    others = others_after(desired.observed, request.application, held.allowed)
+    others = others_after(desired.observed, request.application, split.allowed)
     basis = PlanBasis(
         context=context,
         budget=budget,
         disks=tuple(disk for disk in desired.observed.disks if disk.machine in budget.managed),
         others=others,
-        named=_named(request, desired),
+        named=_manifest_partitions(request, desired),
     )
-    part = replace(_host_plan(request, desired, difference, held, steps), guest_tasks=guests or None, basis=basis)
-    reviewed = (*review_plan(request, desired, part), *guest_scripts_by_hand(part, rules.locate))
+    host_plan = replace(_host_plan(request, desired, difference, split, steps), guest_tasks=guests or None, basis=basis)
+    reviewed = (*review_plan(request, desired, host_plan), *guest_scripts_by_hand(host_plan, rules.locate))
     return _PlannedHost(
-        part=part,
+        host_plan=host_plan,
         addresses=tuple(str(change.address) for change in (*difference.changes, *guests)),
         findings=(*difference.findings, *stuck, *reviewed),
     )
@@ -142,7 +144,7 @@ def _split_accepted(
 
 
 def _host_plan(
-    request: PlanRequest, desired: Desired, difference: Difference, held: HeldChanges, steps: tuple[Step, ...]
+    request: PlanRequest, desired: Desired, difference: Difference, split: HeldChanges, steps: tuple[Step, ...]
 ) -> HostPlan:
     observed, application = desired.observed, request.application
     mechanisms = {partition.name: partition.mechanism for partition in desired.partitions if partition.mechanism}
@@ -152,13 +154,13 @@ def _host_plan(
         state_path=request.state_paths.get(desired.host, ""),
         serial=observed.serials.get(application, 0),
         digests=part_digests(of_the_host_itself(observed), application),
-        changes=held.allowed,
+        changes=split.allowed,
         steps=steps,
-        held_back=held.held_back,
+        held_back=split.held_back,
         unused=tuple(_unused(observed, application, name) for name in difference.unused),
         unchanged=difference.unchanged,
         scripts={},
-        totals=totals_after(observed, application, held.allowed, _named(request, desired)),
+        totals=totals_after(observed, application, split.allowed, _manifest_partitions(request, desired)),
         threads=threads_of(desired, request.system),
         components={partition.name: partition.components for partition in desired.partitions},
         mechanisms=mechanisms or None,
@@ -179,7 +181,7 @@ def _guest_tasks(request: PlanRequest, desired: Desired, rules: ManifestRules) -
     )
 
 
-def _named(request: PlanRequest, desired: Desired) -> frozenset[str]:
+def _manifest_partitions(request: PlanRequest, desired: Desired) -> frozenset[str]:
     """The partitions of a host that the manifest names: those that it is to have, and those that are there."""
     own = desired.observed.of(request.application).partitions
     there = {partition.mark.name for partition in own if partition.mark}

@@ -64,7 +64,7 @@ def moved(host: str, parts: Sequence[str]) -> Diagnostic:
     )
 
 
-def another(host: str, serial: int, planned: int) -> Diagnostic:
+def different_host(host: str, serial: int, planned: int) -> Diagnostic:
     """A host never forgets a run: one that knows of fewer than the plan is not the one that the plan saw."""
     return MOVED.at(
         None,

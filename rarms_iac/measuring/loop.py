@@ -41,7 +41,7 @@ class Strategy(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OtherProcessors:
+class ProcessorNumberChanged:
     """P1 was seen to use another number of processors than it has: what was measured so far is no curve of it."""
 
     number: int
@@ -51,7 +51,7 @@ class OtherProcessors:
 class LoopResult:
     """How an experiment ended, and what that rests on."""
 
-    conclusion: Conclusion | OtherProcessors
+    conclusion: Conclusion | ProcessorNumberChanged
     settings: tuple[Setting, ...]
     new: int  # how many of them were run now
 
@@ -86,14 +86,14 @@ def measure(
     with ExitStack() as ends:
         ends.callback(context.reporter.experiment_ended)
         partitions: TestPartitions | None = None
-        anew = log.anew
-        decision: ExperimentDecision | OtherProcessors
+        remeasure_seed = log.remeasure_seed
+        decision: ExperimentDecision | ProcessorNumberChanged
         while True:
-            decision = strategy.decide(known.seen_with(anew))
+            decision = strategy.decide(known.seen_with(remeasure_seed))
             if not isinstance(decision, Measure):
-                if anew is None:
+                if remeasure_seed is None:
                     break
-                anew = None  # what was asked for is measured anew: all that counts gives the answer
+                remeasure_seed = None  # what was asked for is measured anew: all that counts gives the answer
                 continue
             if count is not None and new >= count.most:
                 decision = conclude(known.settings, goal_of(experiment))
@@ -114,7 +114,7 @@ def measure(
             remaining = _remaining(experiment, context, count, new, running=0)
             context.reporter.setting_ended(experiment, known.at(setting.reserve), remaining)
             if (number := other_processors(experiment, setting.used_processors)) is not None:
-                decision = OtherProcessors(number=number)
+                decision = ProcessorNumberChanged(number=number)
                 break
     return LoopResult(conclusion=decision, settings=known.settings, new=new)
 

@@ -205,17 +205,17 @@ class ProofConditions:
         return None if self.load_partition is None else self.load_partition.load
 
 
-def least_duration_ms(layout: AppliedLayout, memory_ms: float) -> float:
+def least_duration_ms(layout: AppliedLayout, scheduler_window_ms: float) -> float:
     """Work out how long a layout runs beside a load at least.
 
     Args:
         layout: what runs where.
-        memory_ms: the longest window of the host's scheduler.
+        scheduler_window_ms: the longest window of the host's scheduler.
 
     Returns:
         Of the host's time, in ms: every start settles, and takes its part of the samples of periodic components.
     """
-    settles = Settling(memory_ms=memory_ms).least_ms
+    settles = Settling(scheduler_window_ms=scheduler_window_ms).least_ms
     periodic = [
         least_samples(component) * float(arrival.period)
         for component in layout.judged
@@ -294,7 +294,7 @@ class _Proof:
             return False
 
         settling = Settling(
-            memory_ms=self.host.scheduler_memory_ms, contenders=_contenders(self.layout, self.conditions.load)
+            scheduler_window_ms=self.host.scheduler_memory_ms, contenders=_contenders(self.layout, self.conditions.load)
         )
         seed = self.conditions.seed * SEED_STEP + self.starts
         work = _work_of(self.layout, self.conditions.load, seed, least_ms=settling.least_ms / STARTS)

@@ -146,7 +146,7 @@ class _Seen:
     def _settle(self, name: str) -> None:
         now = self.running.elapsed_ms()
         if self._began_anew_ms is not None:
-            if now >= self._began_anew_ms + RESTART_WINDOWS * self.settling.memory_ms:
+            if now >= self._began_anew_ms + RESTART_WINDOWS * self.settling.scheduler_window_ms:
                 self._began_anew_ms = None
                 for each in self.names:
                     self._starts[each].append(len(self._samples[each]))

@@ -218,7 +218,7 @@ def _try_setting(
         return is_clear(joined, goal, precision=request.precision)
 
     contenders = _contenders(experiment, partitions.resources, request.reserve)
-    settling = Settling(memory_ms=context.host.scheduler_memory_ms, contenders=contenders)
+    settling = Settling(scheduler_window_ms=context.host.scheduler_memory_ms, contenders=contenders)
     work = replace(_work(experiment, context, request), least_ms=settling.least_ms)
     left_ms = goal.budget_ms - known.spent_ms(request.reserve, context.seed) - empty.host_ms
     with context.host.run(work) as running:

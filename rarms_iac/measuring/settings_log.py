@@ -19,7 +19,9 @@ class SettingsLog:
     path: Path
     header: Header
     provenance: Callable[[Setting], Provenance]  # of what is recorded now
-    anew: int | None = None  # a strategy sees reservations only once they were measured with this seed; None: all
+    remeasure_seed: int | None = (
+        None  # a strategy sees reservations only once they were measured with this seed; None: all
+    )
     replaces_stale: bool = False  # what is there is stale, and gives way to the first setting
 
     @property

@@ -45,7 +45,7 @@ def wants_all_processors(load: Interference | None, logical_processors: int) -> 
 class Settling:
     """Follows running work until its host has forgotten the start."""
 
-    memory_ms: float  # `MeasuringHost.scheduler_memory_ms`
+    scheduler_window_ms: float  # `MeasuringHost.scheduler_memory_ms`
     contenders: Sequence[Contender] = ()
     _marks: dict[str, list[tuple[float, float]]] = field(default_factory=dict)  # by component: time, CPU time until it
     _jobs: dict[str, int] = field(default_factory=dict)  # by component: those that ended
@@ -53,7 +53,7 @@ class Settling:
     @property
     def least_ms(self) -> float:
         """How long it takes at least, and how long a series of samples is at least."""
-        return MEMORY_FACTOR * self.memory_ms
+        return MEMORY_FACTOR * self.scheduler_window_ms
 
     def record_job(self, running: RunningWork, component: str) -> None:
         """Record what a component consumed until now; to be called as each of its jobs ends.

@@ -10,16 +10,16 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
-def explanation_text(explanation: ComponentExplanation, *, without_errors: bool = False) -> "RenderableType":
+def explanation_text(explanation: ComponentExplanation, *, without_infeasibility: bool = False) -> "RenderableType":
     """Lay out the explanation: what a step is about, its sentence behind it, and its other sentences below.
 
     Args:
         explanation: of a component.
-        without_errors: leave out why there is no layout, since the findings beside the text say it.
+        without_infeasibility: leave out why there is no layout, since the findings beside the text say it.
     """
     parts: list[RenderableType] = [paragraph(f"{explanation.component} (criticality {explanation.criticality})")]
     for step in explanation_steps(explanation):
-        if without_errors and step.repeats_findings:
+        if without_infeasibility and step.repeats_findings:
             continue
         first, *others = step.sentences
         parts.append(paragraph(first, lead=styled((f"{step.topic}: ", STRONG)), more=2))

@@ -63,14 +63,14 @@ def read_experiment_log(session: MeasuringSession, experiment: Experiment) -> Ex
 
 
 def settings_log_of(
-    log: ExperimentLog, experiment: Experiment, anew: int | None, running: Sequence[Partition]
+    log: ExperimentLog, experiment: Experiment, remeasure_seed: int | None, running: Sequence[Partition]
 ) -> SettingsLog:
     """Return the log as the loop of measuring writes to it; a stale log gives way to the first setting.
 
     Args:
         log: What is recorded.
         experiment: What it is of.
-        anew: The seed of a remeasurement: all of it is measured with that; None: what is there is not measured again.
+        remeasure_seed: All of it is measured with this seed; None: what is there is not measured again.
         running: What runs on the host beside P1 and P2; every setting says so.
 
     Returns:
@@ -86,7 +86,7 @@ def settings_log_of(
             beside=others,
             weak_load=is_weak(experiment.load, setting, experiment.host.logical_processors),
         ),
-        anew=anew,
+        remeasure_seed=remeasure_seed,
         replaces_stale=bool(log.changed),
     )
 

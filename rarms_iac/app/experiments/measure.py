@@ -135,7 +135,7 @@ def _measure_all(
 
         def run(experiment: Experiment, method: Method) -> ExperimentResult:
             remeasurement = remeasurements.get(data_log_path(hosts, experiment))
-            seeded = replace(held, seed=remeasurement.seed, anew=True) if remeasurement else held
+            seeded = replace(held, seed=remeasurement.seed, remeasures=True) if remeasurement else held
             return run_experiment(seeded, experiment, method)
 
         for loads in groups:

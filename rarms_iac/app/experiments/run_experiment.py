@@ -17,7 +17,7 @@ from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.duration import DurationBounds, expected_duration, least_samples, settings_to_run
-from rarms_iac.measuring.loop import LoopResult, OtherProcessors, measure
+from rarms_iac.measuring.loop import LoopResult, ProcessorNumberChanged, measure
 from rarms_iac.measuring.methods import Method, Search, is_of_paper, strategy_of
 from rarms_iac.measuring.partitions import (
     MeasuringResources,
@@ -65,12 +65,12 @@ def run_experiment(session: MeasuringSession, experiment: Experiment, method: Me
     """
     path = data_log_path(session.hosts, experiment)
     with session.control.stop.gently(), hold_data_log(Path(session.hosts.folder), path, session.lock_timeout_ms):
-        experiment = as_used(session, experiment)
+        experiment = with_observed_processors(session, experiment)
         tells_duration = not isinstance(method, ThresholdCheck)  # tuning reports its own questions
         while True:
-            settings_log, measurement = _run_held(session, experiment, method, tells_duration=tells_duration)
+            settings_log, measurement = _run_with_processors(session, experiment, method, tells_duration=tells_duration)
             tells_duration = False
-            if not isinstance(measurement.conclusion, OtherProcessors):
+            if not isinstance(measurement.conclusion, ProcessorNumberChanged):
                 break
             used = measurement.conclusion.number
             if experiment.processors_from is ProcessorSource.HOST:
@@ -92,7 +92,7 @@ def run_experiment(session: MeasuringSession, experiment: Experiment, method: Me
         )
 
 
-def as_used(session: MeasuringSession, experiment: Experiment) -> Experiment:
+def with_observed_processors(session: MeasuringSession, experiment: Experiment) -> Experiment:
     """Return the experiment with the number of processors that its components were seen to use, if that is known.
 
     Args:
@@ -125,19 +125,19 @@ def stop_what_is_in_the_way(session: MeasuringSession, experiment: Experiment, m
     _stop_what_is_in_the_way(session, experiment, method, _availability(session, experiment))
 
 
-def _run_held(
+def _run_with_processors(
     session: MeasuringSession, experiment: Experiment, method: Method, *, tells_duration: bool
 ) -> tuple[SettingsLog, LoopResult]:
     """Measure with as many processors as the experiment has."""
     available = _availability(session, experiment)
     log = read_experiment_log(session, experiment)
-    settings_log = settings_log_of(log, experiment, session.seed if session.anew else None, available.running)
+    settings_log = settings_log_of(log, experiment, session.seed if session.remeasures else None, available.running)
     if log.changed:
         session.control.reporter.message(_describe_stale(log))
 
-    known = [run for run in settings_log.runs() if settings_log.anew in (None, run.seed)]
+    recorded_runs = [run for run in settings_log.runs() if settings_log.remeasure_seed in (None, run.seed)]
     shows_processors = experiment.processors_from is ProcessorSource.HOST
-    count = settings_to_run(method, known, available.highest_reserve, shows_processors=shows_processors)
+    count = settings_to_run(method, recorded_runs, available.highest_reserve, shows_processors=shows_processors)
 
     def prepare_host() -> MeasuringResources:
         _stop_what_is_in_the_way(session, experiment, method, available)
@@ -174,7 +174,7 @@ class _Availability:
     resources: MeasuringResources
     running: tuple[Partition, ...]  # they run beside the experiment, and rarms does not stop them
     highest_reserve: ReservePercent  # the highest CR that the host can give
-    memory_ms: float  # how long its scheduler remembers (`MeasuringHost.scheduler_memory_ms`)
+    scheduler_window_ms: float  # how long its scheduler remembers (`MeasuringHost.scheduler_memory_ms`)
 
 
 def _availability(session: MeasuringSession, experiment: Experiment) -> _Availability:
@@ -187,7 +187,7 @@ def _availability(session: MeasuringSession, experiment: Experiment) -> _Availab
         resources=resources,
         running=other_running_partitions(state),
         highest_reserve=highest_reserve(resources, experiment.setup),
-        memory_ms=host.scheduler_memory_ms,
+        scheduler_window_ms=host.scheduler_memory_ms,
     )
 
 
@@ -265,8 +265,8 @@ def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Meth
         message = f"On {host} a part of the processors is kept for the host or reserved by other machines."
         advice = "Use the default strategy, or free the host: `keep_for_host: { processor: 0 % }`."
         raise _refusal(measuring_findings.RESERVED_HOST, message, advice, {"host": host})
-    highest = max(method.reserves, default=0) if isinstance(method, Sweep) else 0
-    if available.highest_reserve == 0 or highest > available.highest_reserve:
+    asked_reserve = max(method.reserves, default=0) if isinstance(method, Sweep) else 0
+    if available.highest_reserve == 0 or asked_reserve > available.highest_reserve:
         message = (
             f"{host} can give P1 at most {available.highest_reserve} % of each of its "
             f"{experiment.setup.processors} processors, "
@@ -276,7 +276,7 @@ def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Meth
         values: Facts = {
             "host": host,
             "highest_reserve_percent": available.highest_reserve,
-            "asked_reserve_percent": highest,
+            "asked_reserve_percent": asked_reserve,
             "processors": experiment.setup.processors,
         }
         raise _refusal(measuring_findings.NO_ROOM, message, advice, values, Outcome.NEGATIVE)
@@ -291,7 +291,7 @@ def _refusal(
 def _expected(
     experiment: Experiment, count: SettingCount, available: _Availability, settings_log: SettingsLog
 ) -> DurationBounds:
-    least_ms = Settling(memory_ms=available.memory_ms).least_ms
+    least_ms = Settling(scheduler_window_ms=available.scheduler_window_ms).least_ms
     return expected_duration(experiment, count, settings_log.settings(), least_ms)
 
 

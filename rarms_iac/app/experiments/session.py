@@ -37,7 +37,7 @@ class MeasuringSession:
     control: Control = UNATTENDED
     command: Literal["measure", "tune", "prove"] = "measure"
     seed: int | None = None  # of the random numbers; None: the largest that settings in the log have, or the usual one
-    anew: bool = False  # what was not measured with this seed is measured once more
+    remeasures: bool = False  # what was not measured with this seed is measured once more
     on_busy_host: bool = False  # measure although other partitions run there
     lock_timeout_ms: int = 0  # how long to wait for another run, at a host and at a data log
     wall_times: WallTimes = field(default_factory=WallTimes)  # of the settings that this command has run

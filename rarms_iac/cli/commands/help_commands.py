@@ -54,7 +54,7 @@ def _component(session: Session, source: ManifestSource, name: str) -> ExitCode:
     explained = explain_component(manifest, name)
     errors, fits = (explained.errors, explained.fits) if isinstance(explained, Explanation) else ((), True)
     tell(session.terminal, errors, manifest.sources)
-    session.answer(lambda: json_of(explained), lambda: explanation_text(explained, without_errors=bool(errors)))
+    session.answer(lambda: json_of(explained), lambda: explanation_text(explained, without_infeasibility=bool(errors)))
     return ExitCode.DONE if fits else ExitCode.NO
 
 

@@ -1,6 +1,4 @@
-"""Checks of partitions: which components share one (`partitions`, `together`, `apart`, `dedicated`, `runs_on`), on which
-host they can be together (`hosts`), and how much memory a partition has.
-"""
+"""Checks of partitions: which components share one, on which host they can be together, and how much memory it has."""
 
 from collections.abc import Iterator, Mapping, Sequence
 

@@ -37,14 +37,17 @@ class Bench:
 
         return SimulatedMeasuringHost(a_host(), self.folder / "onboard.json", counted)
 
-    def book(self, anew: int | None = None) -> SettingsLog:
+    def book(self, remeasure_seed: int | None = None) -> SettingsLog:
         experiment = self.experiment
         subject = LogSubject(
             platform="onboard", components=experiment.members, setup=experiment.setup, load=experiment.load, tasks={}
         )
         header = header_of(subject, identity_of(subject, {}, {}), self.host().platform_facts())
         return SettingsLog(
-            path=self.folder / "logs" / "log.jsonl", header=header, provenance=lambda _setting: TAKEN, anew=anew
+            path=self.folder / "logs" / "log.jsonl",
+            header=header,
+            provenance=lambda _setting: TAKEN,
+            remeasure_seed=remeasure_seed,
         )
 
     def search(self, name: str = "bisection", most: int = 100) -> Searching:
@@ -59,7 +62,7 @@ class Bench:
         simulate: Simulate = fluid,
         should_stop: Callable[[], bool] = lambda: False,
         seed: int = 1,
-        anew: int | None = None,
+        remeasure_seed: int | None = None,
         count: SettingCount | None = None,
         reporter: MeasuringReporter | None = None,
         wall_times: WallTimes | None = None,
@@ -75,7 +78,7 @@ class Bench:
                 wall_times=wall_times or WallTimes(),
                 should_stop=should_stop,
             )
-            book = self.book(anew)
+            book = self.book(remeasure_seed)
             return measure(self.experiment, strategy or self.search(), book, around, count=count)
 
     @property

@@ -51,7 +51,7 @@ def going_on(settling: Settling, running: Running, until: float, processors: flo
 
 
 def test_however_quick_the_jobs_are_the_schedulers_memory_passes_many_times_first() -> None:
-    settling, running = Settling(memory_ms=100.0, contenders=(P1,)), Running()
+    settling, running = Settling(scheduler_window_ms=100.0, contenders=(P1,)), Running()
     going_on(settling, running, LEAST - 10.0, 0.4)
 
     assert not settling.is_over(running.now)
@@ -61,7 +61,7 @@ def test_however_quick_the_jobs_are_the_schedulers_memory_passes_many_times_firs
 
 
 def test_who_gets_more_than_its_reserve_is_waited_for_until_that_has_passed() -> None:
-    settling, running = Settling(memory_ms=100.0, contenders=(P1,)), Running()
+    settling, running = Settling(scheduler_window_ms=100.0, contenders=(P1,)), Running()
     going_on(settling, running, 2 * LEAST, 1.0)
 
     assert not settling.is_over(running.now)
@@ -75,7 +75,7 @@ def test_who_gets_more_than_its_reserve_is_waited_for_until_that_has_passed() ->
 @pytest.mark.parametrize("excess_forbids_verdict", [True, False])
 def test_what_never_comes_down_ends_without_a_verdict_where_it_would_have_to(excess_forbids_verdict: bool) -> None:
     contender = Contender(components=("quick",), processors=0.5, excess_forbids_verdict=excess_forbids_verdict)
-    settling, running = Settling(memory_ms=100.0, contenders=(contender,)), Running()
+    settling, running = Settling(scheduler_window_ms=100.0, contenders=(contender,)), Running()
     going_on(settling, running, (PATIENCE_FACTOR + 1) * LEAST, 0.8)
 
     assert settling.is_over(running.now)
@@ -83,7 +83,7 @@ def test_what_never_comes_down_ends_without_a_verdict_where_it_would_have_to(exc
 
 
 def test_a_job_that_takes_longer_is_looked_at_whole() -> None:
-    settling, running = Settling(memory_ms=100.0, contenders=(P1,)), Running()
+    settling, running = Settling(scheduler_window_ms=100.0, contenders=(P1,)), Running()
     for now, consumed in ((500.0, 500.0), (500.0 + 4 * LEAST, 500.0 + 2 * LEAST)):
         running.now, running.consumed["quick"] = now, consumed
         settling.record_job(running, "quick")
@@ -91,7 +91,7 @@ def test_a_job_that_takes_longer_is_looked_at_whole() -> None:
 
 
 def test_jobs_that_take_longer_than_the_memory_are_not_waited_for_without_an_end() -> None:
-    settling, running = Settling(memory_ms=100.0, contenders=(P1,)), Running()
+    settling, running = Settling(scheduler_window_ms=100.0, contenders=(P1,)), Running()
     for number in range(1, PATIENCE_FACTOR + 2):
         running.now, running.consumed["quick"] = number * 1.5 * LEAST, number * 1.5 * LEAST
         settling.record_job(running, "quick")
@@ -101,7 +101,7 @@ def test_jobs_that_take_longer_than_the_memory_are_not_waited_for_without_an_end
 
 
 def test_where_consumption_cannot_be_told_time_decides() -> None:
-    settling, running = Settling(memory_ms=100.0, contenders=(P1,)), Running(now=LEAST)
+    settling, running = Settling(scheduler_window_ms=100.0, contenders=(P1,)), Running(now=LEAST)
     settling.record_job(running, "quick")
 
     assert settling.is_over(running.now)
