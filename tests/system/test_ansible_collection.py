@@ -263,6 +263,127 @@ def test_a_robot_measures_and_proves(fleet: Fleet) -> None:
     assert (proven.code, proven.results["r-2"]["proof"]["met"]) == (0, True)
 
 
+ROBOTS_RARMS = """\
+#!/bin/sh
+case "$*" in prove*) cat proof.json ;; *) cat measured.json ;; esac
+exit "$(cat code)"
+"""
+"""Stands for rarms on a robot, whose answers lie in its folder."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LocalRobot:
+    """A fleet of one Linux robot, this machine, whose rarms says what a test wants."""
+
+    fleet: Fleet
+    folder: Path
+
+    def plays(self, module: str, answer: object, code: int = 0) -> Played:
+        """What becomes of prove or measure where rarms on the robot answers and ends so."""
+        for name in ("proof", "measured"):
+            (self.folder / f"{name}.json").write_text(json.dumps(answer), encoding="utf-8")
+        (self.folder / "code").write_text(str(code), encoding="utf-8")
+        task = {"folder": str(self.folder), "executable": str(self.folder / "rarms")}
+        if module == "prove":
+            task["load_host"] = "true"
+        return self.fleet.play({f"rarms.fleet.{module}": task})
+
+
+PROOF = {"kind": "prove", "met": True, "findings": [], "proofs": [{}]}
+LOG = Path("measurements", "cell", "vision", "busy-loop.jsonl")
+
+
+@pytest.fixture
+def local_robot(tmp_path: Path) -> LocalRobot:
+    (tmp_path / "fleet").mkdir()
+    manifest = LINUX.replace(", connect: { ssh: cell }", "").replace("memory: 4 GiB", "memory: 4 GiB, platform: cell")
+    fleet = a_fleet(tmp_path / "fleet", manifest)
+    fleet.add("r-1")
+    folder = tmp_path / "robot"
+    for root in (folder, fleet.folder):
+        (root / LOG).parent.mkdir(parents=True)
+        (root / LOG).write_text('{"header":1}\n{"record":1}\n', encoding="utf-8")
+    (folder / "rarms").write_text(ROBOTS_RARMS, encoding="utf-8")
+    (folder / "rarms").chmod(0o755)
+    return LocalRobot(fleet=fleet, folder=folder)
+
+
+def test_what_a_robot_measured_is_added_and_nothing_here_is_lost(local_robot: LocalRobot) -> None:
+    here, there = (root / LOG for root in (local_robot.fleet.folder, local_robot.folder))
+    here.write_text('{"header":1}\n{"record":1}\n{"record":"new here"}\n', encoding="utf-8")
+    assert local_robot.plays("prove", PROOF).changed == [], "the robot's copy is older"
+    assert here.read_text().splitlines()[-1] == '{"record":"new here"}'
+
+    there.write_text('{"header":1}\n{"record":1}\n{"proof":1}\n{"cut off', encoding="utf-8")
+    assert local_robot.plays("prove", PROOF).changed == ["r-1"]
+    assert here.read_text().splitlines()[2:] == ['{"record":"new here"}', '{"proof":1}']
+
+    there.write_text('{"header":2}\n', encoding="utf-8")
+    refused = local_robot.plays("measure", {"kind": "measure", "experiments": [], "findings": []})
+    assert "is not of what the robot measured" in refused.results["r-1"]["msg"]
+    assert here.read_text().startswith('{"header":1}\n')
+
+
+@pytest.mark.parametrize(
+    ("module", "answer", "code", "message"),
+    [
+        ("prove", PROOF, 130, "rarms ended with 130"),
+        ("prove", {**PROOF, "met": False}, 0, "rarms ended with 0"),
+        ("prove", {}, 0, "no answer of rarms"),
+        ("prove", [], 0, "no answer of rarms"),
+        ("measure", {"kind": "measure", "experiments": [], "findings": []}, 4, "rarms ended with 4"),
+    ],
+)
+def test_only_what_ended_well_on_a_robot_counts(
+    local_robot: LocalRobot, module: str, answer: object, code: int, message: str
+) -> None:
+    played = local_robot.plays(module, answer, code)
+
+    assert played.with_status("failed") == ["r-1"]
+    assert message in played.results["r-1"]["msg"]
+
+
+def test_another_robots_plan_is_refused_before_an_unfinished_run_is_ended(fleet: Fleet) -> None:
+    plan: Task = {"rarms.fleet.apply": {"state": "planned", "plan": "plans/{{ inventory_hostname }}.json"}}
+    fleet.add("r-1")
+    fleet.add("r-2")
+    assert fleet.play(plan).code == 0
+    shutil.copy(fleet.folder / "plans" / "r-2.json", fleet.folder / "plans" / "r-1.json")
+    fleet.add("r-1", REFUSES)
+    only = ("--limit", "r-1")
+    assert fleet.play(APPLY, options=only).with_status("failed") == ["r-1"]
+    fleet.add("r-1")
+    (state,) = (fleet.folder / ".rarms" / "hosts").glob("r-1+*/onboard.json")
+    before = state.read_bytes()
+
+    checked = fleet.play(APPLY, options=(*only, "--check"))
+    assert (checked.code, checked.changed) == (0, ["r-1"])
+    refused = fleet.play({"rarms.fleet.apply": {"plan": "plans/{{ inventory_hostname }}.json"}}, options=only)
+
+    assert "is a plan of robot on onboard of r-2" in refused.results["r-1"]["msg"]
+    assert (refused.results["r-1"]["changed"], state.read_bytes()) == (False, before)
+
+
+def test_a_robot_out_of_reach_fails_where_its_components_would_run_and_is_not_chosen(fleet: Fleet) -> None:
+    measured = "components: { vision: { cpu: { reserve: measured } } }\n"
+    fleet.add("r-1", OUT_OF_REACH + measured)
+    fleet.add("r-2", measured)
+    ssh = ("--ssh-common-args", "-o BatchMode=yes -o StrictHostKeyChecking=no -p 1")
+
+    for module in ("measure", "prove"):
+        task: Task = {f"rarms.fleet.{module}": {"folder": "/x", **({"load_host": True} if module == "prove" else {})}}
+        played = fleet.play(task, options=(*ssh, "--limit", "r-1"))
+        assert played.with_status("failed") == ["r-1"], played.out
+        assert played.results["r-1"]["rarms_unreachable"] is True
+
+    role: Task = {"ansible.builtin.import_role": {"name": "rarms.fleet.measure"}}
+    assert fleet.play(role, options=ssh).changed == ["r-2"]
+    named = ("-e", '{"rarms_measure_robots": {"cell": "r-9"}}')
+    wrong = fleet.play(role, options=(*ssh, *named))
+    assert wrong.with_status("failed") == ["r-1", "r-2"]
+    assert "In this play, that platform has: r-1, r-2." in wrong.results["r-2"]["msg"]
+
+
 @pytest.fixture
 def slices(tmp_path: Path) -> Iterator[Fleet]:
     """Three robots that are slices of this machine, behind a real sshd."""

@@ -80,8 +80,8 @@ class ProveOutcome:
     @property
     @output
     def met(self) -> bool:
-        """Whether each index was shown to meet its threshold beside each load."""
-        return not any(proof.not_met for proof in self.proofs)
+        """Whether each index was shown to meet its threshold beside each load, by a proof that ended."""
+        return bool(self.proofs) and not self.stopped and not any(proof.not_met for proof in self.proofs)
 
 
 SampleListener = Callable[[str, str | None, Mapping[str, Series]], None]

@@ -80,7 +80,10 @@ class WinRmTransport:
 
 
 class ServiceChannel:
-    """A `CommandChannel` through a WinRM service that an engine reached with pypsrp, as Ansible's `psrp` does."""
+    """A `CommandChannel` through a WinRM service that an engine reached with pypsrp, as Ansible's `psrp` does.
+
+    Its commands are those of rarms, which end their input by a byte of their own: the service does not close it.
+    """
 
     def __init__(self, host: str, target: str, reach: "Callable[[], Any]") -> None:
         """Prepare; `reach` returns pypsrp's `WSMan`, and is called for each command.

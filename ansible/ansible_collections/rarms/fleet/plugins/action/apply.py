@@ -47,23 +47,24 @@ class ActionModule(RobotAction):
 
     def act(self, robot: Robot, arguments: Mapping[str, Any]) -> Result:
         """End what is unfinished, plan, and do it."""
-        state, file = arguments["state"], arguments["plan"] and self._below(arguments["plan"])
+        state = arguments["state"]
+        file = arguments["plan"] and self._below(arguments["plan"])
         if state == "absent" and file:
             raise RequestError("`state: absent` makes its own plan: it takes no `plan`.")
         waits = _waits(arguments["lock_timeout"])
         is_preview = state == "planned" or self._task.check_mode
-        ended_before = None
-        if is_preview or arguments["unfinished"] == "fail":
+        reviewed = _reviewed(robot, file) if state == "applied" and file else None
+        if self._task.check_mode and state != "planned" and arguments["unfinished"] != "fail":
+            if list(unfinished_runs(robot.hosts)):
+                return {"changed": True, "msg": f"An unfinished run is ended first (`{arguments['unfinished']}`)."}
+        elif is_preview or arguments["unfinished"] == "fail":
             refuse_unfinished(robot.hosts)
-        else:
-            ended_before = _end_unfinished(robot, arguments["unfinished"], waits)
-            if ended_before is not None and ended_before.ending is not RunEnding.DONE:
+        elif (ended_before := _end_unfinished(robot, arguments["unfinished"], waits)) is not None:
+            self.has_changed = True
+            if ended_before.ending is not RunEnding.DONE:
                 return self._ended(ended_before)
-        if state == "applied" and file:
-            plan = _reviewed(robot, file)
-        else:
-            plan = make_plan(robot.hosts, _request(robot, arguments))
-        result = self._planned(plan)
+        plan = make_plan(robot.hosts, _request(robot, arguments)) if reviewed is None else reviewed
+        result = self._planned(plan, robot.name)
         if is_preview:
             if file and state == "planned" and not self._task.check_mode:
                 make_folder(str(Path(file).parent))
@@ -71,23 +72,21 @@ class ActionModule(RobotAction):
             return {**result, "changed": state != "planned" and plan.has_changes}
         report = apply(plan, folder=robot.hosts.folder, waits=waits, channels=robot.hosts.channels)
         ended = self._ended(report)
-        return {**result, **ended, "changed": ended["changed"] or ended_before is not None}
+        return {**result, **ended, "changed": ended["changed"] or self.has_changed}
 
-    def remove_stale(self, arguments: Mapping[str, Any]) -> None:
-        """Remove the plan of an earlier run: it must not be reviewed as today's. What is no plan stays."""
+    def remove_stale(self, arguments: Mapping[str, Any], variables: Mapping[str, Any]) -> None:
+        """Remove this robot's plan of an earlier run: it must not be reviewed as today's. What is no plan stays."""
         if arguments["state"] != "planned" or not arguments["plan"] or self._task.check_mode:
             return
         file = self._below(arguments["plan"])
         with suppress(RequestError, UseCaseError, OSError):
-            read_plan_file(file)
-            Path(file).unlink()
+            if read_plan_file(file).robot in {"", variables.get("rarms_robot", "")}:
+                Path(file).unlink()
 
-    def _planned(self, plan: Plan) -> Result:
+    def _planned(self, plan: Plan, robot: str) -> Result:
         result: Result = {"plan": json_value(plan), "has_changes": plan.has_changes}
         if self._task.diff:
-            result["diff"] = [
-                _difference(change, part.facts, plan.robot) for part in plan.hosts for change in part.changes
-            ]
+            result["diff"] = [_difference(change, part.facts, robot) for part in plan.hosts for change in part.changes]
         return result
 
     def _ended(self, report: RunReport) -> Result:
@@ -140,7 +139,7 @@ def _reviewed(robot: Robot, file: str) -> Plan:
 
 def _difference(change: Any, facts: Any, robot: str) -> Result:
     """A change in the words of `rarms plan`."""
-    header = f"{robot} {change.address}".strip()
+    header = f"{robot} {change.address}"
     texts = attributes_of(change, facts)
     before, after = (
         "".join(f"{text.name}: {value}\n" for text in texts if (value := getattr(text, side)) is not None)

@@ -38,14 +38,17 @@ class ActionModule(RobotAction):
             request = MeasureRequest(components=tuple(arguments["components"]))
             control = Control(consents=always_consents if arguments["stop_partitions"] else never_consents)
             outcome = measure_components(robot.hosts, request, control)
-            answer, logs = json_value(outcome), sorted({result.log for result in outcome.experiments})
+            answer, code = json_value(outcome), 0
+            logs = sorted({result.log for result in outcome.experiments})
         else:
             channel = self.channel(robot)
             stop = ["--stop-partitions"] if arguments["stop_partitions"] else []
-            answer = run_on_robot(channel, robot, arguments, ["measure", *arguments["components"], *stop])
+            answer, code = run_on_robot(channel, robot, arguments, ["measure", *arguments["components"], *stop])
             logs = fetch_measurements(channel, robot, arguments["folder"])
         new = sum(experiment["new"] for experiment in answer.get("experiments", ()))
         result = {"changed": new > 0, "measured": answer, "logs": logs, "new_settings": new}
-        if answer.get("kind") != "measure":  # the findings of a refusal
-            return {**result, **failure(findings=answer["findings"])}
+        errors = [finding for finding in answer["findings"] if finding["severity"] == "error"]
+        if errors or code:
+            ended = "" if errors else f"rarms ended with {code} on the robot."
+            return {**result, **failure(ended, answer["findings"]), "changed": new > 0}
         return result

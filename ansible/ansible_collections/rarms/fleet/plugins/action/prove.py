@@ -33,11 +33,13 @@ class ActionModule(RobotAction):
             raise RequestError("A proof uses all idle time of the robot while it lasts: say `load_host: true`.")
         self._display.display(f"{robot.name}: the proof uses all idle time of {robot.host} until it ends.")
         if robot.provider is ProviderKind.SIMULATED:
-            answer = json_value(prove_layout(robot.hosts))
+            answer, code = json_value(prove_layout(robot.hosts)), 0
+            logs: list[str] = []
         else:
             channel = self.channel(robot)
-            answer = run_on_robot(channel, robot, arguments, ["prove", "--load-host"])
-            fetch_measurements(channel, robot, arguments["folder"])
-        if answer.get("kind") == "prove" and answer["met"]:
-            return {"changed": False, "proof": answer}
-        return {**failure(findings=answer["findings"]), "proof": answer}
+            answer, code = run_on_robot(channel, robot, arguments, ["prove", "--load-host"])
+            logs = fetch_measurements(channel, robot, arguments["folder"])
+        if code == 0 and answer.get("kind") == "prove" and answer["met"]:
+            return {"changed": bool(logs), "proof": answer}
+        ended = "" if answer["findings"] else f"The proof did not end: rarms ended with {code}."
+        return {**failure(ended, answer["findings"]), "changed": bool(logs), "proof": answer}

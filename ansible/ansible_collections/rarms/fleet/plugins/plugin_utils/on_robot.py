@@ -5,17 +5,20 @@ from __future__ import annotations
 
 import base64
 import binascii
+import fcntl
 import io
 import json
+import os
 import re
 import shlex
 import tarfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from os.path import relpath
 from pathlib import Path, PurePath
 from typing import Any
 
-from ansible_collections.rarms.fleet.plugins.plugin_utils.robot import RARMS_MISSING, Result, Robot
+from ansible_collections.rarms.fleet.plugins.plugin_utils.robot import LAST_CHARACTERS, RARMS_MISSING, Result, Robot
 
 if not RARMS_MISSING:
     from rarms_iac.app.files import make_folder, write_file
@@ -24,9 +27,9 @@ if not RARMS_MISSING:
     from rarms_iac.providers.channel import CommandChannel
 
 SILENCE_S = 3600.0
-OVERLAYS_FOLDER = ".rarms/here"
+OVERLAYS_FOLDER = ".rarms/local"
 """Folder of the overlays, in the robot's copy, by which it is reached without `connect`."""
-LOG = re.compile(r"[a-z0-9][a-z0-9-]*/[a-z0-9][a-z0-9+-]*(?:\.configuration|/[a-z0-9][a-z0-9-]*)?\.(?:jsonl|json)")
+LOG = re.compile(r"[a-z0-9][a-z0-9-]*/[a-z0-9][a-z0-9+-]*(?:\.configuration|/[a-z0-9][a-z0-9+-]*)?\.jsonl")
 """A file below `measurements/`, as rarms names them: its platform first."""
 
 RUN_ON_ROBOT = {
@@ -36,7 +39,7 @@ RUN_ON_ROBOT = {
 """Arguments of an action that runs components."""
 
 
-def run_on_robot(channel: CommandChannel, robot: Robot, arguments: Any, words: Sequence[str]) -> Result:
+def run_on_robot(channel: CommandChannel, robot: Robot, arguments: Any, words: Sequence[str]) -> tuple[Result, int]:
     """Run a command of rarms in the robot's own copy of the manifest's folder.
 
     Args:
@@ -46,7 +49,7 @@ def run_on_robot(channel: CommandChannel, robot: Robot, arguments: Any, words: S
         words: of the command, behind the program's name.
 
     Returns:
-        Its JSON.
+        Its JSON, which has a `kind` and `findings`, and its exit code.
 
     Raises:
         RequestError: the robot runs Hyper-V, no folder is named, `connect` stands in no overlay, or the command gave
@@ -69,9 +72,13 @@ def run_on_robot(channel: CommandChannel, robot: Robot, arguments: Any, words: S
         )
     answer = channel.run(f"cd {shlex.quote(arguments['folder'])} && {command}", b"", SILENCE_S)
     try:
-        return json.loads(answer.output)
-    except ValueError as error:
-        raise RequestError(f"`{command}` ended with {answer.code} and no answer: {answer.error[-500:]}") from error
+        result = json.loads(answer.output)
+    except ValueError:
+        result = None
+    if not isinstance(result, dict) or not isinstance(result.get("findings"), list):
+        error = answer.error[-LAST_CHARACTERS:].strip()
+        raise RequestError(f"`{command}` ended with {answer.code} and no answer of rarms: {error}")
+    return result, answer.code
 
 
 def _manifest_words(robot: Robot) -> list[str]:
@@ -93,18 +100,18 @@ def _local_overlay(robot: Robot) -> str:
 
 
 def fetch_measurements(channel: CommandChannel, robot: Robot, folder: str) -> list[str]:
-    """Bring the data logs of the robot's platform back, beside the manifest here.
+    """Add what the data logs of the robot's platform say to those beside the manifest here.
 
     Args:
         channel: to the robot.
-        robot: whose manifest's folder here gets them.
+        robot: whose manifest's folder here gets the records that it lacks.
         folder: the robot's own copy of it.
 
     Returns:
-        Paths of the files that came, below `measurements`, sorted.
+        Paths of the files that changed here, below `measurements`, sorted.
 
     Raises:
-        RequestError: what came is no archive of data logs.
+        RequestError: what came is no archive of data logs, or a log here is of something else.
         UseCaseError: a file cannot be written.
     """
     command = f"cd {shlex.quote(folder)} && tar -cf - measurements | base64"
@@ -117,9 +124,36 @@ def fetch_measurements(channel: CommandChannel, robot: Robot, folder: str) -> li
             logs = {name: member for name, member in files.items() if LOG.fullmatch(name) and name.startswith(own)}
             contents = {name: archive.extractfile(member).read() for name, member in logs.items()}
     except (binascii.Error, tarfile.TarError) as error:
-        raise RequestError(f"The robot's measurements cannot be read ({error}): {answer.error[-500:]}") from error
-    for name, content in sorted(contents.items()):
-        target = Path(robot.hosts.folder) / "measurements" / name
-        make_folder(str(target.parent))
-        write_file(str(target), content)
-    return sorted(contents)
+        said = answer.error[-LAST_CHARACTERS:].strip()
+        raise RequestError(f"The robot's measurements cannot be read ({error}): {said}") from error
+    root = Path(robot.hosts.folder) / "measurements"
+    make_folder(str(root / robot.platform))
+    with _held(root / robot.platform):
+        return [name for name, content in sorted(contents.items()) if _add_records(root / name, content)]
+
+
+@contextmanager
+def _held(folder: Path) -> Iterator[None]:
+    """One process at a time: robots of one platform end side by side."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _add_records(path: Path, came: bytes) -> bool:
+    """Add the records that a log lacks; each stands on a line of its own. True: there were some."""
+    own = path.read_bytes() if path.exists() else b""
+    lines, new = own.splitlines(keepends=True), came.splitlines(keepends=True)
+    if lines and new and lines[0] != new[0]:
+        raise RequestError(
+            f"{path} here is not of what the robot measured: copy the manifest's folder to the robot, then repeat this."
+        )
+    known = set(lines)
+    missing = [line for line in new if line.endswith(b"\n") and line not in known]
+    if missing:
+        make_folder(str(path.parent))
+        write_file(str(path), b"".join([*(line for line in lines if line.endswith(b"\n")), *missing]))
+    return bool(missing)

@@ -21,7 +21,7 @@ from ansible.plugins.action import ActionBase
 
 try:
     from rarms_iac.app.applying import apply
-    from rarms_iac.app.hosts import Hosts, load
+    from rarms_iac.app.hosts import Hosts, host_errors, load
     from rarms_iac.app.planning import plan
     from rarms_iac.app.use_case_errors import RequestError, UseCaseError
     from rarms_iac.model.diagnostics import Findings
@@ -95,7 +95,7 @@ class ConnectionChannel:
         return f"{play.remote_user}@{address}" if play.remote_user else address
 
     def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:  # noqa: ARG002
-        """Run one command there; how long it may be silent is said by the connection's own `timeout`."""
+        """Run one command there; Ansible waits for it as long as the task's own `timeout` says."""
         try:
             # NOTE: never without input: Ansible's ssh would ask for a terminal, and that joins error and output.
             result = self._action._low_level_execute_command(command, in_data=data or b"\n")
@@ -116,6 +116,8 @@ class RobotAction(ActionBase):
     _requires_connection = True
     ARGUMENTS: Mapping[str, Any] = {}
     """What the action takes beside `ROBOT_ARGUMENTS`, as Ansible describes arguments."""
+    has_changed = False
+    """Whether the robot was changed already, should the rest fail."""
 
     def run(self, tmp: str | None = None, task_vars: Mapping[str, Any] | None = None) -> Result:
         """Do the action; a robot that cannot be reached fails, unless the task says `unreachable: unreachable`."""
@@ -127,7 +129,8 @@ class RobotAction(ActionBase):
         arguments = self.validate_argument_spec(argument_spec={**ROBOT_ARGUMENTS, **self.ARGUMENTS})[1]
         variables = task_vars or {}
         try:
-            result = self.act(self._robot(arguments, variables), arguments)
+            with host_errors():
+                result = self.act(self._robot(arguments, variables), arguments)
         except RequestError as error:
             result = failure(str(error))
         except UseCaseError as error:
@@ -135,16 +138,18 @@ class RobotAction(ActionBase):
         except OSError as error:
             result = failure(str(error))
         if result.get("failed"):
-            self.remove_stale(arguments)
+            self.remove_stale(arguments, variables)
+            result = {**result, "changed": result["changed"] or self.has_changed}
         if result.get("rarms_unreachable") and arguments["unreachable"] == "unreachable":
             raise AnsibleConnectionFailure(result["msg"])
         return {"robot": variables["inventory_hostname"], **result}
 
-    def remove_stale(self, arguments: Mapping[str, Any]) -> None:
+    def remove_stale(self, arguments: Mapping[str, Any], variables: Mapping[str, Any]) -> None:
         """Remove what an earlier task left and this one, which failed, could not make anew.
 
         Args:
             arguments: the task's, checked.
+            variables: the robot's.
         """
 
     @abstractmethod
