@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from pathlib import Path
 
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
@@ -18,7 +19,7 @@ from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.applying.undo import abandon, can_be_undone, not_undone_findings, steps_undone, undo
 from rarms_iac.manifest.load import manifest_digest
-from rarms_iac.model.commands import PLAN, PLAN_OUT, command, prose
+from rarms_iac.model.commands import PLAN, PLAN_OUT, UNDO, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
@@ -355,10 +356,21 @@ def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
     ]
     if others:
         raise UseCaseError(Outcome.REFUSED, others)
-    if len({last.journal.started.plan for last in chosen if last.journal is not None}) > 1:
-        names = ", ".join(last.host.name for last in chosen)
-        raise RequestError(f"The hosts have different last applies. Choose with --host: {names}.")
+    plans = {last.host.name: last.journal.started.plan for last in chosen if last.journal is not None}
+    if len(set(plans.values())) > 1:
+        raise _different_plans(plans)
     return chosen
+
+
+def _different_plans(plans: Mapping[str, str]) -> RequestError:
+    """By host the plan of its last apply; hosts with the same plan are taken back together."""
+    message = "The last applies are of different plans: " + "; ".join(f"{name} {plan}" for name, plan in plans.items())
+    first, *others = (
+        reduce(lambda undo, name: undo.also(host=name), [name for name, of in plans.items() if of == plan], UNDO)
+        for plan in dict.fromkeys(plans.values())
+    )
+    advice = prose("Take one of them back: ", first, *(part for each in others for part in (" or ", each)), ".")
+    return RequestError(f"{message}.", advice)
 
 
 def preview(applies: Sequence[LastApply]) -> Iterator[UndoPreview]:

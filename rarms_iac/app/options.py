@@ -104,7 +104,8 @@ def read_time(text: str) -> int:
     try:
         return int(parse_quantity(text, Unit.TIME)[1])
     except NotAQuantity as error:
-        raise ValueError(f"{quoted(text)} is not a time as 60s; units: {', '.join(error.units)}.") from error
+        comma = " The decimal sign is a point." if "," in text else ""
+        raise ValueError(f"{quoted(text)} is not a time as 60s; units: {', '.join(error.units)}.{comma}") from error
 
 
 def read_percent(text: str) -> int:

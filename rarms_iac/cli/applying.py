@@ -122,9 +122,9 @@ def ask(session: Session, question: str) -> None:
     Raises:
         UseCaseError: the answer was another, or a signal.
     """
-    session.terminal.flush()
-    session.terminal.status(f"\n{question} Only `yes` does it: ")
     try:
+        session.terminal.flush()
+        session.terminal.status(f"\n{question} Only `yes` does it: ")
         answer = sys.stdin.readline()
     except Interrupted:
         session.terminal.talk("")

@@ -71,17 +71,21 @@ class Interrupts:
         self._on_request = on_request
         self.begun = False  # whether any work was done that asks for a gentle end
         self._gentle = False
+        self._asked = False  # whether the gentle work asked if it should end, as all work does between its pieces
 
     def should_stop(self) -> bool:
         """Whether the work should end at the next safe place."""
+        self._asked = True
         return self.exit_code is not None
 
     @contextmanager
     def gently(self) -> Iterator[None]:
         """Inside, the first signal only asks: the work looks at `should_stop`."""
+        before, self._asked = self.begun, False
         self._gentle = self.begun = True
         try:
             yield
+            self.begun = before or self._asked  # a look that found nothing to do asks nothing
         finally:
             self._gentle = False
 

@@ -174,7 +174,10 @@ def test_the_report_says_whether_what_it_shows_is_applied(robot: Path) -> None:
         f"onboard: Not applied yet: partition/vision. `rarms plan -f {manifest}` shows what is to be done, "
         f"`rarms apply -f {manifest}` does it."
     )
-    assert "Not applied yet: partition/vision" in rarms("report", "-f", str(robot), "-o", "-").out
+    page = rarms("report", "-f", str(robot), "-o", "-").out
+    assert (
+        "partition/vision. <code>rarms plan</code> shows what is to be done, <code>rarms apply</code> does it." in page
+    )
     document = rarms("report", "-f", str(robot), "--json").out
     check(document)
     assert json.loads(document)["statuses"] == [

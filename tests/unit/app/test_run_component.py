@@ -144,6 +144,7 @@ def test_a_run_may_last_a_time_against_a_load(tmp_path: Path) -> None:
         (("visoin",), """The manifest has no component "visoin". Did you mean "vision"?"""),
         (("--interference", "busy-lop"), 'The manifest has no interference "busy-lop".'),
         (("--for", "5"), '"5" is not a time as 60s'),
+        (("--for", "0,5s"), "units: us, ms, s, min, h. The decimal sign is a point."),
         (("--for", "5s", "--samples", "3"), "Give --for or --samples, not both."),
     ],
 )

@@ -22,7 +22,7 @@ def run_with(
     def invoke(session: Session, _arguments: Sequence[str]) -> ExitCode:
         if begun:
             with session.interrupts.gently():
-                pass
+                session.interrupts.should_stop()
         raise error
 
     code = entry.run_guarded(Session(terminal=terminal, command=command), [], invoke)
@@ -88,6 +88,19 @@ def test_an_interrupt_before_the_work_says_that_nothing_was_done(command: str, e
     _, said = run_with(Interrupted(ExitCode.INTERRUPTED), command=command)
 
     assert " ".join(said.split()) == f"rarms was interrupted.{ending}"
+
+
+def test_a_look_that_found_nothing_to_do_has_begun_nothing() -> None:
+    """`apply` first finishes what an earlier run left; where there is none, an interrupt while it plans undoes none."""
+    looked, worked = Interrupts(), Interrupts()
+    with looked.gently():
+        assert looked.begun, "a signal that ends it at once may come upon a change"
+    with worked.gently():
+        worked.should_stop()
+    with worked.gently():
+        pass
+
+    assert (looked.begun, worked.begun) == (False, True)
 
 
 def test_the_file_of_a_refusal_is_named() -> None:

@@ -66,6 +66,16 @@ LOG = "measurements/onboard/vision/busy-loop.jsonl"
 
 LATE = MEASURED.replace("mean_response_time", "p95_response_time").replace("50 ms", "90 ms").replace("60 }", "400 }")
 
+TWO_HOSTS = """\
+schema: rarms/v1
+application: { name: robot }
+hosts:
+  fore: { logical_processors: 2, memory: 4 GiB }
+  aft: { logical_processors: 2, memory: 4 GiB }
+components:
+  vision: { criticality: 30, memory: 512 MiB, hosts: [fore], cpu: { reserve: 45 % } }
+  speech: { criticality: 5, memory: 512 MiB, hosts: [aft], cpu: { reserve: 20 % } }
+"""
 PROGRAM = ALONE.replace("command: [vision]", "command: [python3, -c, pass]").replace("samples: 60", "samples: 2")
 PROGRAM = PROGRAM[: PROGRAM.index("    simulation")]
 
@@ -667,6 +677,12 @@ SITUATIONS = {
         ("Mend what keeps them from it, then start them",),
         ("rarms start speech vision",),
         first=(do("simulate", "change", "speech", "--reserve", "20"),),
+    ),
+    "the last applies of two hosts are of different plans": Situation(
+        (write(TWO_HOSTS), APPLY, edit("rarms.yaml", "45 %", "50 %"), do("apply", "--host", "fore", "--auto-approve")),
+        "undo --auto-approve",
+        ("Take one of them back: ",),
+        ("rarms undo --host aft", "rarms undo --host fore"),
     ),
     "what was stopped to measure is gone": Situation(
         (

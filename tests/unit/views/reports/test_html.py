@@ -201,6 +201,12 @@ def test_a_long_list_of_compounds_is_cut_and_says_so() -> None:
     assert f"{57 - MOST_CANDIDATES} more are not listed" in as_html(report).decode()
 
 
+def test_commands_in_tables_are_code() -> None:
+    page = as_html(report_of(a_robot(), the_logs(a_robot())[:1])).decode()
+
+    assert '<td data-is="Verdict">not measured: run <code>rarms measure speech-recognition</code></td>' in page
+
+
 def test_commands_in_findings_are_code_and_nothing_else_is() -> None:
     finding = Finding.note("RARMS101", "Not <measured>").at(None, "Run `rarms measure`.", "Or <b>`a < b`.", values={})
     page = as_html(replace(REPORT, findings=(finding,))).decode()
