@@ -67,3 +67,26 @@ def partitions_without_log(system: System, planned: PlannedTotals, hosts: Collec
         partition = here.get(group.name)
         if partition is not None and partition.reserved and not depends_on_a_log(group):
             yield partition
+
+
+def components_without_reservation(system: System, planned: PlannedTotals, host: str) -> tuple[str, ...]:
+    """Name the components whose partition counts in no host's total, since what it reserves is not known.
+
+    Args:
+        system: What the manifest says.
+        planned: Where each partition is placed.
+        host: Its name.
+
+    Returns:
+        Those that may run on this host, by name.
+    """
+    placed = {partition.name for partition in planned.partitions}
+    return tuple(
+        sorted(
+            member.name
+            for group in groups_of(system)
+            if group.name not in placed
+            for member in group.members
+            if member.hosts is None or host in member.hosts
+        )
+    )

@@ -27,7 +27,7 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.quantities import guaranteed, share_of_processors, show_duration, show_processors
 from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.setting import Setting
-from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.model.wording import counted, in_a_row, list_names
 from rarms_iac.statistics.error_probability import describe_error, describe_extreme
 from rarms_iac.statistics.verdicts import until_share
 from rarms_iac.views.console import LiveRows, paragraph, show_seconds, stack, table
@@ -148,7 +148,10 @@ def _reserved_on(host: str, outcome: MeasureOutcome) -> str:
         return ""
     totals, fixed = outcome.totals[host], outcome.fixed_lp[host]
     note = f" ({show_processors(fixed)} of it fixed in the manifest)" if fixed else ""
-    return f"{show_processors(totals.reserved_lp)} of {show_processors(totals.capacity_lp)} in all{note}, by "
+    missing = outcome.without_reservation[host]
+    verb = "has" if len(missing) == 1 else "have"
+    without = f" without {list_names(missing)}, which {verb} no reservation" if missing else ""
+    return f"{show_processors(totals.reserved_lp)} of {show_processors(totals.capacity_lp)} in all{note}{without}, by "
 
 
 def _concluded_indexes(results: Sequence[ExperimentResult]) -> Iterator[MeasuredIndex]:

@@ -30,7 +30,7 @@ from rarms_iac.app.experiments.several_loads import by_partition, decisive, leav
 from rarms_iac.app.hosts import Hosts, host_errors
 from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.scripts import PlanScript
-from rarms_iac.app.totals import partitions_without_log, totals_at_hand
+from rarms_iac.app.totals import components_without_reservation, partitions_without_log, totals_at_hand
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.methods import Method
@@ -58,6 +58,7 @@ class MeasureOutcome:
     not_begun: tuple[Experiment, ...] = ()
     totals: Mapping[str, HostTotals] = field(default_factory=dict)  # by host that was measured on, as a plan has them
     fixed_lp: Mapping[str, Fraction] = field(default_factory=dict)  # by host: LPs of it that the manifest itself fixes
+    without_reservation: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # by host: components not in them
     ended: Internal[bool] = False  # the user asked for an end at a question
 
     @property
@@ -162,6 +163,7 @@ def _measure_all(
             name: totals_of(each.claim for each in partitions_without_log(hosts.system, planned, [name])).reserved_lp
             for name in names
         },
+        without_reservation={name: components_without_reservation(hosts.system, planned, name) for name in names},
         ended=ended,
     )
     return outcome, complete
