@@ -31,7 +31,7 @@ from rarms_iac.model.quantities import (
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.model.setting import Setting, most_used
 from rarms_iac.model.system import Measured
-from rarms_iac.model.wording import in_a_row
+from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.error_probability import LOOK_ERROR, describe_extreme
 from rarms_iac.statistics.overload import find_overload, more_processors_help
 from rarms_iac.statistics.verdicts import LONG
@@ -213,14 +213,20 @@ def _not_resolved(
         "reason": end.reason,
     }
     advice = f"Move the threshold away from what the component just reaches: {MOST_SAMPLES} samples would not tell."
-    if highest and end.samples is not None and end.samples <= MOST_SAMPLES:
-        there = min(len(series.samples) for series in highest.series)
+    there = min((len(series.samples) for series in highest.series), default=0) if highest else 0
+    if highest and end.samples is None and 0 < there < MOST_SAMPLES:
+        values = {**values, "samples": there}
+        advice = (
+            f"{show_duration(highest.host_ms)} were spent on {counted(there, 'sample')}, which do not say yet how many "
+            f"would show it. Allow more: {_setting_budget(3 * highest.host_ms)}."
+        )
+    if highest and end.samples is not None and end.samples <= MOST_SAMPLES and there:
         takes_ms = highest.host_ms * end.samples / there
         values = {**values, "samples": there, "needs_samples": end.samples, "takes_ms": takes_ms}
         advice = (
-            f"About {end.samples} samples would show it, where {there} were taken: {show_duration(takes_ms)} a "
-            "setting. "
-            f"Allow that: `policy: {{ measuring: {{ setting: {ceil(1.5 * takes_ms / 60_000)} min }} }}`."
+            f"{show_duration(highest.host_ms)} were spent: {counted(there, 'sample')} were taken, and about "
+            f"{end.samples} would show it, in {show_duration(takes_ms)} a setting. "
+            f"Allow that: {_setting_budget(1.5 * takes_ms)}."
         )
     yield NOT_RESOLVED.at(
         places.value("components", first, "apt"),
@@ -231,12 +237,15 @@ def _not_resolved(
     )
 
 
+def _setting_budget(time_ms: float) -> str:
+    return f"`policy: {{ measuring: {{ setting: {ceil(time_ms / 60_000)} min }} }}`"
+
+
 def _or_more_time(setting: Setting, experiment: Experiment) -> str:
     """More advice where the budget ended a setting before its steady state could show."""
     if max(len(series.samples) for series in setting.series) >= LONG:
         return ""
-    minutes = ceil(3 * float(experiment.limits.setting) / 60_000)
-    return f", or allow it more time: `policy: {{ measuring: {{ setting: {minutes} min }} }}`"
+    return f", or allow it more time: {_setting_budget(3 * float(experiment.limits.setting))}"
 
 
 def _unsteady(settings: Iterable[Setting]) -> list[tuple[int, str, str]]:

@@ -164,8 +164,16 @@ def show_value(index: PerformanceIndex, value: Fraction | float) -> str:
 
 
 def show_range(index: PerformanceIndex, lower: float, upper: float) -> str:
-    """`93.5 to 94.8 ms`, of measured bounds; a side without one says so."""
-    return f"{show_number(lower)} to {show_value(index, upper)}"
+    """`93.5 to 94.8 ms`, of measured bounds; a side without one says so: `at least 93.5 ms, no upper bound yet`."""
+    match isfinite(lower), isfinite(upper):
+        case True, False:
+            return f"at least {show_value(index, lower)}, no upper bound yet"
+        case False, True:
+            return f"at most {show_value(index, upper)}, no lower bound yet"
+        case False, False:
+            return "no bounds yet"
+        case _:
+            return f"{show_number(lower)} to {show_value(index, upper)}"
 
 
 def show_bound(index: PerformanceIndex, threshold: Threshold) -> str:

@@ -182,7 +182,8 @@ class NotResolved:
     """It is not shown yet which CR is enough."""
 
     reason: str
-    samples: int | None = None  # with which the highest setting would probably be clear; None: nothing tells
+    samples: int | None = None  # with which the highest setting would probably be clear, maybe more than it may have;
+    # None: nothing tells
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,7 +16,7 @@ from rarms_iac.model.system import Component, Measured, Threshold
 from rarms_iac.model.wording import counted
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group
-from rarms_iac.statistics.curves import Curve, holds, least_reserve
+from rarms_iac.statistics.curves import Curve, highest_missed, holds, least_reserve
 
 Names = tuple[str, ...]
 """Components together in one partition, in the order of their names."""
@@ -333,7 +333,7 @@ def names_of(members: Iterable[Component]) -> Names:
 
 
 def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasured:
-    """Explain that no setting of the log meets every APT of the members, by those that the highest does not meet.
+    """Explain that no setting of the log is shown to meet every APT of the members, by those that the highest is not.
 
     Args:
         members: the partition's components; at least one is to be measured.
@@ -344,18 +344,27 @@ def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasure
     """
     names = to_be_measured(members)
     highest = max(log.measured, default=0)
-    missing = [
-        (index, member.name)
+    apts = {
+        (member.name, index): (log.curves(member.name, index), threshold)
         for member in members
         for index, threshold in member.apt.items()
-        if not holds(log.curves(member.name, index), threshold, highest)
-    ]
-    indexes = " and ".join(f"{index} of {component}" for index, component in missing)
-    component = missing[0][1] if missing else names[0]
+    }
+    missing = [name for name, apt in apts.items() if not holds(*apt, highest)]
+    missed = [name for name in missing if highest_missed([apts[name]]) >= highest]
+    named = missed or missing
+    indexes = " and ".join(f"{index} of {component}" for component, index in named)
+    component = named[0][0] if named else names[0]
     relax = prose("Relax the APT (", command("select", component, at="LEVEL"), " says which level holds), ")
     if not log.measured:
         with_these = f" with {counted(log.processors, 'virtual processor')}"
         message, advice = f"{log.path} holds no setting{with_these} yet.", prose("Measure it: ", log.again, ".")
+    elif not missed:
+        message = f"{log.path}: at {highest} % of its VPs it is not shown yet whether {indexes} meets its threshold."
+        advice = prose(
+            "Nothing was shown to miss: more samples may tell. ",
+            log.again,
+            " says how many are needed, and what to give `policy.measuring.setting`, the time for a setting.",
+        )
     elif highest < 100:
         message = f"No setting of {log.path} meets {indexes}: the highest is {highest} % of its VPs."
         advice = prose(relax, "or measure higher settings, as far as the host can give them: ", log.again, ".")
@@ -370,6 +379,6 @@ def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasure
         values={
             "log": log.path,
             "highest_percent": highest,
-            "indexes": tuple(f"{component}/{index}" for index, component in missing),
+            "indexes": tuple(f"{component}/{index}" for component, index in named),
         },
     )

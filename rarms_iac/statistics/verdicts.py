@@ -1,6 +1,7 @@
 """Verdicts on an APT: met, missed or neither, each with the probability that it is wrong."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import inf, sqrt
 from statistics import NormalDist
 from typing import Final
@@ -21,7 +22,7 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
-from rarms_iac.statistics.error_probability import ERROR, LOOK_ERROR, shared_error
+from rarms_iac.statistics.error_probability import ERROR, LOOK_ERROR, samples_needed, shared_error
 from rarms_iac.statistics.estimates import share_estimate
 from rarms_iac.statistics.overload import estimate_of_setting, find_overload, grows_without_end
 from rarms_iac.statistics.samples import failures, response_times
@@ -172,15 +173,28 @@ def samples_to_clear(judged: JudgedIndex, series: Series) -> float | None:
         series: what it was seen in.
 
     Returns:
-        How many of all samples, more than there are; infinite where the index is at its threshold. None: nothing tells.
+        How many of all samples, no fewer than there are; infinite where the index is at its threshold. None: nothing
+            tells.
     """
+    if _meets(judged):
+        return float(len(series.samples))
     outlook = _outlook(judged, series)
     if outlook is None:
-        return None
+        return _samples_if_all_are_good(judged, series)
     seen, limit = outlook
     away = abs(seen.value - limit)
     bound = seen.upper - seen.value if seen.value <= limit else seen.value - seen.lower
     return len(series.samples) * max(1.0, bound / away) ** 2 if away > 0.0 else inf
+
+
+def _samples_if_all_are_good(judged: JudgedIndex, series: Series) -> float | None:
+    """As of `samples_to_clear`, where what was seen meets the threshold and there are too few samples for a bound."""
+    seen = judged.estimate
+    if not _meets(replace(judged, estimate=replace(seen, lower=seen.value, upper=seen.value))):
+        return None
+    dependence = len(series.samples) / max(1.0, seen.effective_samples)
+    needed = samples_needed(judged.index, judged.threshold) * dependence
+    return needed if needed > len(series.samples) else None
 
 
 def _outlook(judged: JudgedIndex, series: Series) -> tuple[Estimate, float] | None:

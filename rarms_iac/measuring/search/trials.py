@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import ceil, inf
+from math import ceil
 
 from rarms_iac.model.outcomes import (
     Missed,
@@ -371,15 +371,15 @@ def not_sufficient(highest: SearchTrial) -> NotAchievable | NotResolved:
 
 
 def _samples_to_clear(trial: SearchTrial) -> int | None:
-    """With how many samples of each member all will be clear; None: one is at its threshold, or nothing tells."""
+    """With how many samples of each member all will be clear, at most one more than a setting may have."""
     needed = [
         samples_to_clear(judged, series)
         for series in trial.setting.series
         if isinstance(verdict := trial.verdicts[series.component], WithinNoise)
         for judged in verdict.judged
     ]
-    most = max((count if count is not None else inf for count in needed), default=inf)
-    return None if most == inf else ceil(most)
+    known = [count for count in needed if count is not None]
+    return ceil(min(max(known), MOST_SAMPLES + 1)) if known and len(known) == len(needed) else None
 
 
 _DESCRIPTIONS: Mapping[type[Verdict], str] = {

@@ -104,6 +104,7 @@ def test_a_cr_is_of_the_partitions_own_processors() -> None:
     [
         ({50: 300, 100: 150}, "not even with all of its VPs", False),
         ({50: 300, 80: 150}, "the highest is 80 %", True),
+        ({50: 300, 100: 100}, "at 100 % of its VPs it is not shown yet whether mean_response_time of vision", True),
         ({}, "holds no setting with 2 virtual processors yet", True),
     ],
 )

@@ -225,3 +225,24 @@ def test_with_as_many_samples_as_it_says_a_setting_is_clear(index: str, limit: i
     assert count is not None
     assert 400 < count < 10_000
     assert isinstance(judge_look(a_series(times[: int(2 * count)]), apt, RUN), Met)
+
+
+@pytest.mark.parametrize(
+    ("apt", "count"),
+    [
+        ({"p99_response_time": at_most(200)}, samples_needed("p99_response_time", at_most(200))),
+        ({"success_rate": at_least(99)}, samples_needed("success_rate", at_least(99))),
+        ({"p50_response_time": at_most(90), "p99_response_time": at_most(200)}, None),
+    ],
+)
+def test_where_all_samples_are_good_and_too_few_it_says_how_many_a_bound_takes(
+    apt: dict[str, Threshold], count: int | None
+) -> None:
+    few = a_series(noisy(5, 100.0, variation=0.05, correlation=0.0, count=300))
+    verdict = judge_look(few, apt, RUN)
+
+    if count is None:
+        assert isinstance(verdict, Missed)
+        return
+    assert isinstance(verdict, WithinNoise)
+    assert samples_to_clear(verdict.judged[0], few) == pytest.approx(count, rel=0.3)
