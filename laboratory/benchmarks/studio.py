@@ -46,7 +46,7 @@ class Prepared(Watch):
         super().__init__(source)
         self._prepared = known
 
-    def now(self) -> Knowledge:
+    def knowledge(self) -> Knowledge:
         return self._prepared
 
 

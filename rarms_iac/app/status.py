@@ -24,6 +24,7 @@ from rarms_iac.model.system import System
 from rarms_iac.model.totals import HostTotals, host_totals
 from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.planner.groups import groups_of
+from rarms_iac.providers.interface import StepwiseHost
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,6 +71,7 @@ class HostOverview:
     other_drift: tuple[ResourceDrift, ...] = ()  # of what is no partition there: task classes, what is not made yet
     last_run: PastRun | None = None
     problems: tuple[Diagnostic, ...] = ()  # why it could not be looked at; then nothing else is known
+    held_by: str = ""  # who runs something on it now, as `hosts.owner` names them; empty: no run that can be seen
     machine: Internal[str] = ""  # its own identity
     serial: Internal[int] = 0  # of the application's runs there
 
@@ -103,6 +105,16 @@ class HostOverview:
         kinds = [partition.drift for partition in self.partitions if partition.drift is not None]
         return frozenset(kinds) | {resource.drift for resource in self.other_drift}
 
+    @property
+    def is_unfinished(self) -> bool:
+        """Whether its last run did not end, and goes on no more as far as can be seen."""
+        return not self.held_by and self.last_run is not None and self.last_run.closing is None
+
+    @property
+    def is_left_by_measurement(self) -> bool:
+        """Whether a measurement was cut off there."""
+        return not self.held_by and any(partition.is_left_by_measurement for partition in self.partitions)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NextCommand:
@@ -131,7 +143,7 @@ class Overview:
     proofs: tuple[ComponentProof, ...]  # the last of each threshold
     stale: Mapping[str, tuple[str, ...]]  # what changed since, by data log that reservations would rest on
     unmeasured: tuple[tuple[str, ...], ...]  # components of a partition that no data log speaks for
-    next_command: NextCommand | None  # None: nothing is left to do, as far as is known
+    next_command: NextCommand | None  # None: nothing is left to do, as far as is known, or a run holds a host
     problems: tuple[Diagnostic, ...] = ()  # why the manifest has no layout; empty: it has, or no host could be asked
     has_thresholds: Internal[bool] = True  # whether a component has an APT
     unused_logs: int = 0  # stale data logs of loads that no reservation rests on
@@ -232,14 +244,24 @@ def _observe_alone(hosts: Hosts, name: str) -> State:
     return state
 
 
+def _holder(hosts: Hosts, name: str) -> str:
+    if name in hosts.snapshots.hosts:
+        return ""
+    host = hosts.open(name)
+    return host.holder() if isinstance(host, StepwiseHost) else ""
+
+
 def _host_overviews(hosts: Hosts) -> tuple[tuple[HostOverview, ...], tuple[Diagnostic, ...]]:
     """Each chosen host, and the errors that keep the manifest from having a layout on those that were looked at."""
     seen: dict[str, tuple[State, PastRun | None]] = {}
+    holders: dict[str, str] = {}
     problems: dict[str, tuple[Diagnostic, ...]] = {}
     for name in hosts.chosen:
         try:
+            before = _holder(hosts, name)
             runs = history_of_hosts(hosts.only(name)).hosts.get(name, ())
             seen[name] = _observe_alone(hosts, name), runs[-1] if runs else None
+            holders[name] = before or _holder(hosts, name)  # a run that began or ended meanwhile was seen half
         except UseCaseError as error:
             problems[name] = error.findings
     drifts: dict[str, tuple[ResourceDrift, ...]] = {}
@@ -253,7 +275,7 @@ def _host_overviews(hosts: Hosts) -> tuple[tuple[HostOverview, ...], tuple[Diagn
     overviews = tuple(
         HostOverview(name=name, problems=problems[name])
         if name in problems
-        else _host_overview(hosts.system, name, *seen[name], drifts.get(name, ()))
+        else replace(_host_overview(hosts.system, name, *seen[name], drifts.get(name, ())), held_by=holders[name])
         for name in hosts.chosen
     )
     return overviews, no_layout
@@ -304,11 +326,13 @@ def _next_command(
     *,
     has_layout: bool,
 ) -> NextCommand | None:
-    unfinished = [host.name for host in hosts if host.last_run and host.last_run.closing is None]
+    if any(host.held_by for host in hosts):
+        return None
+    unfinished = [host.name for host in hosts if host.is_unfinished]
     kinds = {kind for host in hosts for kind in host.drift_kinds}
     if unfinished:
         return NextCommand(command=APPLY, reason=f"finishes the run on {in_a_row(unfinished)}")
-    if any(partition.is_left_by_measurement for host in hosts for partition in host.partitions):
+    if any(host.is_left_by_measurement for host in hosts):
         reason = "removes the test partitions of a measurement that was cut off, and starts what it stopped"
         return NextCommand(command=START, reason=reason)
     if unmeasured:

@@ -90,6 +90,14 @@ class StepwiseHost(Protocol):
         """
         ...
 
+    def holder(self) -> str:
+        """Tell who holds the host now, without taking the lock or waiting for it.
+
+        Returns:
+            The `owner` that `lock` was given; empty: no run holds it, or it cannot be seen from here.
+        """
+        ...
+
     def read(self, address: Address, scope: Scope) -> Readings:
         """Read everything that `diff.readings` knows of an address, now. Called twice a step.
 

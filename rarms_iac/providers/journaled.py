@@ -12,7 +12,7 @@ from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked
 from rarms_iac.storage.append import Damaged, Record, append, first_in, last_in, line_of, records_in
 from rarms_iac.storage.codec import NotDecodable, decode_union, encode
 from rarms_iac.storage.disk import make_folder_for
-from rarms_iac.storage.lock import Locked, hold
+from rarms_iac.storage.lock import Locked, hold, read_holder
 from rarms_iac.storage.reading import STATE_LIMIT, read_file
 from rarms_iac.storage.replace import replace
 
@@ -31,6 +31,9 @@ class HostFiles(Protocol):
 
     def hold(self, lock: Path, owner: str, timeout_ms: int) -> AbstractContextManager[None]:
         """Hold the host while the context lasts. Raises Locked."""
+
+    def holder(self, lock: Path) -> str:
+        """Return the owner of the run that holds the host now; empty: none that can be seen from here."""
 
 
 class LocalFiles:
@@ -57,6 +60,9 @@ class LocalFiles:
         with hold(lock, owner, timeout_ms):
             yield
 
+    def holder(self, lock: Path) -> str:
+        return read_holder(lock)
+
 
 class JournaledHost:
     """The part of a `StepwiseHost` that lies in files: its lock, its journal, and what is said where they fail."""
@@ -79,6 +85,9 @@ class JournaledHost:
                 held.enter_context(self._files.hold(self._lock_path, owner, timeout_ms))
                 self._recover()
             yield
+
+    def holder(self) -> str:
+        return self._files.holder(self._lock_path)
 
     def _recover(self) -> None:
         """Bring in order what a killed run left, now that the host is held."""

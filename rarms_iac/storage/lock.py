@@ -77,6 +77,28 @@ def read_owner(path: Path) -> str:
         return ""
 
 
+def read_holder(path: Path) -> str:
+    """Who holds the lock now. The lock is not waited for; it is tried where a killed process may have left its name.
+
+    Args:
+        path: of the lock's file, which need not be there.
+
+    Returns:
+        The words that `hold` was given; empty: no process holds it, or this user may not read it.
+    """
+    owner = read_owner(path)
+    if not owner:
+        return ""
+    try:
+        with open_regular(path) as file:
+            if not _try_lock(file.fileno(), shared=True):
+                return owner
+            _unlock(file.fileno())
+    except OSError:
+        pass
+    return ""
+
+
 def _wait(descriptor: int, path: Path, timeout_ms: int) -> None:
     until = time.monotonic() + timeout_ms / 1000
     while not _try_lock(descriptor):
@@ -105,7 +127,7 @@ def _write(descriptor: int, owner: str) -> None:
 if sys.platform == "win32":
     import msvcrt
 
-    def _try_lock(descriptor: int) -> bool:
+    def _try_lock(descriptor: int, *, shared: bool = False) -> bool:  # noqa: ARG001 - Windows has none that is shared
         os.lseek(descriptor, _LOCKED_BYTE, os.SEEK_SET)
         try:
             msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
@@ -120,9 +142,9 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-    def _try_lock(descriptor: int) -> bool:
+    def _try_lock(descriptor: int, *, shared: bool = False) -> bool:
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
         except BlockingIOError:
             return False
         return True

@@ -39,7 +39,7 @@ class Knowledge:
 
 
 LOOK_SECONDS = 30
-"""How old may be what is known of a host whose files lie on another machine, or are none."""
+"""How old may be what is known of a host whose files lie on another machine, or are none, or that a run holds."""
 
 
 def files_version(source: ManifestSource, folders: Sequence[Path]) -> str:
@@ -109,7 +109,7 @@ class Watch:
         self._known: Knowledge | None = None
         self._looks = 0
 
-    def now(self) -> Knowledge:
+    def knowledge(self) -> Knowledge:
         """Return what is known; it is looked up anew where a file changed."""
         with self._lock:
             version = self._version()
@@ -117,21 +117,22 @@ class Watch:
                 self._known = look(self._source, version)
             return self._known
 
-    def version(self, *, at_work: bool) -> str:
+    def version(self, *, is_running: bool) -> str:
         """Return what changes with each file, and from time to time where a host has no file here.
 
         Args:
-            at_work: whether a use case runs, which is left alone with its hosts.
+            is_running: whether a use case runs, which is left alone with its hosts.
         """
         with self._lock:
-            if not at_work:
+            if not is_running:
                 self._looks = int(self._now()) // LOOK_SECONDS
             return self._version()
 
     def _version(self) -> str:
         hosts = self._known.manifest.system.hosts.values() if self._known and self._known.manifest else ()
         folders = [state_folder(host) for host in hosts if host.provider is not ProviderKind.SIMULATED]
-        looks = f"-{self._looks}" if None in folders else ""
+        is_held = self._known and self._known.overview and any(host.held_by for host in self._known.overview.hosts)
+        looks = f"-{self._looks}" if None in folders or is_held else ""  # a run that is killed changes no file
         return f"{files_version(self._source, [folder for folder in folders if folder])}{looks}"
 
     def forget(self) -> None:

@@ -28,7 +28,7 @@ from rarms_iac.views.reports.html import render_page
 from rarms_iac.views.reports.page import on_page
 from rarms_iac.views.reports.table import show_cell
 from rarms_iac.views.reports.tables import RESERVE, RESERVE_LP, levels_of_component
-from rarms_iac.views.status import describe_partition, history_rows
+from rarms_iac.views.status import describe_holders, describe_partition, history_rows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,6 +105,8 @@ class StudioOnPage:
     manifest_options: str
     hosts: tuple[HostOnPage, ...]
     components: tuple[ComponentOnPage, ...]
+    is_running: bool  # a use case of this page
+    held: str  # which runs of others hold hosts now; empty: none that can be seen
     next_command: NextCommand | None
     unfinished: bool  # a run on a host did not end
     left_by_measurement: bool  # a measurement did not end
@@ -123,7 +125,7 @@ FORMS = MappingProxyType(
 
 
 def page_of(
-    known: Knowledge, workspace: Workspace, *, version: str, is_busy: bool, manifest_options: str, read_only: bool
+    known: Knowledge, workspace: Workspace, *, version: str, is_running: bool, manifest_options: str, read_only: bool
 ) -> bytes:
     """Make the page of what is known.
 
@@ -131,7 +133,7 @@ def page_of(
         known: of the application.
         workspace: the plan that was made last.
         version: of what is known, for the page to compare.
-        is_busy: whether a use case runs: what it needs on a host for a while is not left by another one.
+        is_running: whether a use case runs: what it needs on a host for a while is not left by another one.
         manifest_options: what commands end with, such as ` -f cell`.
         read_only: whether nothing may be changed.
 
@@ -141,8 +143,8 @@ def page_of(
     report = _report(known, workspace)
     overview = known.overview
     hosts = overview.hosts if overview else ()
-    unfinished = any(host.last_run and host.last_run.closing is None for host in hosts) and not is_busy
-    is_cut_off = any(part.is_left_by_measurement for host in hosts for part in host.partitions) and not is_busy
+    unfinished = any(host.is_unfinished for host in hosts) and not is_running
+    is_cut_off = any(host.is_left_by_measurement for host in hosts) and not is_running
     forms = {
         verb: form
         for verb, form in FORMS.items()
@@ -155,7 +157,9 @@ def page_of(
         manifest_options=manifest_options,
         hosts=tuple(map(_host, hosts)),
         components=tuple(_components(known, report)),
-        next_command=overview.next_command if overview and not is_busy else None,
+        is_running=is_running,
+        held="" if is_running else describe_holders(hosts),
+        next_command=overview.next_command if overview and not is_running else None,
         unfinished=unfinished,
         left_by_measurement=is_cut_off,
         forms_by_verb=forms,

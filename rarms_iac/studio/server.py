@@ -108,17 +108,17 @@ class Studio:
         state = self.work.state()
         version = self._version(state)  # before the files are read: what changes meanwhile is read again
         return page_of(
-            self._watch.now(),
+            self._watch.knowledge(),
             self._workspace,
             version=version,
-            is_busy=not state.ending,
+            is_running=not state.ending,
             manifest_options=self._settings.manifest_options,
             read_only=self._settings.read_only,
         )
 
     def _version(self, state: WorkState) -> str:
         """Changes with each file, and with each use case that begins or ends."""
-        return f"{state.number}{state.ending}-{self._watch.version(at_work=not state.ending)}"
+        return f"{state.number}{state.ending}-{self._watch.version(is_running=not state.ending)}"
 
     async def _style(self, _request: Request) -> Response:
         text = f"{shipped_text(f'{FOLDER}/report.css')}{shipped_text(f'{FOLDER}/studio.css')}"

@@ -41,10 +41,26 @@ def status_text(overview: Overview) -> "RenderableType":
         parts.append(paragraph(f"{logs} of loads that no reservation rests on, stale.", start="Unused: "))
     if overview.unknown:
         parts.append(paragraph(f"{in_a_row(overview.unknown)} could not be looked at.", start="Unknown: "))
+    if at_work := describe_holders(overview.hosts):
+        return stack(*parts, paragraph(at_work))
     if overview.next_command is None:
         return stack(*parts, *([] if overview.unknown else [paragraph(_nothing_left(overview))]))
     step = overview.next_command
     return stack(*parts, paragraph(prose(step.command, f" {step.reason}."), start="Next: "))
+
+
+def describe_holders(hosts: Sequence[HostOverview]) -> str:
+    """Say which runs go on now and what they do, and that the next command follows from their end; empty: none."""
+    sentences = [f"{host.held_by}, {_work_of_holder(host)} on {host.name}." for host in hosts if host.held_by]
+    return " ".join([*sentences, "What comes next is told when it has ended."] if sentences else [])
+
+
+def _work_of_holder(host: HostOverview) -> str:
+    if host.last_run is not None and host.last_run.closing is None:
+        return "applies a plan" if host.last_run.run is RunKind.APPLY else "takes an apply back"
+    if any(partition.is_left_by_measurement for partition in host.partitions):
+        return "measures"
+    return "is at work"
 
 
 def _nothing_left(overview: Overview) -> str:

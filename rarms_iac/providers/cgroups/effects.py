@@ -69,6 +69,9 @@ class LinuxEffects(Protocol):
     def hold(self, lock: Path, owner: str, timeout_ms: int) -> AbstractContextManager[None]:
         """Hold the host, and remove what killed writers left beside the lock. Raises Locked, HostLocked, OSError."""
 
+    def holder(self, lock: Path) -> str:
+        """Return the owner of the run that holds the host now; empty: none that can be seen from here."""
+
     def replace(self, path: Path, data: bytes) -> None:
         """Make a file exactly these bytes, durably, in a folder that is made. Raises OSError."""
 
@@ -168,6 +171,11 @@ class LocalEffects(LocalFiles):
             if time.monotonic() >= until:
                 raise Locked(lock, holder)
             time.sleep(1)
+
+    def holder(self, lock: Path) -> str:
+        with suppress(OSError):  # what only root may see
+            return super().holder(lock) or _holder(lock.with_name("lease"))
+        return ""
 
     def replace(self, path: Path, data: bytes) -> None:
         with _for_root_alone():

@@ -133,6 +133,10 @@ class RemoteEffects:
                 finally:
                     self._lease = None
 
+    def holder(self, lock: Path) -> str:  # noqa: ARG002 - it lies in the folder
+        """A look shows no lock: only this run itself is known."""
+        return self._lease[0] if self._lease else ""
+
     def _take(self, owner: str, token: str, timeout_ms: int) -> None:
         until = time.monotonic() + timeout_ms / 1000
         ended = ""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.storage.lock import Locked, hold, read_owner
+from rarms_iac.storage.lock import Locked, hold, read_holder, read_owner
 
 HOLDER = """
 import sys, time
@@ -38,7 +38,7 @@ def test_a_second_holder_is_told_who_the_first_is(tmp_path: Path) -> None:
         with pytest.raises(Locked) as locked, hold(path, "bob@lab"):
             pytest.fail("two hold the lock")
         assert locked.value.owner == "ann@lab"
-        assert read_owner(path) == "ann@lab"
+        assert read_owner(path) == read_holder(path) == "ann@lab"
 
     assert read_owner(path) == ""
     with hold(path, "bob@lab"):
@@ -55,6 +55,8 @@ def test_another_process_is_kept_out_and_its_death_frees_the_lock(tmp_path: Path
         kill(process)
 
     assert locked.value.owner == "ann@lab, process 7, since noon, rarms apply"
+    assert read_owner(path) == locked.value.owner
+    assert read_holder(path) == "", "its name is there, and the process is not"
     with hold(path, "bob@lab", timeout_ms=2000):
         assert read_owner(path) == "bob@lab"
 

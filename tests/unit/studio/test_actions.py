@@ -1,6 +1,8 @@
 """What the page sends and is answered: work, its command and its end; levels that are shown and written; refusals."""
 
 import json
+import subprocess
+import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -9,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.storage.lock import hold
 from rarms_iac.studio.actions import ACTIONS, MeasureAction, ProveAction, TuneAction
 from tests.needs import CHECKOUT
 from tests.unit.cli.running import rarms
@@ -181,6 +184,44 @@ def test_a_plan_that_was_applied_in_a_terminal_is_no_longer_offered(client: Clie
     page = client.get().text
     assert "Something was applied to onboard since this plan was made: plan again." in page
     assert 'data-action="apply"' not in page
+
+
+def left_by_a_killed_measurement(folder: Path) -> None:
+    """What a measurement needs on the host, and the name of its process in the lock."""
+    words = ("measure", "control", "--from", "50%", "--to", "50%", "-f", str(folder))
+    for at in range(20, 200, 10):
+        subprocess.run([sys.executable, "-m", "tests.crashing", str(at), "before", *words], cwd=CHECKOUT)
+        if "test partition" in rarms("status", "-f", str(folder)).out:
+            return
+    raise AssertionError("no kill left a test partition")
+
+
+def test_a_measurement_that_runs_in_a_terminal_is_not_taken_for_one_that_was_cut_off(
+    client: Client, folder: Path
+) -> None:
+    left_by_a_killed_measurement(folder)
+    assert 'data-action="plan-start"' in client.get().text
+
+    with hold(folder / ".rarms" / "hosts" / "onboard.lock", "ann@lab, process 7"):
+        page, status = client.get().text, rarms("status", "-f", str(folder)).out
+
+    assert "ann@lab, process 7, measures on onboard." in page
+    assert "ann@lab, process 7, measures on onboard." in status
+    assert "cut off" not in page + status
+    assert 'data-action="plan-start"' not in page
+    assert 'data-action="plan-start"' in client.get().text
+
+
+def test_an_apply_that_runs_in_a_terminal_is_not_offered_to_be_finished(client: Client, folder: Path) -> None:
+    words = ("apply", "--auto-approve", "-f", str(folder))
+    subprocess.run([sys.executable, "-m", "tests.crashing", "70", "before", *words], cwd=CHECKOUT)
+    assert 'data-action="finish"' in client.get().text
+
+    with hold(folder / ".rarms" / "hosts" / "onboard.lock", "ann@lab, process 7"):
+        page = client.get().text
+
+    assert "ann@lab, process 7, applies a plan on onboard." in page
+    assert 'data-action="finish"' not in page
 
 
 def test_stop_means_the_use_case_that_was_shown(client: Client, folder: Path) -> None:

@@ -23,37 +23,37 @@ components:
 def watch_of(folder: Path, host: str, now: Callable[[], float] = time.monotonic) -> Watch:
     (folder / "rarms.yaml").write_text(MANIFEST.format(host=host), encoding="utf-8", newline="\n")
     watch = Watch(ManifestSource(manifest=str(folder)), now)
-    watch.now()
+    watch.knowledge()
     return watch
 
 
 def test_a_run_on_a_linux_host_of_this_machine_is_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(provider, "STATE_FOLDER", tmp_path / "state")
     watch = watch_of(tmp_path, "provider: linux, linux: { slice: cell }")
-    before = watch.version(at_work=False)
+    before = watch.version(is_running=False)
 
     journal = tmp_path / "state" / "cell" / "journal.jsonl"
     journal.parent.mkdir(parents=True)
     journal.write_text("{}\n", encoding="utf-8")
 
-    assert watch.version(at_work=False) != before
-    assert watch.version(at_work=False) == watch.version(at_work=False)
+    assert watch.version(is_running=False) != before
+    assert watch.version(is_running=False) == watch.version(is_running=False)
 
 
 def test_a_distant_host_is_looked_at_from_time_to_time_while_nothing_runs(tmp_path: Path) -> None:
     now = [1000.0]
     watch = watch_of(tmp_path, "provider: linux, connect: { ssh: robot@robot.invalid }", lambda: now[0])
-    before = watch.version(at_work=False)
+    before = watch.version(is_running=False)
 
     now[0] += 2 * LOOK_SECONDS
-    assert watch.version(at_work=True) == before
-    assert watch.version(at_work=False) != before
+    assert watch.version(is_running=True) == before
+    assert watch.version(is_running=False) != before
 
 
 def test_a_simulated_host_is_looked_at_when_its_file_changes_alone(tmp_path: Path) -> None:
     now = [1000.0]
     watch = watch_of(tmp_path, "provider: simulated", lambda: now[0])
-    before = watch.version(at_work=False)
+    before = watch.version(is_running=False)
 
     now[0] += 2 * LOOK_SECONDS
-    assert watch.version(at_work=False) == before
+    assert watch.version(is_running=False) == before

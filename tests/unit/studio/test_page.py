@@ -42,6 +42,8 @@ STUDIO = StudioOnPage(
     components=(
         ComponentOnPage(name="x", criticality=1, apt=("x",), reserve="x", share="x", verdicts=("x",)),
     ),
+    is_running=False,
+    held="x",
     next_command=NextCommand(command=command("x"), reason="x"),
     unfinished=True,
     left_by_measurement=True,
