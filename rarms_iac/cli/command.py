@@ -55,6 +55,8 @@ def rarms_command(name: str, *, json: bool = True) -> Callable[[Callable[..., Ex
             context = click.get_current_context()
             session = context.ensure_object(Session)
             session.command = name
+            if session.as_json:
+                session.terminal.require_output()  # before anything is done
             try:
                 given: dict[str, Any] = {key: request_of(kind, values) for key, kind in requests.items()}
                 if not any(values.get(name) for name in _NO_MANIFEST_NEEDED):
@@ -116,8 +118,8 @@ def _repeat_in_advice(context: click.Context, session: Session, source: Manifest
 
 
 def _name_robot(session: Session, source: ManifestSource) -> None:
-    """Say which robot all that follows is about: hosts have the same names on each."""
-    if source.overlays:
+    """Say which robot all that follows is about; hosts have the same names on each."""
+    if source.overlays and all(os.path.lexists(overlay) for overlay in source.overlays):
         session.terminal.talk(f"The robot is {robot_of(source.overlays)}.")
 
 

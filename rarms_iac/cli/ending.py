@@ -100,13 +100,19 @@ class Interrupts:
 
     @contextmanager
     def listening(self) -> Iterator[None]:
-        """Take the signals over, and give them back; only a process' main thread can."""
+        """Take the signals over, and give them back; only a process' main thread can.
+
+        After an interrupt they are ignored: a further Ctrl-C would only cut the last words, and the exit code.
+        """
         if threading.current_thread() is not threading.main_thread():
             yield
             return
         before = {number: signal.signal(number, self.receive) for number in SIGNALS}
         try:
             yield
+        except Interrupted:
+            before = dict.fromkeys(SIGNALS, signal.SIG_IGN)
+            raise
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)

@@ -25,8 +25,8 @@ def run(arguments: Sequence[str]) -> int:
     """Run the command that these words ask for and return its exit code. Raises nothing."""
     terminal = this_terminal()
     session = Session(terminal=terminal, interrupts=Interrupts(on_request=partial(confirm_signal, terminal.err)))
-    code = run_guarded(session, arguments, _invoke)
     try:
+        code = run_guarded(session, arguments, _invoke)
         session.terminal.flush()
     except OSError as error:
         code = _tell(session, ExitCode.FAILED, [system_finding(error)])

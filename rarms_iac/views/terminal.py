@@ -1,6 +1,7 @@
 """Standard output and standard error: data goes to one, talk to the other, and neither ever breaks a command."""
 
 import contextlib
+import errno
 import io
 import os
 import shutil
@@ -41,6 +42,7 @@ class Terminal:
     talk_piped: bool = False  # the same of standard error
     debug: bool = False
     answered: bool = False  # data was written
+    out_closed: bool = False  # the process was started without a standard output
     manifest_options: str = ""  # ` -f cell`, as they were given: recommended commands repeat them
     _live_table: "LiveTable | None" = None
 
@@ -61,8 +63,25 @@ class Terminal:
         Args:
             text: JSON, SARIF and the like, which have such characters escaped; or text of our own.
             is_coloured: it is harmless text with escape sequences for colours.
+
+        Raises:
+            OSError: standard output is closed, or the system refuses.
         """
+        self.require_output()
         self.answered = True
+        self._write(text, is_coloured=is_coloured)
+
+    def require_output(self) -> None:
+        """Refuse where data would be lost: a program that asked for it must not take silence and a 0 for an answer.
+
+        Raises:
+            OSError: the process was started without a standard output (`>&-`).
+        """
+        if self.out_closed:
+            self.answered = True  # nothing further can be
+            raise OSError(errno.EBADF, "Standard output is closed, and what was asked for is written there")
+
+    def _write(self, text: str, *, is_coloured: bool) -> None:
         self.out = write_text(self.out, text if is_coloured else spell_out_hidden(text))
 
     def data_now(self, text: str) -> None:
@@ -72,6 +91,7 @@ class Terminal:
 
     def exactly(self, text: str) -> None:
         """Write a script: ASCII text with its own line ends, also where the system would change them."""
+        self.require_output()
         self.out = flush_stream(self.out)
         if isinstance(self.out, io.TextIOWrapper):
             try:
@@ -83,7 +103,8 @@ class Terminal:
 
     def show(self, content: "RenderableType") -> None:
         """Write what a person asked for, laid out for standard output."""
-        self.data(self._render(content, piped=self.piped, colour=self.colour), is_coloured=self.colour)
+        self.answered = True
+        self._write(self._render(content, piped=self.piped, colour=self.colour), is_coloured=self.colour)
 
     def talk(self, content: "RenderableType | Wording") -> None:
         """Write what is said beside it, with a line end; text in its lines, anything else laid out by rich."""
@@ -154,6 +175,7 @@ def this_terminal(environment: Mapping[str, str] = os.environ) -> Terminal:
         width=width_of(out, environment),
         piped=not _has_width(out, environment),
         talk_piped=not _has_width(err, environment),
+        out_closed=sys.stdout is None and os.name != "nt",  # a Windows program without a console has none
     )
 
 
@@ -169,7 +191,7 @@ def _has_width(stream: TextIO, environment: Mapping[str, str]) -> bool:
 
 
 def no_stream() -> TextIO:
-    """A stream for a process that was started without one (`>&-`): what is written there is lost."""
+    """A stream for a process that was started without one (`>&-`): what people would read there is lost."""
     return Path(os.devnull).open("w", encoding="utf-8")
 
 

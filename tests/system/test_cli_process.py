@@ -67,6 +67,29 @@ def test_a_process_without_a_stream_works(manifest: Path, closed: str) -> None:
     assert rarms("plan", "-f", str(manifest)).code == 0
 
 
+@pytest.mark.needs("posix", "bash")
+def test_an_answer_for_programs_without_a_standard_output_is_refused_before_anything_is_done(manifest: Path) -> None:
+    words = " ".join(f"'{word}'" for word in [*RARMS, "apply", "-f", str(manifest), "--auto-approve", "--json"])
+
+    answer = subprocess.run(["bash", "-c", f"{words} >&-"], capture_output=True, text=True, timeout=60)
+
+    assert answer.returncode == 1
+    assert answer.stderr.startswith("error[RARMS178]")
+    assert answer.stderr.count("Standard output is closed") == 1
+    assert not (manifest.parent / ".rarms" / "hosts").exists()
+
+
+@pytest.mark.needs("linux")
+def test_errors_for_programs_on_a_full_disk_are_told_without_a_trace(tmp_path: Path) -> None:
+    words = [*RARMS, "plan", "-f", str(tmp_path / "missing.yaml"), "--json"]
+    with Path("/dev/full").open("wb") as full:
+        answer = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, timeout=60)
+
+    assert answer.returncode == 1
+    assert b"error[RARMS178]" in answer.stderr
+    assert b"Traceback" not in answer.stderr
+
+
 @pytest.mark.needs("linux")
 def test_a_full_disk_is_told_without_a_trace(manifest: Path) -> None:
     with Path("/dev/full").open("wb") as full:

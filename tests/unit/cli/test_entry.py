@@ -1,6 +1,6 @@
 import io
 import signal
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import click
 import pytest
@@ -11,6 +11,15 @@ from rarms_iac.cli import entry
 from rarms_iac.cli.ending import ExitCode, Interrupted, Interrupts
 from rarms_iac.cli.session import Session
 from rarms_iac.views.terminal import Terminal
+
+
+@pytest.fixture(autouse=True)
+def _signals_as_before() -> Iterator[None]:
+    """An interrupted command has its process ignore further signals, which here is the one of all tests."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 def run_with(
@@ -132,3 +141,11 @@ def test_listening_takes_the_signals_over_and_gives_them_back() -> None:
         assert interrupts.exit_code is ExitCode.INTERRUPTED
 
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_after_an_interrupt_a_further_one_cuts_neither_the_last_words_nor_the_exit_code() -> None:
+    with pytest.raises(Interrupted), Interrupts().listening():
+        signal.raise_signal(signal.SIGINT)
+
+    signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN

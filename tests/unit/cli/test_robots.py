@@ -88,3 +88,10 @@ def test_the_name_of_an_overlays_file_that_is_no_name_is_refused() -> None:
     assert answer.code == 2
     assert "RARMS020" in answer.err + answer.out
     assert "robot-7" in answer.err + answer.out
+
+
+def test_a_missing_overlay_is_refused_and_names_no_robot() -> None:
+    answer = rarms("plan", *_overlay("missing"))
+
+    assert (answer.code, answer.out) == (64, "")
+    assert answer.err.startswith("error[RARMS001]")
