@@ -13,6 +13,7 @@ from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic, count_severities, in_order
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.state import HostFacts, Partition
+from rarms_iac.planner.layout import smaller_host_findings
 from rarms_iac.providers.interface import ExaminableHost, ObservedHost
 
 
@@ -66,8 +67,9 @@ def examine_hosts(hosts: Hosts) -> Examinations:
     examined: list[ExaminedHost] = []
     accepted: list[Diagnostic] = []
     for host in _examinations(hosts):
+        facts = host.state.facts
         findings, silenced = apply_acceptances(
-            examine(host),
+            [*smaller_host_findings(hosts.system.hosts[facts.name], facts, manifest.places), *examine(host)],
             manifest.system.policy,
             manifest.places,
             manifest.source.today,
@@ -76,7 +78,7 @@ def examine_hosts(hosts: Hosts) -> Examinations:
         machines = host.state.partitions
         examined.append(
             ExaminedHost(
-                facts=host.state.facts,
+                facts=facts,
                 condition=host.condition,
                 machines=len(machines),
                 managed=len(host.state.of(application).partitions),

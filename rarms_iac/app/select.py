@@ -34,11 +34,12 @@ from rarms_iac.planner.reservations import (
     MeasuredTogether,
     NotMeasured,
     depends_on_a_log,
+    least_of,
     names_of,
 )
 from rarms_iac.planner.sizes import size
 from rarms_iac.planner.totals import totals_by_host
-from rarms_iac.statistics.curves import Curve, Point
+from rarms_iac.statistics.curves import Curve, Point, holds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,19 +113,43 @@ FAR = 10
 """So many times worse than the worst that was measured is no level that a user wants."""
 
 
-def _advice_beyond(index: PerformanceIndex, curve: Curve, log: MeasuredTogether, host: Host) -> Wording:
+Loads = tuple[MeasuredTogether, ...]
+"""The data logs of a partition on a host, one for each load: a level holds where it holds beside each."""
+
+
+def _advice_beyond(choice: "_Choice", host: Host, loads: Loads) -> Wording:
     """What can be chosen as it is, and what to measure first for more, where no measured reservation is enough."""
-    highest, limit = log.measured[-1], _limit(log, host)
-    safe = curve.safe_value_at(highest)
-    level = "" if safe is None or not isfinite(safe) else _show_level(index, safe)
-    holds = "" if not level else f": {level} holds with {highest} % of its VPs"
-    if highest >= limit:
-        return f"Choose an easier level{holds}, and {limit} % of its VPs is the most that there is."
+    higher, limit = _not_measured_yet(choice, host, loads), _limit(loads[0], host)
+    easiest = _easiest(choice, loads)
+    if higher is None:
+        return f"Choose an easier level{easiest}, and {limit} % of its VPs is the most that there is."
+    first, last = higher
     return prose(
-        f"Choose an easier level{holds}. Or measure higher settings, and select again: ",
-        log.again.also(from_=f"{highest + 1}%", to=f"{limit}%"),
+        f"Choose an easier level{easiest}. Or measure higher settings, and select again: ",
+        loads[0].again.also(from_=f"{first}%", to=f"{last}%"),
         ".",
     )
+
+
+def _easiest(choice: "_Choice", loads: Loads) -> str:
+    """Name the best level that holds beside every load as it was measured, with its CR; empty: none is known."""
+    name, index = choice.component.name, choice.index
+    safe = [log.curves(name, index.name).safe_value_at(log.measured[-1]) for log in loads]
+    known = [value for value in safe if value is not None and isfinite(value)]
+    if len(known) < len(loads):
+        return ""
+    level = _show_level(index, (max if index.smaller_is_better else min)(known))
+    apts = [(name, index.name, threshold_of(index, level))]
+    reserves = [least_of(log, apts) or log.measured[-1] for log in loads]
+    return f": {level} holds with {max(reserves)} % of its VPs"
+
+
+def _not_measured_yet(choice: "_Choice", host: Host, loads: Loads) -> tuple[int, int] | None:
+    """The first and last CR to measure for the level; None: beside a load not even all that the host has is enough."""
+    curves = [(log.measured[-1], log.curves(choice.component.name, choice.index.name)) for log in loads]
+    highest = [top for top, curve in curves if not holds(curve, choice.threshold, top)] or [top for top, _ in curves]
+    limit = _limit(loads[0], host)
+    return None if max(highest) >= limit else (min(highest) + 1, limit)
 
 
 def _limit(log: MeasuredTogether, host: Host) -> int:
@@ -272,9 +297,10 @@ def _selection(manifest: Manifest, changed: Measurements, choice: _Choice) -> Se
         reasons = [finding for finding in planning.findings if finding.address in addresses]
         findings = [_with_next_command(finding, logs, choice) for finding in reasons or planning.findings]
         problem = UseCaseError(Outcome.NEGATIVE, findings, manifest.sources)
-        for host, log in logs[:1]:
-            if any(finding.code == NOT_MET.code for finding in findings) and log.measured[-1] < _limit(log, host):
-                raise BeyondMeasured(problem, log.measured[-1] + 1, _limit(log, host))
+        for host, loads in logs[:1]:
+            higher = _not_measured_yet(choice, host, loads)
+            if higher is not None and any(finding.code == NOT_MET.code for finding in findings):
+                raise BeyondMeasured(problem, *higher)
         raise problem
     return Selection(
         component=name,
@@ -290,28 +316,24 @@ def _selection(manifest: Manifest, changed: Measurements, choice: _Choice) -> Se
     )
 
 
-def _logs(group: Group, system: System, reservations: MeasuredReservations) -> Iterator[tuple[Host, MeasuredTogether]]:
-    """The data log of each host that has one with settings, hosts in name order."""
+def _logs(group: Group, system: System, reservations: MeasuredReservations) -> Iterator[tuple[Host, Loads]]:
+    """The data logs of each host where each load's has settings, hosts in name order."""
     for _, host in sorted(system.hosts.items()):
-        log = reservations.log(group.members, host)
-        if isinstance(log, MeasuredTogether) and log.measured:
-            yield host, log
+        loads = reservations.log_of_each_load(group.members, host)
+        if loads and all(log.measured for log in loads):
+            yield host, loads
 
 
-def _with_next_command(
-    finding: Diagnostic, logs: Sequence[tuple[Host, MeasuredTogether]], choice: _Choice
-) -> Diagnostic:
+def _with_next_command(finding: Diagnostic, logs: Sequence[tuple[Host, Loads]], choice: _Choice) -> Diagnostic:
     """NOTE: a search looks for the manifest's level, and this one is not there yet: that advice would lead nowhere."""
     if finding.code != NOT_MET.code or not logs:
         return finding
-    host, log = logs[0]
-    curve = log.curves(choice.component.name, choice.index.name)
-    return replace(finding, advice=prose(_advice_beyond(choice.index, curve, log, host)))
+    return replace(finding, advice=prose(_advice_beyond(choice, *logs[0])))
 
 
-def _refuse_far(choice: _Choice, logs: Sequence[tuple[Host, MeasuredTogether]]) -> None:
+def _refuse_far(choice: _Choice, logs: Sequence[tuple[Host, Loads]]) -> None:
     """NOTE: `120 s` for `120 ms` would be met by any reservation: a slip that nothing else would show."""
-    curves = [log.curves(choice.component.name, choice.index.name) for _, log in logs]
+    curves = [log.curves(choice.component.name, choice.index.name) for _, loads in logs for log in loads]
     message = _why_far(choice.index, choice.threshold, choice.text, curves)
     if message:
         raise RequestError(f"{choice.component.name}: {message}")

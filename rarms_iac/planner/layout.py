@@ -12,10 +12,10 @@ from typing import assert_never
 
 from rarms_iac.model.commands import MEASURE, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Place, Places
-from rarms_iac.model.host import Mechanism
+from rarms_iac.model.host import Host, Mechanism
 from rarms_iac.model.layout import Cause, Infeasible, Layout, Relaxation, RelaxationKind
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
-from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
+from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts
 from rarms_iac.model.system import Disruption, Measured, System
 from rarms_iac.model.wording import counted
 from rarms_iac.planner import planning_findings
@@ -61,7 +61,11 @@ def plan_layout(
     limit = max_disruption or system.policy.max_disruption
     problem = problem_of(system, reservations, hosts, may_move=limit is Disruption.REMOVAL)
     answer = solve(problem)
-    notes = list(_smaller(system, hosts, places))
+    notes = [
+        finding
+        for host in by_name(system.hosts)
+        for finding in smaller_host_findings(host, hosts.get(host.name, HostView()).facts, places)
+    ]
     if isinstance(answer, Layout):
         notes += _moves(answer, problem, places)
         notes += _remarks(answer, problem, places)
@@ -190,29 +194,37 @@ def _place(cause: Cause, system: System, places: Places) -> Place:
             return places.key("application")
 
 
-def _smaller(system: System, views: Mapping[str, HostView], places: Places) -> Iterator[Diagnostic]:
-    for host in by_name(system.hosts):
-        facts = views.get(host.name, HostView()).facts
-        if facts is None:
-            continue
-        if facts.logical_processors < host.logical_processors:
-            yield planning_findings.SMALLER.at(
-                places.value("hosts", host.name, "logical_processors"),
-                f"{host.name} has {show_processors(facts.logical_processors)}, and the manifest says "
-                f"{show_processors(host.logical_processors)}; planned with what is there.",
-                f"Say `logical_processors: {facts.logical_processors}`.",
-                address=f"host/{host.name}",
-                values={"host": host.name, "has_lp": facts.logical_processors, "manifest_lp": host.logical_processors},
-            )
-        if facts.memory < host.memory:
-            yield planning_findings.SMALLER.at(
-                places.value("hosts", host.name, "memory"),
-                f"{host.name} has {show_bytes(facts.memory, host.memory)}, and the manifest says "
-                f"{show_bytes(host.memory, facts.memory)}; planned with what is there.",
-                "Say what it has, or less.",
-                address=f"host/{host.name}",
-                values={"host": host.name, "has_memory_bytes": facts.memory, "manifest_memory_bytes": host.memory},
-            )
+def smaller_host_findings(host: Host, facts: HostFacts | None, places: Places) -> Iterator[Diagnostic]:
+    """Report where a host has less than the manifest says.
+
+    Args:
+        host: as the manifest has it.
+        facts: as it was seen; None: it was not.
+        places: of the manifest's keys.
+
+    Yields:
+        A warning for its logical processors, and one for its memory.
+    """
+    if facts is None:
+        return
+    if facts.logical_processors < host.logical_processors:
+        yield planning_findings.SMALLER.at(
+            places.value("hosts", host.name, "logical_processors"),
+            f"{host.name} has {show_processors(facts.logical_processors)}, and the manifest says "
+            f"{show_processors(host.logical_processors)}; planned with what is there.",
+            f"Say `logical_processors: {facts.logical_processors}`.",
+            address=f"host/{host.name}",
+            values={"host": host.name, "has_lp": facts.logical_processors, "manifest_lp": host.logical_processors},
+        )
+    if facts.memory < host.memory:
+        yield planning_findings.SMALLER.at(
+            places.value("hosts", host.name, "memory"),
+            f"{host.name} has {show_bytes(facts.memory, host.memory)}, and the manifest says "
+            f"{show_bytes(host.memory, facts.memory)}; planned with what is there.",
+            "Say what it has, or less.",
+            address=f"host/{host.name}",
+            values={"host": host.name, "has_memory_bytes": facts.memory, "manifest_memory_bytes": host.memory},
+        )
 
 
 def _remarks(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:

@@ -235,7 +235,7 @@ class MeasuredReservations:
         log = self.log(members, host)
         if not to_be_measured(members) or isinstance(log, NotMeasured):
             return ()
-        return tuple(remark for each in self._log_of_each_load(members, host) for remark in each.remarks)
+        return tuple(remark for each in self.log_of_each_load(members, host) for remark in each.remarks)
 
     def log(self, members: tuple[Component, ...], host: Host) -> MeasuredTogether | NotMeasured:
         """Find the data log that decides what these components reserve together on this host.
@@ -254,7 +254,16 @@ class MeasuredReservations:
         missing = NotMeasured(components=to_be_measured(members))
         return self.logs.get((self.kinds.get(host.name), names_of(members)), missing)
 
-    def _log_of_each_load(self, members: tuple[Component, ...], host: Host) -> tuple[MeasuredTogether, ...]:
+    def log_of_each_load(self, members: tuple[Component, ...], host: Host) -> tuple[MeasuredTogether, ...]:
+        """Find the data logs that these components' reservation must stand up to on this host.
+
+        Args:
+            members: all components of the partition, in any order.
+            host: as of `log`.
+
+        Returns:
+            One log for each load, in the order of the loads; empty: one is missing.
+        """
         answer = self._answer(members, host)
         return () if isinstance(answer, NotMeasured) else answer
 

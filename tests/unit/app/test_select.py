@@ -4,7 +4,10 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.storage.datalog.decisions import Chosen, read_entries
-from rarms_iac.storage.datalog.files import configuration_path
+from rarms_iac.storage.datalog.files import append_setting, configuration_path
+from rarms_iac.storage.datalog.log import Recorded
+from tests.builders_measured import TAKEN, a_setting
+from tests.measuring import steady
 from tests.unit.app.test_data_logs import MEANS, edit, here, measure
 from tests.unit.cli.running import rarms
 from tests.unit.views.test_json import check
@@ -54,6 +57,20 @@ def test_where_the_highest_setting_was_measured_only_an_easier_level_is_advised(
 
     assert "holds with 100 % of its VPs, and 100 % of its VPs is the most that there is." in answer
     assert "rarms measure" not in answer
+
+
+def test_an_easier_level_holds_beside_the_load_that_was_measured_least(here: Path) -> None:
+    edit(here / "rarms.yaml", "hosts:", "policy: { interference: [busy-loop, bursts-20] }\n\nhosts:")
+    log = measure(here, MEANS)
+    append_setting(log, Recorded(setting=a_setting(100, steady("vision", 75.0)), provenance=TAKEN))
+
+    hopeless = " ".join(rarms("select", "vision", "--at", "70 ms", "-f", str(here)).err.split())
+    unmeasured = " ".join(rarms("select", "vision", "--at", "80 ms", "-f", str(here)).err.split())
+
+    assert "Choose an easier level: 88.4 ms holds with 70 % of its VPs, and 100 %" in hopeless
+    assert "Choose an easier level: 88.4 ms holds with 70 % of its VPs. Or measure higher settings" in unmeasured
+    assert "rarms measure vision --from 71% --to 100%" in unmeasured
+    assert rarms("select", "vision", "--at", "88.4 ms", "-f", str(here)).code == 0
 
 
 @pytest.mark.parametrize(("at", "meant"), [("110 s", "Did you mean 110 ms?"), ("2 h", "")])

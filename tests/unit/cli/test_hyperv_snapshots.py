@@ -1,6 +1,7 @@
 """A Hyper-V host from the file that observe.ps1 printed: planned, refused, and looked into a guest of."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +89,16 @@ def test_a_machine_that_could_not_be_read_is_named_by_plan_and_doctor(cell: Path
     for text in (ran.err, examined.out + examined.err):
         assert 'machine "database"' in " ".join(text.split())
         assert "Its storage is gone." in " ".join(text.split())
+
+
+def test_a_host_that_is_smaller_than_the_manifest_says_is_named_by_plan_and_doctor(cell: Path) -> None:
+    manifest = cell / "rarms.yaml"
+    text = re.sub(r"(?m)^    memory: \d+ GiB", "    memory: 4096 GiB", manifest.read_text(encoding="utf-8"), count=1)
+    manifest.write_text(text, encoding="utf-8")
+
+    for command in ("plan", "doctor"):
+        ran = rarms(command, "-f", str(cell), "--snapshot", f"cell={cell / 'host.json'}")
+        assert "warning[RARMS126]" in ran.out + ran.err
 
 
 def test_a_guest_whose_records_were_denied_is_refused(cell: Path) -> None:
