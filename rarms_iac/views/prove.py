@@ -88,19 +88,23 @@ def _sentence(proof: LayoutProof) -> str:
     ]
     message = ", ".join(shortfalls) or "all thresholds met"
     layout = proof.layout
-    components = counted(len(layout.components), "component")
+    count = len(layout.components)
+    components = f"{count} components together" if count > 1 else "1 component"
     amount = f"{show_processors(layout.reserved)} of {show_processors(layout.host_processors)}"
     with_load = f"beside {proof.interference}" if proof.interference else "beside no load"
-    return f"{proof.host}: {components} together on {amount} {with_load}, {proof.starts} times anew: {message}."
+    return f"{proof.host}: {components} on {amount} {with_load}, in {counted(proof.starts, 'start')}: {message}."
 
 
 def _sureness(proofs: Sequence[LayoutProof]) -> str:
-    judged = any(
-        each.error is not None and not index_named(each.measured.index).is_extreme
-        for proof in proofs
-        for each in proof.verdicts
-    )
-    return f"All verdicts together are {describe_error()}." if judged else ""
+    """How sure the verdicts are, one for all that is said together, and of which that cannot be said."""
+    verdicts = [(each, index_named(each.measured.index)) for proof in proofs for each in proof.verdicts]
+    sure = any(each.error is not None and not index.is_extreme for each, index in verdicts)
+    so_far = any(index.is_extreme and verdict_word(each.verdict) == "met" for each, index in verdicts)
+    sentences = [f"All {'other ' if so_far else ''}verdicts together are {describe_error()}."] if sure else []
+    return " ".join([*sentences, *([_SO_FAR] if so_far else [])])
+
+
+_SO_FAR = "A maximum or minimum is met so far: a later job may do worse."
 
 
 def sample_counts(host: str, load: str | None, seen: Mapping[str, Series]) -> tuple[str, str]:

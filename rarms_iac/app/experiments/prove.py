@@ -190,7 +190,10 @@ def _announce(
     with_load = f"beside {in_a_row(loads)}, and uses all idle time of {name}" if loads else f"on {name} beside no load"
     if session.hosts.system.hosts[name].provider is ProviderKind.SIMULATED:  # its clock is not the user's
         starts = counted(STARTS * len(conditions), "time")
-        session.control.reporter.message(f"The proof starts all components {starts} {with_load} (simulated).")
+        least_starts = f"The proof starts all components at least {starts}"
+        session.control.reporter.message(
+            f"{least_starts} and takes at most {show_duration(most)} of their time {with_load} (simulated)."
+        )
         return
     takes = f"{show_duration(least)} to {show_duration(most)}"
     session.control.reporter.message(f"The proof takes {takes} {with_load}.")
