@@ -170,6 +170,9 @@ def run_action(folder: Path, temporary: Path, api: str, base: str, *, installed:
         "RUNNER_TEMP": str(temporary),
         "GITHUB_ACTION_PATH": str(CHECKOUT),
         "GITHUB_STEP_SUMMARY": str(temporary / "summary.md"),
+        "GITHUB_OUTPUT": str(temporary / "outputs"),
+        "RUNNER_OS": "Linux",
+        "RUNNER_ARCH": "X64",
         "GITHUB_API_URL": api,
         "GITHUB_REPOSITORY": "team/cell",
     }
@@ -177,7 +180,7 @@ def run_action(folder: Path, temporary: Path, api: str, base: str, *, installed:
     for step in action["runs"]["steps"]:
         failed = any(codes.values())
         condition = step.get("if", "")
-        if (failed and "always()" not in condition) or (installed and step["name"] == "Install rarms"):
+        if (failed and "always()" not in condition) or (installed and "cache-hit" in condition) or "uses" in step:
             continue
         assert step["shell"] == "bash"
         environment = {name: values[text.strip("${} ")] for name, text in step.get("env", {}).items()}
@@ -188,6 +191,34 @@ def run_action(folder: Path, temporary: Path, api: str, base: str, *, installed:
         (temporary / f"{step['name']}.log").write_text(done.stdout + done.stderr, encoding="utf-8")
         codes[step["name"]] = done.returncode
     return codes
+
+
+@pytest.mark.needs("posix")
+def test_the_actions_environment_is_kept_while_nothing_that_it_is_made_of_changes(tmp_path: Path) -> None:
+    steps = {
+        step["name"]: step for step in yaml.safe_load((CHECKOUT / "action.yml").read_text("utf-8"))["runs"]["steps"]
+    }
+    action = tmp_path / "action"
+    (action / "rarms_iac").mkdir(parents=True)
+
+    def key(code: str, temporary: str = "/tmp/a") -> str:
+        (action / "rarms_iac" / "code.py").write_text(code, encoding="utf-8")
+        output = tmp_path / "output"
+        output.write_text("", encoding="utf-8")
+        runner = {"GITHUB_ACTION_PATH": str(action), "GITHUB_OUTPUT": str(output), "RUNNER_TEMP": temporary}
+        environment = {**os.environ, **runner, "RUNNER_OS": "Linux", "RUNNER_ARCH": "X64"}
+        script = steps["Name the environment"]["run"]
+        subprocess.run(["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", script], env=environment, check=True)
+        return output.read_text(encoding="utf-8")
+
+    first = key("a = 1")
+
+    assert re.fullmatch(r"key=rarms-Linux-X64-[0-9a-f]{64}\n", first)
+    assert key("a = 1") == first
+    assert len({first, key("a = 2"), key("a = 1", "/tmp/b")}) == 3
+    kept = steps["Keep the environment"]
+    assert kept["with"]["key"] == "${{ steps.environment.outputs.key }}"
+    assert steps["Install rarms"]["if"] == f"steps.{kept['id']}.outputs.cache-hit != 'true'"
 
 
 def test_a_strangers_comment_with_the_marker_is_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -250,7 +281,9 @@ def test_the_action_validates_plans_and_keeps_one_comment(tmp_path: Path) -> Non
     with github(read_only=True) as (api, none):
         fork, of_fork = runner("30 %", api, "fork")
 
-    assert first == dict.fromkeys(["Install rarms", "Validate", "Fetch the base", "Plan", "Comment"], 0)
+    assert first == dict.fromkeys(
+        ["Name the environment", "Install rarms", "Validate", "Fetch the base", "Plan", "Comment"], 0
+    )
     assert set(second.values()) == set(fork.values()) == {0}
     assert [comment["id"] for comment in comments] == [2]
     body = comments[0]["body"]
