@@ -215,7 +215,7 @@ def _call_cmdlet(written: Written, scope: Scope) -> Value:
         bound[name.lower()] = True if value is None else value(scope)
         if parameter is not None and parameter.accepted and text(bound[name.lower()]) not in parameter.accepted:
             raise ScriptError(f"{plain} -{name} does not take {text(bound[name.lower()])}", error_id="CannotConvert")
-    defaults = _defaults(scope, plain)
+    defaults = defaults_of(scope, plain)
     bound = {**{name: value for name, value in defaults.items() if called.parameter(name)}, **bound}
     try:
         refused(scope, plain)
@@ -249,7 +249,7 @@ def _is_wanted(scope: Scope, name: str) -> bool:
     return scope.read("confirmpreference") != "Low" or scope.session.ask(name, name) in "YA"
 
 
-def _defaults(scope: Scope, name: str) -> dict[str, Value]:
+def defaults_of(scope: Scope, name: str) -> dict[str, Value]:
     """What `$PSDefaultParameterValues` adds to a call, by the lower-case name of the parameter."""
     found: dict[str, Value] = {}
     for key, value in scope.read("psdefaultparametervalues").items():

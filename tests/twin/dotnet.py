@@ -239,6 +239,8 @@ def _move(scope: Scope, old: Value, new: Value) -> Value:
 
 def _delete(scope: Scope, path: Value) -> Value:
     host, where = scope.session.host, text(path)
+    if where.lower() not in host.files:
+        return EMPTY  # what is not there is deleted without an error
     host.require_unopened(where)
     host.effect(f"delete {where}", lambda: host.files.pop(where.lower(), None))
     return EMPTY

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from tests.twin.commands import defaults_of
 from tests.twin.compiling import compiled
 from tests.twin.guests import drop_sessions
 from tests.twin.host import Interrupted, Killed, WindowsHost
@@ -63,6 +64,7 @@ def run(
     confirm: bool = False,
     force: bool = False,
     test: bool = False,
+    verbose: bool = False,
     dot_sourced: bool = False,
     lock_timeout: int = 0,
     at_prompt: bool = False,
@@ -81,7 +83,7 @@ def run(
     session.output = [] if output is None else output
     host.clock += BETWEEN_RUNS_MS
     given: dict[str, bool | int] = {"asjson": as_json, "abandon": abandon, "force": force, "locktimeout": lock_timeout}
-    given["test"] = test
+    given |= {"test": test, "verbose": verbose}
     if what_if:
         given["whatif"] = True
     if confirm or declined or answers:
@@ -116,6 +118,9 @@ def walk(session: Session, script: Function, given: Mapping[str, bool | int], *,
         compiled(session.host.profile.encode("ascii")).body(outermost, session.output)
     scope = Scope(session, outermost, is_script=True) if at_prompt else outermost
     scope.state.current = scope
+    name = session.path.rpartition("\\")[2]
+    defaults = {key: bool(value) for key, value in defaults_of(outermost, name).items() if key in _WRITTEN}
+    given = {**defaults, **given}
     given_to_script(scope, script, given, session.path, session.invoked_by)
     try:
         script.body(scope, session.output)
@@ -133,12 +138,14 @@ def given_to_script(
     """What PowerShell gives a script by itself, and its parameters."""
     what_if = bool(given["whatif"]) if "whatif" in given else None
     confirm = bool(given.get("confirm")) or None
+    bound = Table([(_WRITTEN[name], value) for name, value in given.items() if value is not False])
+    impact = script.binding.impact if script.binding else "Medium"
     scope.variables |= {
-        "psboundparameters": Table([(_WRITTEN[name], value) for name, value in given.items() if value is not False]),
+        "psboundparameters": bound,
         "psscriptroot": path.rpartition("\\")[0],
         "myinvocation": Record(InvocationName=invoked_by),
         "pscommandpath": path,
-        "pscmdlet": Cmdlet(scope.session, script.binding.impact if script.binding else "Medium", what_if, confirm),
+        "pscmdlet": Cmdlet(scope.session, impact, what_if, confirm, bound),
     }
     if what_if is not None:
         scope.variables["whatifpreference"] = what_if
@@ -155,6 +162,7 @@ _WRITTEN = {
     "force": "Force",
     "locktimeout": "LockTimeout",
     "test": "Test",
+    "verbose": "Verbose",
     "whatif": "WhatIf",
     "confirm": "Confirm",
 }

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from tests.twin.values import ScriptError, Thing, Value
+from tests.twin.values import Record, ScriptError, Table, Thing, Value
 
 if TYPE_CHECKING:
     from tests.twin.guests import Runner
@@ -239,12 +239,17 @@ class Cmdlet(Thing):
     """`$PSCmdlet` of a script or an advanced function, who may hand it on.
 
     It was given -WhatIf or -Confirm, or not; where not, it reads the preference where ShouldProcess is called, once.
+    With -Verbose it says what is done without a question, also where the preference for that is silent.
     """
 
     type_name = "System.Management.Automation.PSScriptCmdlet"
 
-    def __init__(self, session: Session, impact: str, what_if: bool | None, confirm: bool | None) -> None:
-        super().__init__()
+    def __init__(
+        self, session: Session, impact: str, what_if: bool | None, confirm: bool | None, given: Table | None = None
+    ) -> None:
+        given = Table() if given is None else given
+        super().__init__(MyInvocation=Record(BoundParameters=given))
+        self.verbose = ("Verbose", True) in given.items()
         self.session = session
         self.impact = impact
         self.what_if = what_if
@@ -263,6 +268,8 @@ class Cmdlet(Thing):
             return False
         self.preference = self.preference or str(state.current.read("confirmpreference"))
         if self.preference == "None" or _IMPACTS.index(self.impact) < _IMPACTS.index(self.preference):
+            if self.verbose:
+                self.session.output.append(f'VERBOSE: Performing the operation "{action}" on target "{target}".')
             return True
         answer = self.for_all or self.session.ask(target, action)
         self.for_all = answer if answer in "AL" else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rarms_iac.model.plan import Purpose
-from tests.twin.cell import apply, apply_script, files_of, undo
+from tests.twin.cell import apply, apply_script, files_of, in_one_file, scripts_of, undo
 from tests.twin.cells import Prepared, fresh
 from tests.twin.host import WindowsHost
 from tests.twin.observing import document_of
@@ -98,6 +98,39 @@ def test_the_runs_of_a_computer_are_told_in_their_order(prepared: Prepared, host
     things = [thing for thing in runs if isinstance(thing, Thing)]
     assert [(thing.get("run"), thing.get("closing")) for thing in things] == [("apply", "done"), ("undo", "done")]
     assert {thing.get("plan") for thing in things} == {prepared.plan.id}
+
+
+@pytest.mark.parametrize("single", [False, True], ids=["module", "single file"])
+@pytest.mark.parametrize("finished", [True, False], ids=["done", "killed"])
+def test_the_last_run_is_taken_back_by_the_undo_script_that_the_computer_holds(
+    prepared: Prepared, single: bool, finished: bool
+) -> None:
+    plan = in_one_file(prepared.plan) if single else prepared.plan
+    host = prepared.copy() if finished else prepared.copy(kill_after=20)
+    assert apply(host, plan).code == (0 if finished else None)
+    host = host.copy()
+    for name in scripts_of(plan):
+        del host.files[f"{FOLDER}\\{name}".lower()]
+    put(host, files_of(prepared.plan))  # the module that is imported at the prompt
+
+    ran = at_prompt(host, "Undo-RarmsRun -AsJson")
+
+    assert (ran.code, ran.events[-1]["status"]) == (0, "done"), ran.says
+    assert seen(host) == seen(prepared.copy())
+    assert [path for path in host.files if "\\undo" in path and FOLDER.lower() not in path] == [], "nothing stays"
+
+
+def test_an_undo_is_previewed_and_where_there_is_none_that_is_said(prepared: Prepared, host: WindowsHost) -> None:
+    assert "there is nothing to take back" in at_prompt(host, "Undo-RarmsRun").says
+    assert apply(host, prepared.plan).code == 0
+    before = seen(host)
+
+    ran = at_prompt(host, "Undo-RarmsRun -AsJson -WhatIf")
+
+    assert (ran.code, seen(host)) == (0, before), ran.says
+    assert {event["status"] for event in ran.events} == {"previewed"}
+    assert at_prompt(host, "Undo-RarmsRun -AsJson").code == 0
+    assert "there is nothing to take back" in at_prompt(host, "Undo-RarmsRun").says
 
 
 def test_an_unfinished_run_is_among_them_without_a_closing(prepared: Prepared) -> None:

@@ -187,6 +187,36 @@ def test_ctrl_c_while_a_guest_shuts_down_ends_with_0_and_leaves_the_run_open() -
     assert apply(host, prepared.plan).events[-1]["status"] == "done"
 
 
+@pytest.mark.parametrize("at_prompt", [False, True], ids=["-File", "at a prompt"])
+def test_a_profile_that_makes_every_run_a_preview_is_told_by_the_last_event(at_prompt: bool) -> None:
+    """PowerShell gives such a default to a script's own -WhatIf, so that the exit code is that of a preview."""
+    prepared = fresh()
+    host = prepared.copy(defaults={"*:WhatIf": True})
+    put(host, files_of(prepared.plan))
+
+    ran = run(host, apply_script(prepared.plan), at_prompt=at_prompt)
+
+    assert (ran.code, host.effects) == (0, []), ran.says
+    assert {event["status"] for event in ran.events} == {"previewed"}
+    assert "nothing was changed" in ran.events[-1]["detail"]
+
+
+def test_no_other_line_stands_between_the_events() -> None:
+    """-Verbose makes ShouldProcess tell what it lets pass, also where the preference for that is silent."""
+    prepared = fresh()
+    host = prepared.copy()
+    put(host, files_of(prepared.plan))
+
+    refused = run(host, apply_script(prepared.plan), verbose=True)
+    spoken = run(host, apply_script(prepared.plan), verbose=True, as_json=False)
+
+    assert refused.code == 1
+    assert [event["status"] for event in refused.events] == ["failed"]
+    assert "give -AsJson without -Verbose" in refused.says
+    assert any(line.startswith("VERBOSE: ") for line in spoken.lines), "as the stand-in knows it"
+    assert (spoken.code, "not with -Verbose" in scripts_of(prepared.plan)[apply_script(prepared.plan)].decode()) == (0, True)
+
+
 def test_a_preview_for_a_program_is_json_and_takes_no_lock() -> None:
     prepared = fresh()
     host = prepared.copy(lock="held")

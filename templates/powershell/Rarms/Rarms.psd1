@@ -7,7 +7,8 @@
     PowerShellVersion    = '5.1'
     CompatiblePSEditions = @('Desktop', 'Core')
     FunctionsToExport    = @(
-        'Invoke-RarmsPlan', 'Test-RarmsPlan', 'Get-RarmsRun', 'Stop-RarmsRun', 'Close-RarmsRun', 'Receive-RarmsPlan'
+        'Invoke-RarmsPlan', 'Test-RarmsPlan', 'Get-RarmsRun', 'Undo-RarmsRun', 'Stop-RarmsRun', 'Close-RarmsRun'
+        'Receive-RarmsPlan'
     )
     CmdletsToExport      = @()
     VariablesToExport    = @()

@@ -37,14 +37,14 @@ function Invoke-RarmsPlan {
     #>
     [CmdletBinding(PositionalBinding = $false)]
     param([string] $Path = '', [switch] $AsJson, [System.Collections.IDictionary] $Run = $null)
-    if ($Path) { return Invoke-Script -Path $Path -AsJson $AsJson }
-    if ($null -eq $Run) { throw 'give -Path: the script of a plan' }
+    if ($null -eq $Run) { return Invoke-Script -Path $Path -AsJson $AsJson }
     # An alias of the caller would come before a function of this module: none is called before this.
     $own = @(Microsoft.PowerShell.Core\Get-Command -CommandType Function -Module $MyInvocation.MyCommand.Module.Name)
     $aliases = @(Microsoft.PowerShell.Utility\Get-Alias -Name @($own.Name) -ErrorAction Ignore)
     if ($aliases.Count) { throw ('an alias hides a function of rarms, remove it: ' + ($aliases.Name -join ', ')) }
     try {
         Initialize-Run -Run $Run
+        if ($Run.AsJson -and $Run.Caller.MyInvocation.BoundParameters['Verbose']) { throw 'give -AsJson without -Verbose' }
         # Bound to this module, so that its blocks see the variables and functions here.
         $bound = $MyInvocation.MyCommand.Module.NewBoundScriptBlock($Run.Plan)
         & $bound
@@ -77,8 +77,7 @@ function Test-RarmsPlan {
     #>
     [CmdletBinding(PositionalBinding = $false)]
     param([string] $Path = '', [switch] $AsJson, [System.Collections.IDictionary] $Run = $null)
-    if ($Path) { return Invoke-Script -Path $Path -Test $true -AsJson $AsJson }
-    if ($null -eq $Run) { throw 'give -Path: the script of a plan' }
+    if ($null -eq $Run) { return Invoke-Script -Path $Path -Test $true -AsJson $AsJson }
     $Run['Test'] = $true
     Invoke-RarmsPlan -Run $Run
 }
@@ -95,6 +94,32 @@ function Get-RarmsRun {
     Import-Journal
     Clear-Journal
     foreach ($one in $script:Past) { [pscustomobject] $one }
+}
+
+function Undo-RarmsRun {
+    <#
+    .SYNOPSIS
+        Takes back what the last run of a plan did here, by the undo script that the journal of this computer holds.
+    #>
+    [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false)]
+    param([switch] $AsJson, [switch] $Force)
+    # What is laid down here goes again, also after a preview.
+    $WhatIfPreference = $false
+    Initialize-Run
+    Lock-Host
+    try { Import-Journal } finally { Unlock-Host }
+    $last = $script:Started
+    if ($null -eq $last -or -not $last.undo) { throw 'the last run here was none of a plan: there is nothing to take back' }
+    # Below the folder that only administrators may write to; a script in one file has no module.
+    $dir = Join-Path -Path $script:Folder -ChildPath 'undo'
+    try {
+        [void] [System.IO.Directory]::CreateDirectory($dir + '\Rarms')
+        [System.IO.File]::WriteAllText($dir + '\undo.ps1', $last.undo)
+        foreach ($file in @(if ($last.PSObject.Properties['module']) { $last.module.PSObject.Properties })) {
+            [System.IO.File]::WriteAllText($dir + '\Rarms\' + $file.Name, $file.Value)
+        }
+        Invoke-Script -Path ($dir + '\undo.ps1') -AsJson $AsJson -Force $Force -Preview ([bool] $PSBoundParameters['WhatIf'])
+    } finally { [System.IO.Directory]::Delete($dir, $true) }
 }
 
 function Stop-RarmsRun {
@@ -126,6 +151,7 @@ function Close-RarmsRun {
 function Invoke-Script {
     # It would see the preferences of this module, under which nothing is asked: it gets those of PowerShell.
     param([string] $Path, [bool] $AsJson, [bool] $Force, [bool] $Test, [bool] $Preview)
+    if (-not $Path) { throw 'give -Path: the script of a plan' }
     $ConfirmPreference = 'High'
     $WhatIfPreference = $false
     & $Path -AsJson:$AsJson -Force:$Force -Test:$Test -WhatIf:$Preview
@@ -174,16 +200,15 @@ function Initialize-Run {
 function Write-Failure {
     param($Failure)
     $detail = [string] $Failure.Exception.Message
-    $ending = $script:Ending
-    if ($null -ne $ending) {
-        $script:Code = $ending.Code
-        return Write-RunEvent -Kind $ending.Kind -Step $script:Current -Status $ending.Status -Detail $detail
-    }
-    $script:Code = 1
     $id = [string] $Failure.FullyQualifiedErrorId
     $at = $Failure.InvocationInfo  # of what a guest says there may be none
-    if ($id -cne $detail -and $at) { $detail += ' ({0} {1}, line {2})' -f $at.MyCommand, $id, $at.ScriptLineNumber }
-    Write-RunEvent -Kind 'failed' -Step $script:Current -Status 'failed' -Detail $detail
+    $ending = $script:Ending
+    if ($null -eq $ending) {
+        $ending = @{ Kind = 'failed'; Status = 'failed'; Code = 1 }
+        if ($id -cne $detail -and $at) { $detail += ' ({0} {1}, line {2})' -f $at.MyCommand, $id, $at.ScriptLineNumber }
+    }
+    $script:Code = $ending.Code
+    Write-RunEvent -Kind $ending.Kind -Step $script:Current -Status $ending.Status -Detail $detail
 }
 
 function Open-Run {
@@ -192,12 +217,11 @@ function Open-Run {
     if ($plan.Guest) { Assert-Guest } else { Assert-VmHost }
     Import-Journal
     $last = $script:Started
-    $open = $null -ne $last -and -not $script:Closing
     $same = $null -ne $last -and $last.plan -ceq $plan.Plan
     if ($same -and $last.run -ceq $plan.Run -and $script:Closing -cne 'abandoned') { return }
     if ($plan.Run -ceq 'undo') {
         if (-not $same -or $last.run -cne 'apply') { Stop-Run -Detail 'undo the last run here first: it was another' }
-    } elseif ($open) {
+    } elseif ($null -ne $last -and -not $script:Closing) {
         Stop-Run -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
     } elseif (-not $plan.Guest -and [long] $script:Serials[$plan.Application] -ne $plan.Serial) {
         Stop-Run -Detail 'this plan was used, or another was applied since it was made: make a new plan'
@@ -210,15 +234,12 @@ function Close-Run {
     Lock-Host
     Import-Journal
     $last = $script:Started
-    $open = $null -ne $last -and -not $script:Closing
+    if ($null -eq $last -or $script:Closing) { return Write-RunEvent -Kind 'run' -Status 'unchanged' }
     $other = 'plan {0} is unfinished here, not this one: give -Abandon to its script'
-    if ($open -and $script:Plan.Plan -and $last.plan -cne $script:Plan.Plan) { Stop-Run -Detail ($other -f $last.plan) }
-    $status = if ($open) { 'abandoned' } else { 'unchanged' }
-    if ($open -and -not (Test-Wanted -Address 'host' -Action 'close the unfinished run')) {
-        $status = if ($script:Preview) { 'previewed' } else { 'skipped' }
-    } elseif ($open) {
-        Add-Record -Record ([ordered] @{ closing = $status; kind = 'run_closed' })
-    }
+    if ($script:Plan.Plan -and $last.plan -cne $script:Plan.Plan) { Stop-Run -Detail ($other -f $last.plan) }
+    $wanted = Test-Wanted -Address 'host' -Action 'close the unfinished run'
+    $status = if ($wanted) { 'abandoned' } elseif ($script:Preview) { 'previewed' } else { 'skipped' }
+    if ($wanted) { Add-Record -Record ([ordered] @{ closing = $status; kind = 'run_closed' }) }
     Write-RunEvent -Kind 'run' -Status $status
 }
 
@@ -252,19 +273,16 @@ function Complete-Run {
     if ($script:Closing -cne 'done') {
         Assert-Host -Last
         Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' })
-        Show-Restart
+        $all = @(foreach ($one in $script:Steps) { if ($one.Address -cmatch '(^|/)task/') { [string] $one.Number } })
+        if (@(foreach ($number in $all) { $script:Recorded[$number] }) -ccontains 'changed') {
+            $path = 'HKLM:\SYSTEM\CurrentControlSet\Services\MMCSS'
+            $start = if (Test-Path -LiteralPath $path) { (Get-Item -LiteralPath $path).GetValue('Start') } else { 4 }
+            $lack = 'the service MMCSS is missing or disabled here: classes have no effect until it starts with Windows'
+            if ($start -eq 4) { Write-RunEvent -Kind 'run' -Status 'noted' -Detail $lack }
+            Write-RunEvent -Kind 'run' -Status 'noted' -Detail 'restart Windows: classes are read when it starts'
+        }
     }
     Write-RunEvent -Kind 'run' -Status 'done' -Detail ('changed: {0}' -f $script:Changed)
-}
-
-function Show-Restart {
-    $all = @(foreach ($step in $script:Steps) { if ($step.Address -cmatch '(^|/)task/') { [string] $step.Number } })
-    if (@(foreach ($number in $all) { $script:Recorded[$number] }) -cnotcontains 'changed') { return }
-    $path = 'HKLM:\SYSTEM\CurrentControlSet\Services\MMCSS'
-    $start = if (Test-Path -LiteralPath $path) { (Get-Item -LiteralPath $path).GetValue('Start') } else { 4 }
-    $lack = 'the service MMCSS is missing or disabled here: classes have no effect until it starts with Windows'
-    if ($start -eq 4) { Write-RunEvent -Kind 'run' -Status 'noted' -Detail $lack }
-    Write-RunEvent -Kind 'run' -Status 'noted' -Detail 'restart Windows: classes are read when it starts'
 }
 
 function Assert-Host {
@@ -554,8 +572,7 @@ function Get-Preview {
         foreach ($at in $step.Needs) { if ($made.Contains($at)) { $after = $made[$at] } }
         $leave = Get-Leave -Step $step
         if (-not $leave -and -not $after) {
-            $moved = @(Compare-Reading -Live (Get-Reading -Step $step) -Expected $step.After).Count
-            $leave = if ($moved) { '' } else { 'as wanted' }
+            if (-not @(Compare-Reading -Live (Get-Reading -Step $step) -Expected $step.After).Count) { $leave = 'as wanted' }
         }
         if ($leave) {
             @{ Step = $step; Status = 'unchanged'; Detail = $leave }
@@ -642,12 +659,10 @@ function Assert-Owner {
 # === journal: what a run did, kept on this computer: a line of JSON a record, sealed by its length and a checksum.
 function Import-Journal {
     # What the last run did, by its whole records. A last one that a crash tore is dropped, not the first: else damage.
-    $fresh = $script:Journal + '.new'
     # Left by a run that was killed before it began.
-    if (-not $script:Preview -and (Test-Path -LiteralPath $fresh)) { [System.IO.File]::Delete($fresh) }
+    if (-not $script:Preview) { [System.IO.File]::Delete($script:Journal + '.new') }
     if (-not (Test-Path -LiteralPath $script:Journal)) { return }
-    Assert-Owner -Path $script:Folder
-    Assert-Owner -Path $script:Journal
+    foreach ($path in @($script:Folder, $script:Journal)) { Assert-Owner -Path $path }
     # Byte by byte: a text reader hides what an editor put before it.
     $whole = [System.Text.Encoding]::ASCII.GetString([System.IO.File]::ReadAllBytes($script:Journal))
     $damage = $script:Journal + ' is damaged: see what the last run did, then remove it'
@@ -825,12 +840,11 @@ function Get-PartitionReading {
     if (-not $live.Count) {
         if ($Name) { $Machine = $script:Machines[$Name] }
         $found = @(if ($Machine) { Find-Machine -Machine $Machine } else { Find-NewMachine -Name $Name })
-        # Of what was done nothing is to be changed.
-        $changing = -not $Name -and $script:Current.Contains('Set')
         foreach ($vm in $found) {
-            $tie = if ($changing) { Get-Tie -Vm $vm -Clustered $Clustered }
-            $refusal = 'machine {0} ({1}) is {2}, and not changed here: leave it out'
-            if ($tie) { Stop-Run -Detail ($refusal -f $vm.Name, $vm.Id, $tie) }
+            # Of what was done nothing is to be changed.
+            $tie = if (-not $Name -and $script:Current.Contains('Set')) { Get-Tie -Vm $vm -Clustered $Clustered }
+            if (-not $tie) { continue }
+            Stop-Run -Detail ('machine {0} ({1}) is {2}, and not changed here: leave it out' -f $vm.Name, $vm.Id, $tie)
         }
         if ($found.Count -gt 1) { Stop-Run -Detail ('{0} machines answer to it' -f $found.Count) }
         $live['exists'] = $found.Count -eq 1
@@ -840,9 +854,22 @@ function Get-PartitionReading {
     }
     $script:Vm = $live['vm']
     if ($live['exists']) { Add-DeviceReading -Live $live }
-    if (Test-Unread -Live $live -Name 'taken') { $live['taken'] = Test-Stranger -Name $Name }
+    if (Test-Unread -Live $live -Name 'taken') {
+        $live['taken'] = $false
+        foreach ($vm in @(Get-MachineList)) {
+            $named = [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)
+            if ($named -and (Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { $live['taken'] = $true }
+        }
+    }
     if ($live['exists'] -and (Test-Unread -Live $live -Name 'added')) {
-        $live['added'] = @(Get-Addition -Name $Name -Disk $Disk -Live $live) -join ', '
+        # Beside this disk: other disks, another name, a checkpoint.
+        $live['added'] = @(
+            foreach ($drive in @(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm)) {
+                if (-not (Test-SamePath -Left $drive.Path -Right $Disk)) { 'disk ' + $drive.Path }
+            }
+            if (@($Name, (Get-PendingName -Name $Name)) -cnotcontains $live['name']) { 'name ' + $live['name'] }
+            if (@(Hyper-V\Get-VMSnapshot -VM $script:Vm).Count) { 'a checkpoint' }
+        ) -join ', '
     }
     $live
 }
@@ -982,16 +1009,6 @@ function Add-DeviceReading {
     }
 }
 
-function Get-Addition {
-    # What a machine that this plan made has beside this disk: other disks, another name, a checkpoint.
-    param([string] $Name, [string] $Disk, [System.Collections.IDictionary] $Live)
-    foreach ($drive in @(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm)) {
-        if (-not (Test-SamePath -Left $drive.Path -Right $Disk)) { 'disk ' + $drive.Path }
-    }
-    if (@($Name, (Get-PendingName -Name $Name)) -cnotcontains $Live['name']) { 'name ' + $Live['name'] }
-    if (@(Hyper-V\Get-VMSnapshot -VM $script:Vm).Count) { 'a checkpoint' }
-}
-
 # === making: the machine that this plan makes: it carries our mark, or before that the plan's pending name.
 function Find-NewMachine {
     param([string] $Name)
@@ -1006,15 +1023,6 @@ function Find-NewMachine {
 function Get-PendingName {
     param([string] $Name)
     '{0}.rarms-{1}' -f $Name, $script:Plan.Plan
-}
-
-function Test-Stranger {
-    param([string] $Name)
-    foreach ($vm in @(Get-MachineList)) {
-        $named = [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)
-        if ($named -and (Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { return $true }
-    }
-    $false
 }
 
 function Add-PartitionDisk {
@@ -1272,8 +1280,7 @@ function Write-TaskValue {
     $path = Get-TaskPath -Task $Task
     Add-Key -Path $path
     $wanted = '{0}:{1}' -f ($Type.ToLowerInvariant() -creplace '^string$', 'sz'), $Value
-    $live = Get-TaskClassReading -Task $Task
-    $there = [string] $live['value:' + $Name.ToLowerInvariant()]
+    $there = [string] (Get-TaskClassReading -Task $Task)['value:' + $Name.ToLowerInvariant()]
     if ([string]::Equals($there, $wanted, [System.StringComparison]::Ordinal)) { return }
     [void] (New-ItemProperty -LiteralPath $path -Name $Name -PropertyType $Type -Value $Value -Force)
 }
@@ -1297,9 +1304,7 @@ function Write-TaskRecord {
     # What was there before comes first, the digest last: without it the record does not count.
     param([string] $Task, [string] $Application, [string] $Robot, [string] $Digest, [string] $Before)
     $path = Get-RecordPath -Task $Task -Application $Application
-    Add-Key -Path $script:RecordRoot
-    Add-Key -Path ('{0}\{1}' -f $script:RecordRoot, $Application)
-    Add-Key -Path $path
+    foreach ($one in @($script:RecordRoot, ('{0}\{1}' -f $script:RecordRoot, $Application), $path)) { Add-Key -Path $one }
     foreach ($one in @(@('before', $Before), @('robot', $Robot), @('set', $Digest))) {
         $there = [string] (Get-Item -LiteralPath $path).GetValue($one[0])
         if ([string]::Equals($there, $one[1], [System.StringComparison]::Ordinal)) { continue }
@@ -1370,8 +1375,7 @@ function Save-TaskRecord {
     $live = Get-TaskClassReading -Task $Task
     $before = 'null'
     if ($live['record']) {
-        $path = Get-RecordPath -Task $Task -Application $Application
-        $before = [string] (Get-Item -LiteralPath $path).GetValue('before')
+        $before = [string] (Get-Item -LiteralPath (Get-RecordPath -Task $Task -Application $Application)).GetValue('before')
     } elseif ($live['exists']) {
         $values = [hashtable]::new($script:Ordinal)
         foreach ($name in @(Get-TaskValueName -Task $Task)) {
@@ -1424,7 +1428,12 @@ function Receive-RarmsPlan {
         Read-Stream -From $Source -Into $data
         $table = @($ascii.GetString($data) -split '\n')
         if ($table[0] -cnotmatch '^( |-AsJson|-Force|-Abandon|-LockTimeout [0-9]{1,6})*$') { throw 'bad arguments' }
-        $folder = Get-OwnFolder
+        if ($env:OS -cne 'Windows_NT') { $folder = [System.IO.Directory]::CreateTempSubdirectory('rarms-').FullName } else {
+            $folder = [System.IO.Path]::GetTempPath() + 'rarms-' + [guid]::NewGuid().ToString('N')
+            [void] [System.IO.Directory]::CreateDirectory($folder)
+            $user = [System.Security.Principal.WindowsIdentity]::GetCurrent().User.Value
+            Protect-Path -Path $folder -Descriptor ('D:P(A;OICI;FA;;;' + $user + ')') -Sections 'Access'
+        }
         $main = ''
         for ($at = 1; $at -lt $table.Count; $at++) {
             $part = @($table[$at] -split ' ')
@@ -1473,15 +1482,6 @@ function Read-Stream {
         if ($count -eq 0) { throw 'the input ended too early' }
         $at += $count
     }
-}
-
-function Get-OwnFolder {
-    if ($env:OS -cne 'Windows_NT') { return [System.IO.Directory]::CreateTempSubdirectory('rarms-').FullName }
-    $folder = [System.IO.Path]::GetTempPath() + 'rarms-' + [guid]::NewGuid().ToString('N')
-    [void] [System.IO.Directory]::CreateDirectory($folder)
-    $user = [System.Security.Principal.WindowsIdentity]::GetCurrent().User.Value
-    Protect-Path -Path $folder -Descriptor ('D:P(A;OICI;FA;;;' + $user + ')') -Sections 'Access'
-    $folder
 }
 
 function Protect-Path {

@@ -7,7 +7,7 @@
     speech: changed (erase the mark)
     Calls that change something, and no other: Write-Mark 1.
 .PARAMETER AsJson
-    One JSON object a line on standard output, for a program to read.
+    One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
 .PARAMETER LockTimeout
     Seconds to wait for another run on this computer to end, 0 to 86400.
 .PARAMETER Abandon
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 9a14a32c37fa, rarms 0.1.0. SHA-256: the undo 4ce29c0f8833b6aaeb8f51995d0e6ae4c124f159a1ea950b3ec336eb730ce681, Rarms.psm1 6F3766B779E1F8499C04292BD5C9262A80587A7A3F0B4652282D40FB7E955B13.
+    Manifest 9a14a32c37fa, rarms 0.1.0. SHA-256: the undo f7aad537678b531ee7685968be1045b34653c189432c0efbcd10cbd5192fe076, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '10eaf3d15631'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '4ce29c0f8833b6aaeb8f51995d0e6ae4c124f159a1ea950b3ec336eb730ce681'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'f7aad537678b531ee7685968be1045b34653c189432c0efbcd10cbd5192fe076'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -49,8 +49,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5A2109336F5C5EDC0E60375178139F1BF0569CC918234486F8C3FA3DF57CA3D8'
-    'Rarms.psm1' = '6F3766B779E1F8499C04292BD5C9262A80587A7A3F0B4652282D40FB7E955B13'
+    'Rarms.psd1' = 'C24E07F66A1EA82813AA8B63860E0802A95AA97B19C5E011F6815A3026FD5BE2'
+    'Rarms.psm1' = '35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -10,7 +10,7 @@
     vision   2           1.9 LP (95 % of each)   1 GiB   none  none    as made      start
     Calls that change something, and no other: New-VM 3, Remove-NetworkAdapter 3, Rename-VM 3, Set-VM 3, Set-VMMemory 3, Set-VMProcessor 3, Start-VM 3, Write-Mark 3.
 .PARAMETER AsJson
-    One JSON object a line on standard output, for a program to read.
+    One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
 .PARAMETER LockTimeout
     Seconds to wait for another run on this computer to end, 0 to 86400.
 .PARAMETER Abandon
@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo be12c097a4d5a3582b54eec1ccc3c3d5b250f0aadd4adae139219fdb75a82f0e, Rarms.psm1 6F3766B779E1F8499C04292BD5C9262A80587A7A3F0B4652282D40FB7E955B13.
+    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 489900a737d003eb64d5e1e1f07b26a53189179a9c78d96721b0c07c1b7f780a, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
 #>
 
 #Requires -Version 5.1
@@ -41,7 +41,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '91988e6a8f9d'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'be12c097a4d5a3582b54eec1ccc3c3d5b250f0aadd4adae139219fdb75a82f0e'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '489900a737d003eb64d5e1e1f07b26a53189179a9c78d96721b0c07c1b7f780a'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 8; Cores = 4; ThreadsPerCore = 2; Percent = 800; Memory = 17179869184; AcceptScheduler = $false
     }
@@ -113,8 +113,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5A2109336F5C5EDC0E60375178139F1BF0569CC918234486F8C3FA3DF57CA3D8'
-    'Rarms.psm1' = '6F3766B779E1F8499C04292BD5C9262A80587A7A3F0B4652282D40FB7E955B13'
+    'Rarms.psd1' = 'C24E07F66A1EA82813AA8B63860E0802A95AA97B19C5E011F6815A3026FD5BE2'
+    'Rarms.psm1' = '35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

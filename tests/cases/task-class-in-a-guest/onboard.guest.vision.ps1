@@ -8,7 +8,7 @@
     Calls that change something, and no other: Remove-TaskValue 1, Save-TaskRecord 1, Write-TaskValue 8.
     Not undone: what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms
 .PARAMETER AsJson
-    One JSON object a line on standard output, for a program to read.
+    One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
 .PARAMETER LockTimeout
     Seconds to wait for another run on this computer to end, 0 to 86400.
 .PARAMETER Abandon
@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.guest.vision.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo b05c25d3558e0bcb14d7b3e44fab7adf706d3cf642353a0b08d5349ecd024190, Rarms.psm1 6F3766B779E1F8499C04292BD5C9262A80587A7A3F0B4652282D40FB7E955B13.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo de6b8cb09e16adc6bf05740b98db6e82950b1dcbe95ad5de259852361c42958f, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1fe5fc6a41cd'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = 'b05c25d3558e0bcb14d7b3e44fab7adf706d3cf642353a0b08d5349ecd024190'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = 'de6b8cb09e16adc6bf05740b98db6e82950b1dcbe95ad5de259852361c42958f'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: what the guest holds is not known here: its own record decides; threads see it when it restarts (rarms.yaml:12:65)
@@ -64,8 +64,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5A2109336F5C5EDC0E60375178139F1BF0569CC918234486F8C3FA3DF57CA3D8'
-    'Rarms.psm1' = '6F3766B779E1F8499C04292BD5C9262A80587A7A3F0B4652282D40FB7E955B13'
+    'Rarms.psd1' = 'C24E07F66A1EA82813AA8B63860E0802A95AA97B19C5E011F6815A3026FD5BE2'
+    'Rarms.psm1' = '35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
