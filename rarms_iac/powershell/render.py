@@ -11,7 +11,7 @@ from math import floor
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind
-from rarms_iac.model.operations import CreatePartition, RemovePartition, RestorePartition, StopPartition
+from rarms_iac.model.operations import CreatePartition, RemovePartition, RestorePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import (
     GuestTask,
     HostPlan,
@@ -359,14 +359,18 @@ def _plan_lines(kind: RunKind, host_plan: HostPlan, steps: Sequence[_GuardedPiec
     target = ""
     for guarded in steps:
         step, piece = guarded.steps[0], guarded.piece
-        if owner_of(step) not in owners:
+        owner, reason = owner_of(step), ""
+        if owner not in owners:
             reason = reasons.get(str(step.address)) or step.comment
             if kind is RunKind.UNDO:
                 reason = "takes back what the apply script did to it, the last step first"
-            about = f"{owner_of(step)}: {reason}" + (f" ({step.place})" if step.place else "")
             yield from [""] if owners else []
+            owners.add(owner)
+        elif isinstance(step.operation, StartPartition):
+            reason = piece.action  # starts come last, behind the steps of other partitions
+        if reason:
+            about = f"{owner}: {reason}" + (f" ({step.place})" if step.place else "")
             yield "    " + f"# === {remark(about)} ".ljust(96, "=").rstrip()
-            owners.add(owner_of(step))
         if target != target_line(literal(piece.address), piece.read):
             target = target_line(literal(piece.address), piece.read)
             yield target

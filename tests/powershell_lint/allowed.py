@@ -99,10 +99,10 @@ MEMBERS = READING_MEMBERS | words(
     ASCII AcceptScheduler Action AddMilliseconds Address After Application Before Clear ComputeHash Computer Contains
     Cores Create CreateDirectory Delete Detail Dispose Enabled Equals Fits Flush
     GetAttributes GetBytes GetString Guest
-    BoundParameters CommandType InvocationInfo InvocationName Kind Length LogicalProcessors Lost Major Memory Move MyCommand Needs
+    CommandType InvocationInfo InvocationName Kind Length LogicalProcessors Lost Major Memory Move MyCommand Needs
     Number EndsWith Open OpenOrCreate Ordinal Percent Plan Position PrimaryOperationalStatus Processors
     ContainsKey Detail Identity Read ReadAllBytes ReadAllText ReadWrite Remove ReparsePoint Run ScriptLineNumber Serial
-    MyInvocation Robot Set SetLength
+    BoundParameters MyInvocation Robot Set SetLength
     SetSecurityDescriptorSddlForm ShouldProcess Sort Status Step Substring ThreadsPerCore ToString Undo
     UndoDigest Undoes UserName UtcNow WaitOne Write WriteAllText closing data kind number plan record run
     application history robot serials set started_at started_by status touched

@@ -214,7 +214,8 @@ def test_no_other_line_stands_between_the_events() -> None:
     assert [event["status"] for event in refused.events] == ["failed"]
     assert "give -AsJson without -Verbose" in refused.says
     assert any(line.startswith("VERBOSE: ") for line in spoken.lines), "as the stand-in knows it"
-    assert (spoken.code, "not with -Verbose" in scripts_of(prepared.plan)[apply_script(prepared.plan)].decode()) == (0, True)
+    assert spoken.code == 0
+    assert b"not with -Verbose" in files_of(prepared.plan)[apply_script(prepared.plan)]
 
 
 def test_a_preview_for_a_program_is_json_and_takes_no_lock() -> None:

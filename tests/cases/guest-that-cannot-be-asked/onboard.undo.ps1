@@ -58,6 +58,7 @@ $plan = {
         if (Test-Open -Name 'start_action', 'stop_action') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'StartIfRunning' -AutomaticStopAction 'Save' }
         if (Test-Open -Name 'reserve', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 80 -Maximum 100 -RelativeWeight 100 }
     }
+    # === vision: start it (rarms.yaml:12:3) =======================================================
     Add-Step -Action 'start it' -Undoes 0 -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{
         state = 'off'
     } -After @{

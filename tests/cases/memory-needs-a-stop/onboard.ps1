@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 1101edc874d7db17ef84249cd604fd43f55c19074bcb3b31b7c956db99bcd587, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo d6c73abc9bfd2a4e3290030969f26322095cd11c379a5ce1a11693a960b084a0, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1153ea04f1bc'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '1101edc874d7db17ef84249cd604fd43f55c19074bcb3b31b7c956db99bcd587'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'd6c73abc9bfd2a4e3290030969f26322095cd11c379a5ce1a11693a960b084a0'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -52,6 +52,7 @@ $plan = {
     Add-Step -Action 'memory 512 MiB -> 512 MiB, static' -Before @{ dynamic_memory = $true; memory = 536870912; state = 'off' } -After @{
         dynamic_memory = $false; memory = 536870912; state = 'off'
     } -Set { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912 }
+    # === speech: start it (rarms.yaml:13:3) =======================================================
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }

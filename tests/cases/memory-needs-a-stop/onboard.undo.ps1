@@ -50,6 +50,7 @@ $plan = {
     Add-Step -Action 'memory 512 MiB, dynamic' -Undoes 1 -Before @{ dynamic_memory = $false; memory = 536870912; state = 'off' } -After @{
         dynamic_memory = $true; memory = 536870912; state = 'off'
     } -Set { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $true -StartupBytes 536870912 }
+    # === speech: start it (rarms.yaml:13:3) =======================================================
     Add-Step -Action 'start it' -Undoes 0 -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{
         state = 'off'
     } -After @{

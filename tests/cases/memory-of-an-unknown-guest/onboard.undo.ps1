@@ -55,6 +55,7 @@ $plan = {
         if (Test-Open -Name 'set') { Write-Mark }
         if (Test-Open -Name 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912 }
     }
+    # === speech: start it (rarms.yaml:13:3) =======================================================
     Add-Step -Action 'start it' -Undoes 0 -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{
         state = 'off'
     } -After @{

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 6c83884e30e6, rarms 0.1.0. SHA-256: the undo 7eda4737785cfd3ef6f873e82faa0019d6ed5f089509e26e050bfdc4b7d80e13, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
+    Manifest 6c83884e30e6, rarms 0.1.0. SHA-256: the undo cb640170c71b0594c65b7ae6755123d64069578c4a2539e77521196703499af6, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'bf5a9153d88e'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '7eda4737785cfd3ef6f873e82faa0019d6ed5f089509e26e050bfdc4b7d80e13'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'cb640170c71b0594c65b7ae6755123d64069578c4a2539e77521196703499af6'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -57,6 +57,7 @@ $plan = {
         if (Test-Open -Name 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912 }
         if (Test-Open -Name 'set') { Write-Mark }
     }
+    # === vision: start it (rarms.yaml:12:3) =======================================================
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 536870912 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }

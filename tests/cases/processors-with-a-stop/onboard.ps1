@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 9a9ef7a73281cad3e449c32841f0755c27e911728b868168c9bc8ce1a6d64d82, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
+    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo e240a3a5462c462594d6db473883443118e6a034198a3032467bce9697be9742, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f61314ec8d24'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '9a9ef7a73281cad3e449c32841f0755c27e911728b868168c9bc8ce1a6d64d82'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'e240a3a5462c462594d6db473883443118e6a034198a3032467bce9697be9742'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -57,6 +57,7 @@ $plan = {
         if (Test-Open -Name 'reserve', 'processors') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100 -Count 2 }
         if (Test-Open -Name 'set') { Write-Mark }
     }
+    # === speech: start it (rarms.yaml:13:3) =======================================================
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 20 -Memory 536870912 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 8c6af2d9181e, rarms 0.1.0. SHA-256: the undo 510a8c2182f50ab8634dacd1bf399bfce8c2f6ff139da9ca27a616121b0193f1, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
+    Manifest 8c6af2d9181e, rarms 0.1.0. SHA-256: the undo 1388f75a483ad7d3df738102ae2642db1d7691c0dd86cb5f6d389eb6342451ba, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ac9942186f87'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '510a8c2182f50ab8634dacd1bf399bfce8c2f6ff139da9ca27a616121b0193f1'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '1388f75a483ad7d3df738102ae2642db1d7691c0dd86cb5f6d389eb6342451ba'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -57,6 +57,7 @@ $plan = {
         if (Test-Open -Name 'secure_boot') { Hyper-V\Set-VMFirmware -VM $script:Vm -EnableSecureBoot 'Off' }
         if (Test-Open -Name 'set') { Write-Mark }
     }
+    # === speech: start it (rarms.yaml:19:3) =======================================================
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }

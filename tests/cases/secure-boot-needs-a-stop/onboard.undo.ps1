@@ -55,6 +55,7 @@ $plan = {
         if (Test-Open -Name 'set') { Write-Mark }
         if (Test-Open -Name 'secure_boot') { Hyper-V\Set-VMFirmware -VM $script:Vm -EnableSecureBoot 'On' -SecureBootTemplate 'MicrosoftWindows' }
     }
+    # === speech: start it (rarms.yaml:19:3) =======================================================
     Add-Step -Action 'start it' -Undoes 0 -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{
         state = 'off'
     } -After @{

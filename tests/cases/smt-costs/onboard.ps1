@@ -98,13 +98,16 @@ $plan = {
         if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
         if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName 'vision' }
     }
+    # === vision: start it (rarms.yaml:11:3) =======================================================
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 95 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
+    # === speech: start it (rarms.yaml:12:3) =======================================================
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 3 -Reserve 95 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
+    # === mapping: start it (rarms.yaml:13:3) ======================================================
     Use-Target -Address 'partition/mapping' -Read { Get-PartitionReading -Name 'mapping' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 50 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
         state = 'running'

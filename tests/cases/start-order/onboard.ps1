@@ -97,13 +97,16 @@ $plan = {
         if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
         if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName 'vision' }
     }
+    # === vision: start it (rarms.yaml:12:3) =======================================================
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
+    # === speech: start it (rarms.yaml:13:3) =======================================================
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
+    # === door: start it (rarms.yaml:14:3) =========================================================
     Use-Target -Address 'partition/door' -Read { Get-PartitionReading -Name 'door' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 20 -Memory 268435456 } -Before @{ state = 'off' } -After @{
         state = 'running'

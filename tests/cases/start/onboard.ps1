@@ -45,6 +45,7 @@ $plan = {
     # === vision: rarms start (rarms.yaml:12:3) ====================================================
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'mark it as robot/vision, set 28cc232b41a1' -Before @{ mark = 'robot/vision'; set = '28cc232b41a1 stopped' } -After @{ mark = 'robot/vision'; set = '28cc232b41a1' } -Set { Write-Mark }
+    # === vision: start it (rarms.yaml:12:3) =======================================================
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 3c86ff72fa0d7ab95d3a810c56bacc2f4812130ce950157b667c1d6cd0066a9d, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo baded4e4ac9d376eb3612cb9cb5bde849830de4f88860ade8a90a73d43b21ba4, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'e2cc10be738f'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '3c86ff72fa0d7ab95d3a810c56bacc2f4812130ce950157b667c1d6cd0066a9d'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'baded4e4ac9d376eb3612cb9cb5bde849830de4f88860ade8a90a73d43b21ba4'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -60,6 +60,7 @@ $plan = {
         if (Test-Open -Name 'start_action', 'stop_action') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' }
         if (Test-Open -Name 'set') { Write-Mark }
     }
+    # === vision: start it (rarms.yaml:12:3) =======================================================
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 40 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }

@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 42cddfba83fd9c7263b829ed4730ec1978d9de5df1327dd425aa4f332237e830, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo f99cefce800201d64e3afb04aa4e13c8f4e660c849c0f40ebecf3d3b645d493a, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '99b39b22c1b6'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '42cddfba83fd9c7263b829ed4730ec1978d9de5df1327dd425aa4f332237e830'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'f99cefce800201d64e3afb04aa4e13c8f4e660c849c0f40ebecf3d3b645d493a'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -45,6 +45,7 @@ $plan = {
     # === speech: `rarms measure` stopped it and ended before it started it again (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'mark it as robot/speech, set 9318451c660e' -Before @{ mark = 'robot/speech'; set = '9318451c660e measuring' } -After @{ mark = 'robot/speech'; set = '9318451c660e' } -Set { Write-Mark }
+    # === speech: start it (rarms.yaml:13:3) =======================================================
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }

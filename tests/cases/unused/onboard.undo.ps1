@@ -53,6 +53,7 @@ $plan = {
         if (Test-Open -Name 'set') { Write-Mark }
         if (Test-Open -Name 'start_action') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' }
     }
+    # === speech: start it (rarms.yaml:11:1) =======================================================
     Add-Step -Action 'start it' -Undoes 0 -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{
         state = 'off'
     } -After @{

@@ -67,6 +67,16 @@ def test_both_forms_have_the_same_head_plan_and_end_but_for_the_digest_of_the_un
         assert module != single
 
 
+def test_each_start_stands_under_a_banner_that_names_its_partition() -> None:
+    host_plan, plan = rendered_plan()
+    starts = [step.address for step in host_plan.steps if step.title == "start it"]
+
+    told = re.findall(r"# === ([a-z]+): start it .*", steps_of(render_apply(host_plan, plan)))
+
+    assert starts
+    assert told == [address.partition for address in starts]
+
+
 def test_a_child_of_an_older_disk_has_its_parents_format() -> None:
     new = build.create(marked(replace(build.partition(build.settings("planning")), id="")))
 
