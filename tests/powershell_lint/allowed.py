@@ -114,7 +114,7 @@ MEMBERS = READING_MEMBERS | words(
     Credential arguments child environment exists files folder instances period_ticks program reserve timeout_ms used
     Arguments Close CreateTempSubdirectory Error FileName GetCurrentProcess IsCompleted MainModule NewGuid
     Abandon AsJson Caller Code Confirmation ExportedFunctions LockTimeout Module ModulePath NewBoundScriptBlock Preview
-    ScriptPath Test WriteEntry InDesiredState module undo
+    ScriptPath Test WriteEntry InDesiredState module script undo
     OpenStandardInput Out ReadAsync RedirectStandardInput StandardInput User WriteLine
     """
 )

@@ -120,6 +120,19 @@ def test_the_last_run_is_taken_back_by_the_undo_script_that_the_computer_holds(
     assert [path for path in host.files if "\\undo" in path and FOLDER.lower() not in path] == [], "nothing stays"
 
 
+def test_an_undo_that_was_cut_off_is_gone_on_with(prepared: Prepared) -> None:
+    host = prepared.copy()
+    assert apply(host, prepared.plan).code == 0
+    host = host.copy(kill_after=4)
+    assert undo(host, prepared.plan).code is None
+    host = host.copy()
+
+    ran = at_prompt(host, "Undo-RarmsRun -AsJson")
+
+    assert (ran.code, ran.events[-1]["status"]) == (0, "done"), ran.says
+    assert seen(host) == seen(prepared.copy())
+
+
 def test_an_undo_is_previewed_and_where_there_is_none_that_is_said(prepared: Prepared, host: WindowsHost) -> None:
     assert "there is nothing to take back" in at_prompt(host, "Undo-RarmsRun").says
     assert apply(host, prepared.plan).code == 0

@@ -103,18 +103,19 @@ function Undo-RarmsRun {
     #>
     [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false)]
     param([switch] $AsJson, [switch] $Force)
-    # What is laid down here goes again, also after a preview.
     $WhatIfPreference = $false
     Initialize-Run
     Lock-Host
     try { Import-Journal } finally { Unlock-Host }
     $last = $script:Started
-    if ($null -eq $last -or -not $last.undo) { throw 'the last run here was none of a plan: there is nothing to take back' }
-    # Below the folder that only administrators may write to; a script in one file has no module.
+    # An undo that was cut off is gone on with.
+    $text = if ($last) { if ($last.run -ceq 'undo' -and -not $script:Closing) { $last.script } else { $last.undo } }
+    if (-not $text) { throw 'the last run here was none of a plan, or an undo that is done: there is nothing to take back' }
+    # Below the folder that only administrators may write to, and removed also after a preview; one file has no module.
     $dir = Join-Path -Path $script:Folder -ChildPath 'undo'
     try {
         [void] [System.IO.Directory]::CreateDirectory($dir + '\Rarms')
-        [System.IO.File]::WriteAllText($dir + '\undo.ps1', $last.undo)
+        [System.IO.File]::WriteAllText($dir + '\undo.ps1', $text)
         foreach ($file in @(if ($last.PSObject.Properties['module']) { $last.module.PSObject.Properties })) {
             [System.IO.File]::WriteAllText($dir + '\Rarms\' + $file.Name, $file.Value)
         }
@@ -848,7 +849,6 @@ function Get-PartitionReading {
         }
         if ($found.Count -gt 1) { Stop-Run -Detail ('{0} machines answer to it' -f $found.Count) }
         $live['exists'] = $found.Count -eq 1
-        $live['vm'] = $null
         foreach ($vm in $found) { Add-MachineReading -Live $live -Vm $vm }
         if ($Name -and $live['exists']) { $script:Machines[$Name] = $live['machine'] }
     }

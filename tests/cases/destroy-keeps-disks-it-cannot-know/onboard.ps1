@@ -25,7 +25,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 65f200c5e66439fe1189efb0fb592bfe0fa620e3112e86cce4b061ce9667e7bc, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 9643577bda4248824478a1ba38f42bb82e4a00b1df44349ab2013503251d0a27, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
 #>
 
 #Requires -Version 5.1
@@ -42,7 +42,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '8d793d28ed7a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '65f200c5e66439fe1189efb0fb592bfe0fa620e3112e86cce4b061ce9667e7bc'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '9643577bda4248824478a1ba38f42bb82e4a00b1df44349ab2013503251d0a27'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -100,7 +100,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'C24E07F66A1EA82813AA8B63860E0802A95AA97B19C5E011F6815A3026FD5BE2'
-    'Rarms.psm1' = '35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70'
+    'Rarms.psm1' = '189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

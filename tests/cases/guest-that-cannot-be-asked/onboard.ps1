@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 46f85b9d1cfb9659e68b8a48b6fd63722257dc73bcedbcc4ff43476b79183b25, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 89fea9b42a9532144ca41aa3b19d219622f0bd1a2614178e072f73b8f210be7f, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'd371562e0fc2'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '46f85b9d1cfb9659e68b8a48b6fd63722257dc73bcedbcc4ff43476b79183b25'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '89fea9b42a9532144ca41aa3b19d219622f0bd1a2614178e072f73b8f210be7f'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -69,7 +69,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'C24E07F66A1EA82813AA8B63860E0802A95AA97B19C5E011F6815A3026FD5BE2'
-    'Rarms.psm1' = '35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70'
+    'Rarms.psm1' = '189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 62828619c61e, rarms 0.1.0. SHA-256: the undo 42d88670f2c5464d2b17ff02375e42e7d85f8274c9a6bca1ec6ddcc335d85de3, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
+    Manifest 62828619c61e, rarms 0.1.0. SHA-256: the undo 7c80217e8e0bc01f86b46b52edf7cf13ddf9f53885e664b6c9c44f535199b6ba, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
     Accepted: RARMS159 The host's scheduler does not honour reserves, onboard runs the root scheduler: reserve, limit and weight of vision would be stored without effect.
 #>
 
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'dc81d5d49dc0'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '42d88670f2c5464d2b17ff02375e42e7d85f8274c9a6bca1ec6ddcc335d85de3'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '7c80217e8e0bc01f86b46b52edf7cf13ddf9f53885e664b6c9c44f535199b6ba'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $true
     }
@@ -70,7 +70,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'C24E07F66A1EA82813AA8B63860E0802A95AA97B19C5E011F6815A3026FD5BE2'
-    'Rarms.psm1' = '35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70'
+    'Rarms.psm1' = '189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 489900a737d003eb64d5e1e1f07b26a53189179a9c78d96721b0c07c1b7f780a, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
+    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 7957a9359e45915c255df9087ae6e863174afaeb861dfaaf548a711a12f86dcc, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
 #>
 
 #Requires -Version 5.1
@@ -41,7 +41,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '91988e6a8f9d'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '489900a737d003eb64d5e1e1f07b26a53189179a9c78d96721b0c07c1b7f780a'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '7957a9359e45915c255df9087ae6e863174afaeb861dfaaf548a711a12f86dcc'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 8; Cores = 4; ThreadsPerCore = 2; Percent = 800; Memory = 17179869184; AcceptScheduler = $false
     }
@@ -117,7 +117,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'C24E07F66A1EA82813AA8B63860E0802A95AA97B19C5E011F6815A3026FD5BE2'
-    'Rarms.psm1' = '35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70'
+    'Rarms.psm1' = '189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

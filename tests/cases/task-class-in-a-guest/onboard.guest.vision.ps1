@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.guest.vision.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo de6b8cb09e16adc6bf05740b98db6e82950b1dcbe95ad5de259852361c42958f, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo be9430177f58899e73286f558f1064a41440efb698f77be73cbc510303ae0ffa, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1fe5fc6a41cd'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = 'de6b8cb09e16adc6bf05740b98db6e82950b1dcbe95ad5de259852361c42958f'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = 'be9430177f58899e73286f558f1064a41440efb698f77be73cbc510303ae0ffa'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: what the guest holds is not known here: its own record decides; threads see it when it restarts (rarms.yaml:12:65)
@@ -65,7 +65,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'C24E07F66A1EA82813AA8B63860E0802A95AA97B19C5E011F6815A3026FD5BE2'
-    'Rarms.psm1' = '35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70'
+    'Rarms.psm1' = '189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo 982d3e0e7c830e469c6190f998481c7e57418c43c1768e1acf035e4f2e3ec21f, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
+    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo d4bc095337e2a45ff2c4932ba136cd8cb92d7cbf695c7e27cd9443e229fd10f0, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '296945e69f5f'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '982d3e0e7c830e469c6190f998481c7e57418c43c1768e1acf035e4f2e3ec21f'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'd4bc095337e2a45ff2c4932ba136cd8cb92d7cbf695c7e27cd9443e229fd10f0'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -74,7 +74,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'C24E07F66A1EA82813AA8B63860E0802A95AA97B19C5E011F6815A3026FD5BE2'
-    'Rarms.psm1' = '35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70'
+    'Rarms.psm1' = '189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

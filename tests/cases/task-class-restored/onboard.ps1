@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 7e4a30f86028, rarms 0.1.0. SHA-256: the undo c0c6b33977c5b31503ad511d509589c61e4cab80b7b4085e60872960ce18f661, Rarms.psm1 35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70.
+    Manifest 7e4a30f86028, rarms 0.1.0. SHA-256: the undo 28313d0306a9fdbfb688b84e6a83658859b3c0ab8946b900805413435314d880, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1607db3e92f2'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'c0c6b33977c5b31503ad511d509589c61e4cab80b7b4085e60872960ce18f661'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '28313d0306a9fdbfb688b84e6a83658859b3c0ab8946b900805413435314d880'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -72,7 +72,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'C24E07F66A1EA82813AA8B63860E0802A95AA97B19C5E011F6815A3026FD5BE2'
-    'Rarms.psm1' = '35013571163567F08442382B08DAC83FC1329A7314658AE9618BFAF39A584A70'
+    'Rarms.psm1' = '189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
