@@ -38,7 +38,7 @@ def find_forgery(plan: Plan) -> str | None:
             problem = next(_forgeries(plan, part), None)
         except _UNMADE:
             # NOTE: the plan's own steps were made when it was made; what cannot be made was put there since.
-            problem = f"the changes of {part.host.name} make no steps"
+            problem = f"no steps can be made of the changes of {part.host.name}"
         if problem is not None:
             return problem
     if name := edited_script(plan):
@@ -49,7 +49,7 @@ def find_forgery(plan: Plan) -> str | None:
 def _forgeries(plan: Plan, part: HostPlan) -> Iterator[str]:
     basis = part.basis
     if basis is None:
-        yield f"it does not say what the steps of {part.host.name} are made of"
+        yield f"it has no record from which the steps of {part.host.name} can be made again"
         return
     if basis.context.facts != part.facts:
         yield f"the facts of {part.host.name} are not those that its steps are made for"

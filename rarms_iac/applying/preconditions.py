@@ -124,7 +124,10 @@ def _scheduler_advice(facts: HostFacts) -> str:
 
 
 def _why_ignored(facts: HostFacts) -> str:
-    """In words; nothing where reserves count. A client Windows whose scheduler is not known has the root scheduler."""
+    """Say why the host ignores reserves; empty where it does not.
+
+    A client Windows whose scheduler is not known is taken to have the root scheduler.
+    """
     if not ignores_reserves(facts):
         return ""
     if facts.scheduler is SchedulerType.ROOT:

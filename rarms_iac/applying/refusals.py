@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from rarms_iac.diff.readings import VALUE
 from rarms_iac.model.commands import APPLY, APPLY_ABANDON, DRIFT, HISTORY, PLAN_OUT, UNDO, command, prose, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
@@ -209,8 +210,8 @@ def _step_facts(host: str, step: Step) -> Facts:
 def _reading_facts(live: Readings, expected: Readings) -> Facts:
     """What each setting that differs is, and what it should be: `is_reserve` 50, `expected_reserve` 70."""
     names = [name for name in expected if live.get(name) != expected[name]]
-    return {f"expected_{name.removeprefix('value:')}": expected[name] for name in names} | {
-        f"is_{name.removeprefix('value:')}": live[name] for name in names if name in live
+    return {f"expected_{_label(name)}": expected[name] for name in names} | {
+        f"is_{_label(name)}": live[name] for name in names if name in live
     }
 
 
@@ -321,13 +322,18 @@ def script_failed(host: str, at: str, printed: str, code: int) -> Diagnostic:
 def differences(live: Readings, expected: Readings) -> str:
     """`reserve is 50, not 70`, for everything expected that is not so; sorted by name."""
     changes = [
-        f"{name.removeprefix('value:')} is {_format_reading(live[name])}, not {_format_reading(expected[name])}"
+        f"{_label(name)} is {_format_reading(live[name])}, not {_format_reading(expected[name])}"
         if name in live
-        else f"{name.removeprefix('value:')} is not there"
+        else f"{_label(name)} is not there"
         for name in sorted(expected)
         if live.get(name) != expected[name]
     ]
     return ", ".join(changes)
+
+
+def _label(name: str) -> str:
+    """The name of a reading as people know it: of a task class's value, its own."""
+    return name.removeprefix(VALUE)
 
 
 def _format_reading(value: bool | int | str) -> str:

@@ -92,7 +92,7 @@ def findings_of(
             reasons = "; ".join(dict.fromkeys(failures[:SHOWN_FAILURES]))
             yield FAILED_SAMPLES.at(
                 places.key("components", component),
-                f"{component} at {reserve} % of its VPs: {len(failures)} failed, and `run.failures` "
+                f"{component} at {reserve} % of its VPs: {counted(len(failures), 'sample')} failed, and `run.failures` "
                 f"allows fewer: {reasons}.",
                 f"Run it alone and mend what fails, or allow it: `run: {{ failures: {len(failures)} }}`.",
                 address=f"component/{component}",

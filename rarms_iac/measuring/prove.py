@@ -343,7 +343,7 @@ class _Proof:
     def _undecided(self, component: Component) -> bool:
         """Whether more starts may show that a threshold is met or missed.
 
-        NOTE: of starts that differ, few show little of how surely many will tell: they are not given up before the end.
+        NOTE: where starts differ, a few of them do not show whether many will decide: none is given up before the end.
         """
         series = self.series[component.name]
         done = min(1.0, max(self.spent_ms / self.conditions.budget_ms, len(series.samples) / MOST_SAMPLES))

@@ -210,7 +210,7 @@ class _Seen:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Mark:
-    """A moment from which something counts."""
+    """The moment from which samples count, and the processor time of the components until then."""
 
     elapsed_ms: float
     cpu_ms: Mapping[str, float | None]  # by component

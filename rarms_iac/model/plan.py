@@ -173,7 +173,7 @@ class HostPlan:
     @property
     @output
     def name(self) -> str:
-        """The host's, as the manifest calls it."""
+        """The name of the host in the manifest."""
         return self.host.name
 
     @property

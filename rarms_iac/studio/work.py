@@ -63,7 +63,7 @@ class Transcript:
         self._lines: deque[str] = deque(maxlen=MOST_LINES)
 
     def show(self, row: Sequence[str]) -> None:
-        """Take the row of what runs now."""
+        """Take the row of the step or setting that runs now, in place of the one before."""
         self._current = tuple(row)
 
     def hide(self) -> None:

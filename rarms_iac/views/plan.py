@@ -215,7 +215,7 @@ def _whereabouts(part: HostPlan) -> Iterator[str]:
     if isinstance(settings, LinuxHost):
         yield f"Its control groups lie below {settings.slice} (version: {settings.control_groups})."
     if part.state_path:
-        yield f"Its state lies in {part.state_path}, seen from the manifest."
+        yield f"Its state file is {part.state_path}, relative to the manifest."
 
 
 def _options(given: Mapping[str, str | int | None]) -> str:

@@ -35,7 +35,7 @@ WRITE_PARTITIONS = Question(
 
 
 def level_question(component: str) -> Question:
-    """Which level is good enough for a component."""
+    """Ask which level is good enough for a component."""
     return Question(
         text=f"\nA level for {component}, as 100 ms or 95 %, or Enter to go on [?, q]: ",
         help_text="A level is how well it must do, with its unit: 100 ms, 95 %, 24 /s. Where it may belong to several "
@@ -45,7 +45,7 @@ def level_question(component: str) -> Question:
 
 
 def refine_question(written: Selection) -> Question:
-    """Whether to search below the reservations that were measured, where nothing close below them was."""
+    """Ask whether to search below measured reservations, where none close below them was measured."""
     gaps = sorted({(level.measured_below, level.reserve) for level in written.levels if level.may_be_less})
     named = in_a_row([f"{below} and {reserve} % of its VPs" for below, reserve in gaps])
     return Question(
@@ -55,7 +55,7 @@ def refine_question(written: Selection) -> Question:
 
 
 def extend_question(beyond: BeyondMeasured) -> Question:
-    """Whether to measure higher settings for a level that no measured one reaches."""
+    """Ask whether to measure higher settings, since no measured one reaches a level."""
     reserves = f"{beyond.first} to {beyond.last} %" if beyond.first < beyond.last else f"{beyond.last} %"
     reserves += " of its VPs"
     return Question(
@@ -65,7 +65,7 @@ def extend_question(beyond: BeyondMeasured) -> Question:
 
 
 def stop_question(host: str, partitions: Sequence[str]) -> Question:
-    """Whether partitions may be stopped to measure."""
+    """Ask whether partitions may be stopped to measure."""
     running = f"{in_a_row(partitions)} {'runs' if len(partitions) == 1 else 'run'}"
     return Question(
         text=f"On {host} {running}. Stop while it is measured, and start again afterwards?",
@@ -74,7 +74,7 @@ def stop_question(host: str, partitions: Sequence[str]) -> Question:
 
 
 def combine_question(offer: CombiningOffer) -> Question:
-    """Whether components are combined, since they need more than there is."""
+    """Ask whether to combine components, since they need more than there is."""
     need, have = (show_lp_percent(amount) for amount in (offer.need, offer.have))
     then = "" if offer.predicted is None else f", predicted {show_lp_percent(offer.predicted)} combined"
     return Question(
@@ -85,7 +85,7 @@ def combine_question(offer: CombiningOffer) -> Question:
 
 
 def combination_question(members: Members, settings: int, gain: int) -> Question:
-    """Whether this combination is measured."""
+    """Ask whether to measure this combination."""
     saves = show_lp_percent(gain)
     return Question(
         text=f"Try {in_a_row(members)}? About {counted(settings, 'setting')}, or fewer; saves at most {saves}.",

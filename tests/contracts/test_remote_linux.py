@@ -178,8 +178,8 @@ def test_a_host_that_says_nothing_is_given_up(monkeypatch: pytest.MonkeyPatch) -
         ("f etc/passwd", "impossible name"),
         ("f /etc/machine-id", "cannot be read"),
         ("f /proc/meminfo\\n MemTotal: many kB", "cannot be read"),
-        ("", "control groups need what is missing here: .* /sys/fs/cgroup"),
-        ("x", "control groups need what is missing"),
+        ("", "control groups need these, which are missing: .* /sys/fs/cgroup"),
+        ("x", "control groups need these, which are missing"),
     ],
 )
 @pytest.mark.needs("posix")

@@ -173,7 +173,7 @@ def test_a_refusal_names_the_partition_that_would_have_to_move() -> None:
     assert refused.plan is None
     (finding,) = [finding for finding in refused.findings if finding.severity is Severity.ERROR]
     assert finding.values["would_move"] in {("a",), ("b",)}
-    assert "Only where partitions are now forbids a layout" in finding.detail
+    assert "If partitions may move, there is a layout" in finding.detail
     assert "--max-disruption removal" in str(finding.advice)
     assert moved.plan is not None
 

@@ -257,8 +257,8 @@ def below_demand(history: Sequence[SearchTrial], goal: Goal) -> int:
         goal: what is searched.
 
     Returns:
-        Per cent; 0 where nothing is known, or a member that falls behind may meet its thresholds all the same. The
-        least demand that was seen counts.
+        Per cent of each of the partition's VPs; 0 where nothing is known, or a member that falls behind may meet its
+        thresholds all the same. The least demand that was seen counts.
     """
     demands = [
         sum(_demand_lp(member, series) for member in goal.members for series in trial.setting.series)

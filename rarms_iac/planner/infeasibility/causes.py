@@ -39,7 +39,7 @@ def explain_infeasibility(answer: Infeasible, problem: Problem, start: Variant) 
     if needed:
         causes[0] = replace(
             causes[0],
-            message=f"{causes[0].message} Only where partitions are now forbids a layout: {_describe_moves(needed)}.",
+            message=f"{causes[0].message} If partitions may move, there is a layout: {_describe_moves(needed)}.",
             values={**causes[0].values, "would_move": tuple(needed)},
         )
     names = sorted({item.name for conflict in found for item in conflict.items}, key=natural_order)

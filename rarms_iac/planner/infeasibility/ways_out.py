@@ -82,7 +82,7 @@ def _of_kind(
     conflict: Sequence[str],
     planner: VariantPlanner,
 ) -> Sequence[Edits]:
-    """One relaxation of the conflict alone; where none is enough, each with more memory, then all together."""
+    """Yield single relaxations of the conflict; else each of them with more memory; else all relaxations together."""
     relaxations = list(relaxations)
     in_conflict = (each for each in relaxations if not each.partitions or set(each.partitions) & set(conflict))
     alone = list(islice(in_conflict, MOST_WAYS_OUT))

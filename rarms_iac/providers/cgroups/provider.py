@@ -112,7 +112,7 @@ class LinuxHostProvider(JournaledHost):
             if isinstance(found, MissingFeatures):
                 raise HostRefused(
                     self.name,
-                    f"control groups need what is missing here: {'; '.join(found.names)}",
+                    f"control groups need these, which are missing: {'; '.join(found.names)}",
                     "Run as root, with the controllers mounted so that groups can be made (docs/linux.md).",
                 )
             self._known_tree = found

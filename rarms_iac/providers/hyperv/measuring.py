@@ -142,7 +142,8 @@ class HypervMeasuringHost(LiveHypervHost):
         if size <= LARGEST_FILES:
             return None
         return Obstacle(
-            f"its files have {size} bytes, and a script carries {LARGEST_FILES}", "Put them into the image."
+            f"its files have {size} bytes, and a script carries at most {LARGEST_FILES}",
+            "Put them into the image of the guest.",
         )
 
     @contextmanager
