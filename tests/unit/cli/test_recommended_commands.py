@@ -734,6 +734,7 @@ OTHER_TESTS = {
     "Look at the host again: `rarms plan`": "another tool changed a partition",
     "`rarms plan` shows what is wanted": "a stopped partition would be proven",
     "Measure the parts again (": "it was measured beside what runs on the host",
+    "Nothing was shown to miss: more samples may tell": "nothing is measured",
     "If it was changing a host, run": "an apply was killed",
 }
 """The test, the file of tests or the situation that runs what a message recommends, by words of the message."""
