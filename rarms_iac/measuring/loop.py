@@ -96,7 +96,7 @@ def measure(
                 remeasure_seed = None  # what was asked for is measured anew: all that counts gives the answer
                 continue
             if count is not None and new >= count.most:
-                decision = conclude(known.settings, goal_of(experiment))
+                decision = conclude(known.settings, goal_of(experiment), count.most)
                 break
             if context.should_stop():
                 decision = Stopped()

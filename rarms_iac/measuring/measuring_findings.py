@@ -214,13 +214,18 @@ def _not_resolved(
     }
     advice = f"Move the threshold away from what the component just reaches: {MOST_SAMPLES} samples would not tell."
     there = min((len(series.samples) for series in highest.series), default=0) if highest else 0
-    if highest and end.samples is None and 0 < there < MOST_SAMPLES:
+    early = _ended_early(highest, experiment)
+    if end.more_settings:
+        early = ""  # its highest setting may be clear
+        values = {**values, "more_settings": end.more_settings}
+        advice = f"Run the same command: up to {counted(end.more_settings, 'setting')} more may show one."
+    elif highest and end.samples is None and 0 < there < MOST_SAMPLES:
         values = {**values, "samples": there}
         advice = (
             f"{show_duration(highest.host_ms)} were spent on {counted(there, 'sample')}, which do not say yet how many "
             f"would show it. Allow more: {_setting_budget(3 * highest.host_ms)}."
         )
-    if highest and end.samples is not None and end.samples <= MOST_SAMPLES and there:
+    elif highest and end.samples is not None and end.samples <= MOST_SAMPLES and there:
         takes_ms = highest.host_ms * end.samples / there
         values = {**values, "samples": there, "needs_samples": end.samples, "takes_ms": takes_ms}
         advice = (
@@ -230,7 +235,7 @@ def _not_resolved(
         )
     yield NOT_RESOLVED.at(
         places.value("components", first, "apt"),
-        f"{experiment.name}: {'; '.join((end.reason, *shown))}.",
+        f"{experiment.name}: {'; '.join((end.reason, *shown))}.{early}",
         advice,
         address=f"component/{first}",
         values=values,
@@ -239,6 +244,15 @@ def _not_resolved(
 
 def _setting_budget(time_ms: float) -> str:
     return f"`policy: {{ measuring: {{ setting: {ceil(time_ms / 60_000)} min }} }}`"
+
+
+def _ended_early(setting: Setting | None, experiment: Experiment) -> str:
+    """That the budget was not spent, where it is not."""
+    budget_ms = float(experiment.limits.setting)
+    if setting is None or setting.host_ms >= budget_ms:
+        return ""
+    took, may_take = show_duration(setting.host_ms), show_duration(budget_ms)
+    return f" The setting ended after {took} of the {may_take} that it may take: the rest would hardly have shown it."
 
 
 def _or_more_time(setting: Setting, experiment: Experiment) -> str:
@@ -262,7 +276,7 @@ def _less_unknown(
     experiment: Experiment, end: Sufficient, settings: tuple[Setting, ...], places: Places
 ) -> Iterator[Diagnostic]:
     """Where a search would have had a fail close below, and has but settings that neither pass nor fail."""
-    if not end.inconclusive or end.reserve - (end.failed or 0) <= WIDTH:
+    if end.more_settings or not end.inconclusive or end.reserve - (end.failed or 0) <= WIDTH:
         return
     highest = [setting for setting in settings if setting.reserve == end.inconclusive[-1]]
     reserve, component, reason = _unsteady(highest)[-1]

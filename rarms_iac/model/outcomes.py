@@ -168,6 +168,7 @@ class Sufficient:
     reserve: ReservePercent
     failed: int | None  # the highest lower CR at which one was not met; None: there is none, or it was not measured
     inconclusive: tuple[int, ...] = ()  # lower CRs above `failed` that were measured and have no steady state
+    more_settings: int = 0  # the search ended before its end: so many settings more, at most, may find a lower CR
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,6 +185,7 @@ class NotResolved:
     reason: str
     samples: int | None = None  # with which the highest setting would probably be clear, maybe more than it may have;
     # None: nothing tells
+    more_settings: int = 0  # the search ended before its end: so many settings more, at most, may find one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

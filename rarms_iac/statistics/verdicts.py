@@ -102,7 +102,7 @@ def judge_look(series: Series, apt: Mapping[str, Threshold], run: Run, *, member
 
 
 def judge_early(
-    series: Series, apt: Mapping[str, Threshold], run: Run, *, done: float, members: int = 1
+    series: Series, apt: Mapping[str, Threshold], run: Run, *, done: float, members: int = 1, most_samples: float = inf
 ) -> Verdict | None:
     """Say whether a setting that is being measured may end now, at `FIRST_LOOK` samples or more.
 
@@ -112,6 +112,7 @@ def judge_early(
         run: the component's.
         done: the part of the samples that the setting will have at its end, above 0; 1: it has ended.
         members: as of `judge_look`.
+        most_samples: at most so many the setting will have at its end; fewer than an index needs leave it unclear.
 
     Returns:
         What `judge_look` says, where it is clear or the rest of the setting will hardly make it so. None: go on. At
@@ -125,7 +126,7 @@ def judge_early(
         case Met() | Missed():
             return None if _may_turn(verdict) and until_share(series, run.ends) < 1.0 else verdict
         case WithinNoise(judged=judged):
-            return verdict if any(_is_hopeless(index, series, done) for index in judged) else None
+            return verdict if any(_is_hopeless(index, series, done, most_samples) for index in judged) else None
         case Unsteady():
             return verdict if len(series.samples) >= LONG else None
         case _:
@@ -149,14 +150,17 @@ def until_share(series: Series, until: SampleCount | Elapsed) -> float:
             return series.elapsed_ms / float(time)
 
 
-def _is_hopeless(judged: JudgedIndex, series: Series, done: float) -> bool:
+def _is_hopeless(judged: JudgedIndex, series: Series, done: float, most_samples: float) -> bool:
     """Whether the end of the setting would probably settle nothing: its bounds shrink with the root of what is done.
+
+    Where all jobs were good, only as many good ones as are needed settle it.
 
     Stopping for this can make no verdict wrong (Lan, Simon and Halperin 1982): it only gives one up.
     """
     outlook = _outlook(judged, series)
     if outlook is None:
-        return False
+        needed = _samples_if_all_are_good(judged, series)
+        return needed is not None and most_samples < needed
     seen, limit = outlook
     shrinks, goes = sqrt(done), sqrt(1.0 - done)
     below, above = seen.value - seen.lower, seen.upper - seen.value

@@ -70,8 +70,14 @@ def _rows(experiment: Experiment, share: str, amount: str, remark: str) -> Itera
 def _outcome(result: ExperimentResult, loads: str) -> tuple[str, str, str]:
     """The CR, its LPs, and what else is known; NOTE: a plan rests on the curve, so where it differs both are shown."""
     match result.conclusion:
-        case Sufficient(reserve=reserve, failed=failed, inconclusive=inconclusive):
-            remarks = [_below(result, failed), _inconclusive(result, inconclusive), _planned(result, reserve), loads]
+        case Sufficient(reserve=reserve, failed=failed, inconclusive=inconclusive, more_settings=more):
+            remarks = [
+                _below(result, failed),
+                _inconclusive(result, inconclusive),
+                _planned(result, reserve),
+                loads,
+                _goes_on(more),
+            ]
             share = share_of_processors(reserve, result.experiment.setup.processors)
             return share, _amount(result, reserve), ", ".join(filter(None, remarks))
         case NotAchievable(reserve=reserve):
@@ -120,6 +126,10 @@ def _below(result: ExperimentResult, failed: int | None) -> str:
 def _inconclusive(result: ExperimentResult, reserves: Sequence[int]) -> str:
     """Those between, without a steady state: they are neither enough nor too little."""
     return f"{in_a_row([_amount(result, reserve) for reserve in reserves])} unsteady" if reserves else ""
+
+
+def _goes_on(more: int) -> str:
+    return f"up to {counted(more, 'setting')} more would narrow it: run the same command" if more else ""
 
 
 def _planned(result: ExperimentResult, reserve: int | None) -> str:

@@ -196,6 +196,12 @@ class ExperimentResult:
 
     @property
     @output
+    def more_settings(self) -> int:
+        """At most so many settings more would narrow the answer, or find one; 0: the search has its end."""
+        return self.conclusion.more_settings if isinstance(self.conclusion, Sufficient | NotResolved) else 0
+
+    @property
+    @output
     def error(self) -> float | None:
         """How probably the answer is wrong; None: there is none."""
         return ERROR if isinstance(self.conclusion, Sufficient | NotAchievable) else None

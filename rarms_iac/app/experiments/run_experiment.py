@@ -78,6 +78,7 @@ def run_experiment(session: MeasuringSession, experiment: Experiment, method: Me
             else:
                 finding = measuring_findings.more_processors(experiment, used, session.hosts.manifest.places)
                 session.control.reporter.findings([finding], session.hosts.manifest.sources)
+                tells_duration = not isinstance(method, ThresholdCheck)  # what was said counted for one curve
             number = ProcessorNumber(number=used, source=ProcessorSource.USED)
             experiment = experiment.with_processors(number)
         if experiment.processors_from is ProcessorSource.HOST and most_used(measurement.settings) is not None:

@@ -7,7 +7,7 @@ verdicts are true; where noise turns one, or there is no steady state, halving g
 """
 
 from collections.abc import Sequence
-from math import ceil, floor
+from math import ceil, floor, log2
 
 from rarms_iac.measuring.search.crossings import crossings_of
 from rarms_iac.measuring.search.trials import Bracket, Goal, SearchTrial, bracket_of, sufficient
@@ -44,7 +44,7 @@ def search_with_few_settings(history: Sequence[SearchTrial], goal: Goal) -> Sear
     bracket = bracket_of(history, goal)
     if not isinstance(bracket, Bracket):
         return bracket
-    if bracket.inconclusive or len(history) >= MOST:
+    if bracket.inconclusive:
         return bisect(history, goal)
     failed, passed = bracket.highest_failed, bracket.upper_end
     crossings = list(crossings_of(history, goal, failed, passed))
@@ -58,7 +58,8 @@ def search_with_few_settings(history: Sequence[SearchTrial], goal: Goal) -> Sear
         return sufficient(history, passed)
     towards = _TRUNCATION * width**2
     chosen = ceil(min(at + towards, middle)) if at <= middle else floor(max(at - towards, middle))
-    reach = 2 ** (MOST - 1 - len(history))  # as wide may a bracket be that halving still ends in time
+    # As wide may a bracket be that halving still ends in time; what was measured for something else may have left more.
+    reach = 2 ** (max(MOST - len(history), ceil(log2(width))) - 1)
     lowest, highest = max(failed + 1, passed - reach), min(passed - 1, failed + reach)
     return Measure(reserve=max(lowest, min(chosen, highest)), until_clear=True)
 

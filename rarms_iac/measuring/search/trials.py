@@ -1,9 +1,9 @@
 """What a search is given: the goal, the settings so far as trials, and the bracket in which the answer lies."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import ceil
+from math import ceil, inf
 
 from rarms_iac.model.outcomes import (
     Missed,
@@ -156,7 +156,14 @@ def is_clear(setting: Setting, goal: Goal, *, precision: float | None = None) ->
     if not all(_is_begun(series, member.run, goal) for member, series in seen):
         return False
     verdicts = [
-        judge_early(series, member.apt, member.run, done=part, members=len(goal.members))
+        judge_early(
+            series,
+            member.apt,
+            member.run,
+            done=part,
+            members=len(goal.members),
+            most_samples=_most_samples(series, setting.host_ms, goal),
+        )
         for (member, series), part in zip(seen, done, strict=True)
     ]
     if any(isinstance(verdict, Missed) and verdict.overload for verdict in verdicts):
@@ -195,6 +202,13 @@ def done_share(series: Series, run: Run, host_ms: float, goal: Goal) -> float:
         return min(1.0, until_share(series, run.ends))
     by_budget = max(len(series.samples) / MOST_SAMPLES, host_ms / goal.budget_ms)
     return min(1.0, by_budget if run.until is None else min(by_budget, until_share(series, run.until)))
+
+
+def _most_samples(series: Series, host_ms: float, goal: Goal) -> float:
+    """How many samples its budget may bring, if all that is left of it brings samples as fast as before."""
+    if goal.ends_at_until or series.elapsed_ms <= 0.0:
+        return inf
+    return len(series.samples) * (1.0 + max(0.0, goal.budget_ms - host_ms) / series.elapsed_ms)
 
 
 def _is_begun(series: Series, run: Run, goal: Goal) -> bool:
@@ -334,22 +348,25 @@ def sufficient(history: Sequence[SearchTrial], reserve: ReservePercent) -> Suffi
     return Sufficient(reserve=reserve, failed=failed, inconclusive=inconclusive)
 
 
-def conclude(settings: Sequence[Setting], goal: Goal) -> Sufficient | NotResolved:
-    """Conclude from the settings there are that no further one is measured.
+def conclude(settings: Sequence[Setting], goal: Goal, most_settings: int) -> Sufficient | NotResolved:
+    """Conclude from the settings there are, before the search has its end.
 
     Args:
         settings: one a reservation.
         goal: what is searched.
+        most_settings: so many the same search may take next time.
 
     Returns:
-        That the least CR which they show to be enough is; or that they show none.
+        That the least CR which they show to be enough is; or that they show none. `more_settings` says how many may
+            follow: no more than there are whole per cents below that are not known to be too little.
     """
     least = least_reserve(curves_of(settings, goal.runs, goal.apts))
     if least is None:
         return NotResolved(
-            reason=f"its {len(settings)} settings, as many as there may be, show no reservation to be enough"
+            reason=f"its {len(settings)} settings show no reservation to be enough", more_settings=most_settings
         )
-    return sufficient(trials_of(settings, goal), least)
+    end = sufficient(trials_of(settings, goal), least)
+    return replace(end, more_settings=max(1, min(most_settings, least - 1 - (end.failed or 0))))
 
 
 def not_sufficient(highest: SearchTrial) -> NotAchievable | NotResolved:

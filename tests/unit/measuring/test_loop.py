@@ -78,9 +78,12 @@ def test_no_search_takes_more_settings_than_there_may_be_and_the_answer_is_what_
     if least is None:
         assert isinstance(ended.conclusion, NotResolved)
         assert max(asked[:most]) < 50
+        assert ended.conclusion.more_settings == most
     else:
         assert isinstance(ended.conclusion, Sufficient)
         assert ended.conclusion.reserve == least == min(reserve for reserve in asked[:most] if reserve >= 50)
+        below = least - 1 - (ended.conclusion.failed or 0)  # whole per cents that are not known to be too little
+        assert ended.conclusion.more_settings == max(1, min(most, below))
 
 
 def test_the_papers_walk_ends_at_the_first_ten_that_is_not_worse(bench: Bench) -> None:

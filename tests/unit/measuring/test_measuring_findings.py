@@ -134,6 +134,24 @@ def test_what_is_not_shown_yet_says_with_how_many_samples_it_would_be(samples: i
     assert found.code == "RARMS111"
     assert str(found.advice).startswith(advice)
     assert ("`policy: { measuring: { setting: 1 min } }`" in str(found.advice)) is (samples != 50_000)
+    assert "The setting ended after 8 s of the 10 min that it may take" in found.detail
+
+
+def test_a_search_that_ended_early_and_shows_none_asks_for_the_same_command() -> None:
+    settings = (a_setting(70, a_series("vision", [81.4, 86.4] * 50)),)
+    end = NotResolved(reason="its 8 settings show no reservation to be enough", more_settings=8)
+
+    [found] = findings_of(EXPERIMENT, end, settings, FirstLine(""))
+
+    assert str(found.advice) == "Run the same command: up to 8 settings more may show one."
+    assert found.values["more_settings"] == 8
+    assert "The setting ended" not in found.detail, "it may be clear"
+
+
+def test_of_a_search_that_ended_early_it_is_not_said_that_the_settings_below_have_no_steady_state() -> None:
+    end = Sufficient(reserve=46, failed=20, inconclusive=(45,), more_settings=8)
+
+    assert not list(findings_of(an_experiment(None), end, (drifting(45),), FirstLine("")))
 
 
 @pytest.mark.parametrize(("samples", "more_time"), [(100, True), (2000, False)])

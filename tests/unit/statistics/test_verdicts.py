@@ -213,6 +213,17 @@ def test_a_success_rate_of_all_jobs_is_never_shown() -> None:
     assert samples_needed("success_rate", at_least(100)) > MOST_SAMPLES
 
 
+def test_where_every_job_was_good_it_takes_as_many_as_are_needed_and_a_setting_that_cannot_have_them_ends() -> None:
+    apt: dict[str, Threshold] = {"p99_response_time": at_most(400)}
+    series = a_series(noisy(3, 100.0, variation=0.1, correlation=0.0, count=200))
+    verdict = judge_look(series, apt, RUN)
+
+    assert isinstance(verdict, WithinNoise)
+    assert samples_to_clear(verdict.judged[0], series) == pytest.approx(833)
+    assert judge_early(series, apt, RUN, done=0.1, most_samples=832) == verdict
+    assert judge_early(series, apt, RUN, done=0.1, most_samples=833) is None
+
+
 @pytest.mark.parametrize(("index", "limit"), [("mean_response_time", 102), ("p90_response_time", 122)])
 def test_with_as_many_samples_as_it_says_a_setting_is_clear(index: str, limit: int) -> None:
     apt: dict[str, Threshold] = {index: at_most(limit)}

@@ -97,6 +97,14 @@ def test_settings_between_that_have_no_steady_state_are_told_beside_the_one_that
     check(json_of(outcome_of(member)))
 
 
+def test_an_answer_of_a_search_that_ended_early_says_how_many_settings_would_narrow_it() -> None:
+    result = replace(found(105.0), conclusion=Sufficient(reserve=60, failed=51, more_settings=8))
+
+    assert "up to 8 settings more would narrow it: run the same command" in " ".join(text([result]).split())
+    assert '"more_settings": 8' in json_of(outcome_of(result))
+    check(json_of(outcome_of(result)))
+
+
 def test_what_the_errors_mean_stands_below_a_verdict_and_nowhere_else() -> None:
     stopped = ExperimentResult(
         experiment=an_experiment("vision"), conclusion=Stopped(), settings=(), new=0, planned=None, log="x"

@@ -2,10 +2,12 @@
 
 import json
 from contextlib import chdir
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from rarms_iac.storage.datalog.files import append_setting, begin_log, read_log
 from tests.unit.cli.running import rarms
 
 MANIFEST = """\
@@ -97,3 +99,26 @@ def test_who_uses_more_later_is_measured_with_so_many_and_the_old_settings_stay(
     assert before[0] == (4, 1)
     assert '"threads"' not in lines.splitlines()[0]
     assert after[0] == (4, 2)
+
+
+def test_a_setting_that_shows_more_begins_a_curve_of_its_own_and_says_anew_how_many_settings_it_may_take(
+    manifest: Path,
+) -> None:
+    """What a log says was seen of two threads is one processor: the next setting shows two."""
+    manifest.write_text(MANIFEST.replace("THREADS", "2"), encoding="utf-8", newline="\n")
+    with chdir(manifest.parent):
+        rarms("measure", "--from", "40%", "--to", "40%")
+        log = read_log(LOG)
+        assert log is not None
+        begin_log(LOG, log.header)
+        for each in log.recorded:
+            setting = replace(each.setting, processors=1, used_processors=1)
+            append_setting(LOG, replace(each, setting=setting))
+        ran = rarms("measure")
+        seen = recorded()
+
+    assert ran.err.count("eyes beside busy-loop on onboard (simulated): 1 to 8 settings") == 2
+    assert "RARMS381" in ran.err
+    assert {processors for processors, used in seen if used == 2} == {1, 2}
+    of_two = [processors for processors, _ in seen if processors == 2]
+    assert len(of_two) <= 8

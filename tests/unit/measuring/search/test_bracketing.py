@@ -71,6 +71,22 @@ falling_levels = st.lists(st.floats(1.0, 1e4), min_size=1, max_size=6).flatmap(
 )
 
 
+@pytest.mark.parametrize("before", [(3, 6, 9), (2, 3, 4, 5, 6, 7, 8, 9)])
+@pytest.mark.parametrize("least", [12, 31, 62, 99])
+def test_settings_that_were_asked_for_before_do_not_lead_a_search_astray(before: Sequence[int], least: int) -> None:
+    """A bracket that they left wider than a search's own would be is halved, and not taken down from its upper end."""
+    goal = a_goal("mean_response_time")
+    searching = strategy_of(Search(strategy="default"), goal, 100)
+    levels = [200.0 - reserve if reserve < least else 90.0 - reserve / 10 for reserve in range(1, 101)]
+    done = [a_setting(reserve, levels[reserve - 1], None) for reserve in before]
+    while isinstance(step := searching.decide(done), Measure):
+        done.append(a_setting(step.reserve, levels[step.reserve - 1], None))
+
+    assert len(done) - len(before) < MOST
+    assert isinstance(step, Sufficient)
+    assert least <= step.reserve < least + WIDTH
+
+
 @settings(max_examples=examples(20), deadline=None)
 @given(index=st.sampled_from(["mean_response_time", "throughput"]), levels=falling_levels, cpu=st.floats(0.01, 1e3))
 def test_no_monotone_curve_takes_more_than_one_setting_more_than_bisection(
