@@ -1,18 +1,15 @@
-"""The plan of the page: its changes, steps and scripts, and what has changed since it was made."""
+"""The plan of the page: its text and scripts, and what has changed since it was made."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from rarms_iac.app.applying import changed_manifest
 from rarms_iac.app.scripts import ScriptSince
 from rarms_iac.model.commands import RecommendedCommand, plain_text, sentences
-from rarms_iac.model.plan import Plan
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.studio.actions import Workspace
 from rarms_iac.studio.knowledge import Knowledge
 from rarms_iac.views.console import UNLIMITED, render
-from rarms_iac.views.plan import differences_of, disruption_of, plan_text, summary
-from rarms_iac.views.reports.table import Column, Table
+from rarms_iac.views.plan import plan_text
 from rarms_iac.views.scripts import difference_text
 
 
@@ -21,11 +18,10 @@ class PlanOnPage:
     """The plan that was made last on the page."""
 
     id: str
-    text: str  # all of it, as a terminal shows it
-    summary: str
-    changes: Table
-    steps: Table  # in this order
+    text: str  # as a terminal shows it
+    details: str  # with --verbose: every attribute, reason and step, too
     command: RecommendedCommand  # that makes such a plan and does it
+    is_made_anew: bool  # by that command, of a manifest that has changed: what it does is not this plan
     scripts: tuple[tuple[str, str, str, str], ...]  # name, text, plan that was applied last, difference to it
     can_be_applied: bool
     changed: tuple[str, ...]  # that the manifest or a host has changed since
@@ -45,48 +41,22 @@ def plan_on_page(known: Knowledge, workspace: Workspace, manifest_options: str) 
     plan = workspace.plan
     if plan is None:
         return None
-    notes = [
-        plain_text(sentences(note.detail, note.advice), manifest_options)
-        for note in changed_manifest(plan, workspace.source)
-    ]
+    changes = changed_manifest(plan, workspace.source)
+    notes = [plain_text(sentences(note.detail, note.advice), manifest_options) for note in changes]
     serials = {host.name: host.serial for host in known.overview.hosts if host.totals} if known.overview else {}
     moved = [part.name for part in plan.hosts if serials.get(part.name, part.serial) != part.serial]
     if moved:
         notes.append(f"Something was applied to {in_a_row(moved)} since this plan was made: plan again.")
     return PlanOnPage(
         id=plan.id,
-        summary=summary(plan),
-        changes=Table(columns=CHANGES, rows=tuple(_changes(plan))),
-        steps=Table(columns=STEPS, rows=tuple(_steps(plan))),
-        text=render(plan_text(plan, sources=known.sources, verbose=True), UNLIMITED, manifest=manifest_options),
+        text=render(plan_text(plan, sources=known.sources), UNLIMITED, manifest=manifest_options),
+        details=render(plan_text(plan, sources=known.sources, verbose=True), UNLIMITED, manifest=manifest_options),
         scripts=tuple(_script(since) for since in workspace.scripts),
         command=workspace.does,
+        is_made_anew=bool(changes),
         can_be_applied=any(part.steps for part in plan.hosts) and not moved,
         changed=tuple(notes),
     )
-
-
-CHANGES = tuple(Column(title=title) for title in ("Change", "Host", "Kind", "What differs", "What it disturbs", "Why"))
-STEPS = tuple(Column(title=title) for title in ("Step", "Host", "Of", "What is done"))
-
-
-def _changes(plan: Plan) -> Iterator[tuple[str, ...]]:
-    for part in plan.hosts:
-        for change in part.changes:
-            yield (
-                str(change.address),
-                part.name,
-                change.action,
-                differences_of(change, part),
-                disruption_of(change, part) or "nothing: it is live",
-                change.reason.message,
-            )
-
-
-def _steps(plan: Plan) -> Iterator[tuple[str, ...]]:
-    for part in plan.hosts:
-        for number, step in enumerate(part.steps, 1):
-            yield f"{number} of {len(part.steps)}", part.name, str(step.address), step.title
 
 
 def _script(since: ScriptSince) -> tuple[str, str, str, str]:

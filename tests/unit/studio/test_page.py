@@ -8,8 +8,7 @@ from rarms_iac.app.status import NextCommand
 from rarms_iac.model.commands import command
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.studio.page import BarPart, ComponentOnPage, HostOnPage, StudioOnPage, render_studio
-from rarms_iac.studio.plan_page import CHANGES, STEPS, PlanOnPage
-from rarms_iac.views.reports.table import Table
+from rarms_iac.studio.plan_page import PlanOnPage
 from tests.unit.views.reports.test_html import REPORT
 
 NASTY = "</script></textarea></pre><script>alert(1)</script><img src=x onerror=alert(1)> \" ' & \u2028 {{ 7 * 7 }}"
@@ -17,11 +16,10 @@ NASTY = "</script></textarea></pre><script>alert(1)</script><img src=x onerror=a
 PLAN = PlanOnPage(
     id="x",
     text="x",
-    summary="x",
-    changes=Table(columns=CHANGES, rows=(("x",) * len(CHANGES),)),
-    steps=Table(columns=STEPS, rows=(("x",) * len(STEPS),)),
+    details="x",
     scripts=(("x", "x", "x", "x"),),
     command=command("x"),
+    is_made_anew=False,
     can_be_applied=True,
     changed=("x",),
 )
