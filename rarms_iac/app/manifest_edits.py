@@ -40,40 +40,47 @@ class FileEdit:
     before: str
     after: str
 
-    def write(self) -> None:
-        """Write the file where that changes something.
 
-        Raises:
-            UseCaseError: It cannot be written (failed).
-            RequestError: It was changed since it was read; that change stays.
-        """
-        if self.after != self.before:
-            if _read(self.file) != self.before:
-                raise RequestError(f"{self.file} was changed meanwhile: nothing was written. Do it again.")
-            write_file(self.file, self.after.encode("utf-8"))
-
-
-def edit_level(manifest: Manifest, component: Component, index: PerformanceIndex, level: str) -> FileEdit:
-    """Make a level of performance the APT of a component, in the file that says it, or is to say it.
+def write_edits(edits: Sequence[FileEdit]) -> None:
+    """Write the files that are changed: all, or none where another hand changed one of them.
 
     Args:
-        manifest: Its file is read; nothing is written yet.
-        component: As the manifest has it.
-        index: Of which the level is.
-        level: As it was given: `100 ms`.
-
-    Returns:
-        The edit; comments stay.
+        edits: one a file.
 
     Raises:
-        CannotFormat: Its text is no manifest.
+        UseCaseError: One cannot be written (failed).
+        RequestError: One was changed since it was read; that change stays.
     """
-    exists = index.name in component.apt
-    path = ("components", component.name, "apt", index.name, index.direction)
-    file = manifest.places.value(*path).file if exists else manifest.places.key(*path[:3]).file
-    before = _read(file)
-    after = set_value(before, path, level) if exists else set_value(before, path[:4], {index.direction: level})
-    return FileEdit(file=file, before=before, after=after)
+    changed = [edit for edit in edits if edit.after != edit.before]
+    for edit in changed:
+        if _read(edit.file) != edit.before:
+            raise RequestError(f"{edit.file} was changed meanwhile: nothing was written. Do it again.")
+    for edit in changed:
+        write_file(edit.file, edit.after.encode("utf-8"))
+
+
+def edit_levels(manifest: Manifest, levels: Sequence[tuple[Component, PerformanceIndex, str]]) -> tuple[FileEdit, ...]:
+    """Make levels of performance the APTs of components, each in the file that says it, or is to say it.
+
+    Args:
+        manifest: Its files are read; nothing is written yet.
+        levels: Of a component, as the manifest has it, the index, and the level as it was given: `100 ms`.
+
+    Returns:
+        The edits, one a file, sorted; comments stay.
+
+    Raises:
+        CannotFormat: A text is no manifest.
+    """
+    before: dict[str, str] = {}
+    texts: dict[str, str] = {}
+    for component, index, level in levels:
+        exists = index.name in component.apt
+        path = ("components", component.name, "apt", index.name, index.direction)
+        file = manifest.places.value(*path).file if exists else manifest.places.key(*path[:3]).file
+        text = _text(texts, before, file)
+        texts[file] = set_value(text, path, level) if exists else set_value(text, path[:4], {index.direction: level})
+    return tuple(FileEdit(file=file, before=before[file], after=text) for file, text in sorted(texts.items()))
 
 
 def edit_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> PartitionEdits:

@@ -8,7 +8,7 @@ from typing import Literal
 
 from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of
 from rarms_iac.app.decision_logs import record_choices
-from rarms_iac.app.manifest_edits import FileEdit, edit_level
+from rarms_iac.app.manifest_edits import FileEdit, edit_levels, write_edits
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.options import argument, flag, option
 from rarms_iac.app.totals import states_at_hand
@@ -21,7 +21,7 @@ from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import PerformanceIndex, find_index, show_value, threshold_of
 from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.outcomes import Estimate
-from rarms_iac.model.output import Internal, output
+from rarms_iac.model.output import output
 from rarms_iac.model.quantities import UNITS, NotAQuantity, Unit, guaranteed, plain
 from rarms_iac.model.system import Component, System, Threshold
 from rarms_iac.model.wording import quoted, suggestion
@@ -92,7 +92,15 @@ class Selection:
     why_no_headroom: str
     findings: tuple[Diagnostic, ...]
     file: str = ""  # of the manifest, with the level; empty: nothing was written
-    edit: Internal[FileEdit | None] = None  # of the manifest: what writing the level changes there
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelProposal:
+    """Levels that were chosen together; nothing is written yet."""
+
+    selections: tuple[Selection, ...]  # what follows from all of them, a level each
+    edits: tuple[FileEdit, ...]  # what writing them changes, a file of the manifest each
+    measurements: Measurements  # with the levels in the manifest
 
 
 class BeyondMeasured(UseCaseError):
@@ -232,16 +240,51 @@ def select_level(manifest: Manifest, request: SelectRequest) -> Selection:
         UseCaseError: No measured reservation meets the level, or no data log is valid (negative); the file cannot be
             written (failed).
     """
-    choice = _choice_of(manifest.system, request.component, request.level, request.index)
-    measurements = measurements_of(manifest)
-    changed = replace(measurements, system=_with_level(manifest.system, choice))
-    edit = edit_level(manifest, choice.component, choice.index, choice.text)
-    selection = replace(_selection(manifest, changed, choice), edit=edit)
+    proposal = propose_levels(manifest, [request])
+    [selection], [edit] = proposal.selections, proposal.edits
     if request.dry_run:
         return selection
-    edit.write()
-    record_choices(changed, (choice.component.name,))
+    write_levels(proposal)
     return replace(selection, file=edit.file)
+
+
+def propose_levels(manifest: Manifest, requests: Sequence[SelectRequest]) -> LevelProposal:
+    """Work out what follows from levels that hold together: the planner sees all of them.
+
+    Args:
+        manifest: It is only read.
+        requests: A level each; whether they are dry runs is not looked at.
+
+    Returns:
+        What follows, and the edits that write the levels.
+
+    Raises:
+        RequestError: As of `select_level`.
+        UseCaseError: No measured reservation meets one of the levels, or no data log is valid (negative).
+    """
+    choices = [_choice_of(manifest.system, each.component, each.level, each.index) for each in requests]
+    system = manifest.system
+    for choice in choices:
+        system = _with_level(system, choice)
+    changed = replace(measurements_of(manifest), system=system)
+    edits = edit_levels(manifest, [(choice.component, choice.index, choice.text) for choice in choices])
+    selections = tuple(_selection(manifest, changed, choice) for choice in choices)
+    return LevelProposal(selections=selections, edits=edits, measurements=changed)
+
+
+def write_levels(proposal: LevelProposal) -> None:
+    """Write levels into the manifest, all of them or none, and record in the configuration log what follows.
+
+    Args:
+        proposal: The levels.
+
+    Raises:
+        RequestError: A file of the manifest was changed meanwhile.
+        UseCaseError: It cannot be written (failed).
+    """
+    write_edits(proposal.edits)
+    names = dict.fromkeys(selection.component for selection in proposal.selections)
+    record_choices(proposal.measurements, tuple(names))
 
 
 def _choice_of(system: System, name: str, at: str, index: str | None) -> _Choice:
@@ -340,8 +383,9 @@ def _refuse_far(choice: _Choice, logs: Sequence[tuple[Host, Loads]]) -> None:
 
 
 def _with_level(system: System, choice: _Choice) -> System:
-    apt: Mapping[str, Threshold] = {**choice.component.apt, choice.index.name: choice.threshold}
-    return replace(system, components={**system.components, choice.component.name: replace(choice.component, apt=apt)})
+    component = system.components[choice.component.name]
+    apt: Mapping[str, Threshold] = {**component.apt, choice.index.name: choice.threshold}
+    return replace(system, components={**system.components, component.name: replace(component, apt=apt)})
 
 
 def _levels(

@@ -124,10 +124,12 @@ def plain_text(text: Wording, manifest: str = "") -> str:
     """
     if isinstance(text, str):
         return text
-    return "".join(
-        piece if isinstance(piece, str) else f"`{piece.text}{manifest if piece.takes_manifest else ''}`"
-        for piece in text.pieces
-    )
+    return "".join(piece if isinstance(piece, str) else f"`{command_text(piece, manifest)}`" for piece in text.pieces)
+
+
+def command_text(recommended: RecommendedCommand, manifest: str) -> str:
+    """Write a command out, with ` -f cell` or the like behind it where it takes a manifest."""
+    return recommended.text + (manifest if recommended.takes_manifest else "")
 
 
 APPLY = command("apply")

@@ -1,78 +1,76 @@
-"""A level that was chosen by dragging: what follows from it, the edit as a difference, and its writing."""
+"""Levels chosen together, by dragging or as a way out: what follows, the edit as a difference, its writing."""
 
 import hashlib
 from dataclasses import dataclass, replace
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource, today_utc
-from rarms_iac.app.select import SelectRequest, select_level
+from rarms_iac.app.select import SelectRequest, propose_levels, write_levels
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.manifest.edit.formatting import diff_text
-from rarms_iac.model.commands import RecommendedCommand, command
+from rarms_iac.model.wording import in_a_row
 from rarms_iac.views.console import UNLIMITED, render
 from rarms_iac.views.select import selection_text
 
 
 class LevelBody(BaseModel):
-    """What the page sends."""
+    """A level of an index of a component."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
     component: str
     index: str
     level: str
-    digest: str = ""  # of the text that was shown as a difference; empty: nothing is written
 
-    def command(self) -> RecommendedCommand:
-        """`rarms select`."""
-        return command("select", self.component, at=self.level, index=self.index, dry_run=not self.digest)
+
+class LevelsBody(BaseModel):
+    """What the page sends."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    levels: list[LevelBody] = Field(min_length=1)
+    digest: str = ""  # of the texts that were shown as a difference; empty: nothing is written
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LevelAnswer:
-    """What follows from a level."""
+class LevelsAnswer:
+    """What follows from levels."""
 
     text: str  # as `rarms select` says it
     difference: str  # of the manifest; empty: it says so already
-    digest: str  # of the manifest's text, before
-    after: str  # of its text with the level
-    file: str  # that was written; empty: nothing was
+    digest: str  # of the texts of the manifest's files, before
 
 
-def answer_level(source: ManifestSource, body: LevelBody) -> LevelAnswer:
-    """Show what a level changes, or write it.
+def answer_levels(source: ManifestSource, body: LevelsBody) -> LevelsAnswer:
+    """Show what levels change together, or write all of them.
 
     Args:
         source: the manifest.
-        body: the level, and whether it is written.
+        body: the levels, and whether they are written.
 
     Returns:
         The answer.
 
     Raises:
-        RequestError: the level cannot be meant, or the manifest changed since the difference was shown.
-        UseCaseError: as of `select_level`.
+        RequestError: a level cannot be meant, or the manifest changed since the difference was shown.
+        UseCaseError: as of `propose_levels` and `write_levels`.
     """
     manifest = load_manifest(replace(source, today=today_utc()))
-    request = SelectRequest(component=body.component, level=body.level, index=body.index)
-    selection = select_level(manifest, replace(request, dry_run=True))
-    edit = selection.edit
-    assert edit is not None, "a level that can be had comes with its edit"
-    digest = _digest(edit.before)
+    requests = [SelectRequest(component=each.component, level=each.level, index=each.index) for each in body.levels]
+    proposal = propose_levels(manifest, requests)
+    digest = hashlib.sha256("\0".join(edit.before for edit in proposal.edits).encode()).hexdigest()
     if body.digest:
         if body.digest != digest:
-            raise RequestError(f"{edit.file} has changed since this difference was shown: look at it again.")
-        selection = select_level(manifest, request)
-    return LevelAnswer(
-        text=render(selection_text(selection), UNLIMITED),
-        difference=diff_text(edit.before, edit.after, edit.file, "with this level"),
+            names = in_a_row([edit.file for edit in proposal.edits])
+            raise RequestError(f"The manifest ({names}) has changed since this difference was shown: look at it again.")
+        write_levels(proposal)
+    last = proposal.selections[-1]  # says the headroom, which is the same for all
+    selections = (*(replace(each, headrooms=(), why_no_headroom="") for each in proposal.selections[:-1]), last)
+    differences = (diff_text(edit.before, edit.after, edit.file, "as it is to be") for edit in proposal.edits)
+    return LevelsAnswer(
+        text="".join(render(selection_text(selection), UNLIMITED) for selection in selections),
+        difference="".join(differences),
         digest=digest,
-        after=_digest(edit.after),
-        file=selection.file,
     )
-
-
-def _digest(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()

@@ -178,7 +178,15 @@ def render_studio(report: Report, findings: Sequence[Diagnostic], studio: Studio
         findings: of the application.
         studio: what the server adds.
     """
-    return render_page(report, findings=findings, style="", script="", policy="", studio=studio)
+    return render_page(
+        report,
+        findings=findings,
+        manifest_options=studio.manifest_options,
+        style="",
+        script="",
+        policy="",
+        studio=studio,
+    )
 
 
 def _report(known: Knowledge, workspace: Workspace) -> Report:

@@ -25,14 +25,14 @@ from starlette.routing import Mount, Route
 from rarms_iac.app.control import StopSignal
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.use_case_errors import RequestError, UseCaseError
-from rarms_iac.model.commands import RecommendedCommand, plain_text, sentences
+from rarms_iac.model.commands import RecommendedCommand, command_text, plain_text, sentences
 from rarms_iac.model.diagnostics import in_order
 from rarms_iac.storage.shipped import shipped_text
 from rarms_iac.studio.actions import ACTIONS, Action, Workspace
 from rarms_iac.studio.connections import LOOPBACK, MOST_ACCEPTED, BoundedProtocol, StudioServer, bind
 from rarms_iac.studio.guard import Guard, Keys
 from rarms_iac.studio.knowledge import Watch
-from rarms_iac.studio.levels import LevelAnswer, LevelBody, answer_level
+from rarms_iac.studio.levels import LevelsAnswer, LevelsBody, answer_levels
 from rarms_iac.studio.page import page_of
 from rarms_iac.studio.work import Ending, TaskRunner, Transcript, WorkRefused, WorkState
 from rarms_iac.views.console import UNLIMITED, render
@@ -93,7 +93,7 @@ class Studio:
             Route("/modules/{name}", self._module),
             Route("/events", self._events),
             Route("/stop", self._stop_work, methods=["POST"]),
-            Route("/level", self._level, methods=["POST"]),
+            Route("/levels", self._levels, methods=["POST"]),
             Route("/do/{action}", self._do, methods=["POST"]),
         ]
 
@@ -161,22 +161,22 @@ class Studio:
         self.work.stop(body.number)
         return JSONResponse({})
 
-    async def _level(self, request: Request) -> Response:
-        body = await _read(request, LevelBody)
+    async def _levels(self, request: Request) -> Response:
+        body = await _read(request, LevelsBody)
         if isinstance(body, Response):
             return body
         if self._settings.read_only and body.digest:
             return _read_only()
         try:
-            answer = await run_in_threadpool(self._answer_level, body)
+            answer = await run_in_threadpool(self._answer_levels, body)
         except (RequestError, UseCaseError) as error:
             return _refusal(self._describe(error))
-        return JSONResponse({**asdict(answer), "command": self._words(body.command())})
+        return JSONResponse(asdict(answer))
 
-    def _answer_level(self, body: LevelBody) -> LevelAnswer:
+    def _answer_levels(self, body: LevelsBody) -> LevelsAnswer:
         """One at a time: of two that were shown the same text the second is refused."""
         with self._writing:
-            return answer_level(self._settings.source, body)
+            return answer_levels(self._settings.source, body)
 
     async def _do(self, request: Request) -> Response:
         kind = ACTIONS.get(request.path_params["action"])
@@ -200,7 +200,7 @@ class Studio:
         return JSONResponse({"number": self.work.state().number})
 
     def _words(self, recommended: RecommendedCommand) -> str:
-        return recommended.text + (self._settings.manifest_options if recommended.takes_manifest else "")
+        return command_text(recommended, self._settings.manifest_options)
 
     def _describe(self, error: RequestError | UseCaseError) -> str:
         if isinstance(error, RequestError):

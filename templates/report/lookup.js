@@ -38,9 +38,15 @@ export const reserveOf = (card) => {
 
 export const counts = (card) => card.decides || (card.fixed.length > 0 && card.plots.some((plot) => plot.moved));
 
-// In hundredths of a logical processor. `reserve` of a card is what `reserveOf` said of it last.
+const counted = (capacity, cards) => cards.filter((card) => card.platform === capacity.platform && counts(card));
+
+// The cards whose lines no measured reserve achieves: what they need, and with it the total, is not known.
+export const notAchieved = (capacity, cards) => counted(capacity, cards).filter((card) => card.reserve === null);
+
+// In hundredths of a logical processor, without those that are not achieved: what the manifest fixes for these stays.
+// `reserve` of a card is what `reserveOf` said of it last.
 export const totalOf = (capacity, cards) => {
-  const here = cards.filter((card) => card.platform === capacity.platform && counts(card));
+  const here = counted(capacity, cards).filter((card) => card.reserve !== null);
   const replaced = new Set(here.flatMap((card) => card.fixed));
   const remaining = capacity.fixed.filter(([names]) => !names.every((name) => replaced.has(name)));
   const fixed = remaining.reduce((sum, [, amount]) => sum + amount, capacity.other);

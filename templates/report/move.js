@@ -3,12 +3,12 @@ import { bounded, heightOf, step, valueAt, written } from "./axis.js";
 import { readCards } from "./lookup.js";
 import { element, makeRoomSoon, showCard, showPlot, showTotals } from "./show.js";
 
-const page = { capacities: [], cards: [] };
+const page = { capacities: [], cards: [], manifestOptions: "" };
 const plots = () => page.cards.flatMap((card) => card.plots);
 
 const show = (plot) => {
   showPlot(plot);
-  showCard(plot.card);
+  showCard(page, plot.card);
   showTotals(page);
   document.dispatchEvent(new CustomEvent("line", { detail: plot.card }));
 };
@@ -77,7 +77,7 @@ const reset = (card) => {
     plot.moved = false;
     showPlot(plot);
   }
-  showCard(card);
+  showCard(page, card);
   showTotals(page);
   document.dispatchEvent(new CustomEvent("line", { detail: card }));
 };
@@ -107,7 +107,7 @@ const showSamples = (plot, number) => {
 
 const begin = (card) => {
   card.plots.forEach(showPlot);
-  showCard(card);
+  showCard(page, card);
 };
 
 const identityOf = (plot) => `${plot.card.log} ${plot.component} ${plot.index}`;
@@ -117,6 +117,7 @@ export const start = () => {
   const moved = new Map(plots().filter((plot) => plot.moved).map((plot) => [identityOf(plot), plot.text]));
   const data = JSON.parse(element("data").textContent);
   page.capacities = data.capacities;
+  page.manifestOptions = data.manifest_options;
   page.cards = readCards(data);
   for (const plot of plots().filter((each) => moved.has(identityOf(each)))) {
     plot.text = moved.get(identityOf(plot));

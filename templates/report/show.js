@@ -1,6 +1,6 @@
 // What the page says of the lines: of a plot, of its card, and of every platform.
 import { heightOf } from "./axis.js";
-import { counts, leastReserve, reserveOf, totalOf, wanted } from "./lookup.js";
+import { counts, leastReserve, notAchieved, reserveOf, totalOf, wanted } from "./lookup.js";
 
 export const element = (id) => document.getElementById(id);
 
@@ -10,9 +10,11 @@ const shareOfProcessors = (reserve, processors) => `${reserve} % of its ${proces
 const shareOfHost = (share) => figure(share, 1);
 const inWords = (plot) => `${plot.direction.replace("_", " ")} ${plot.text} ${plot.unit}`;
 
+const markOf = (plot) => (element(`${plot.id}-foot`).getAttribute("visibility") === "hidden" ? null : element(`${plot.id}-mark`).querySelector("rect"));
+
 // Labels that a pill would cover, even in part, are not shown: looked at once a frame, since looking is dear.
 const covered = (pill, labels) => {
-  const over = pill.getBoundingClientRect();
+  const over = pill?.getBoundingClientRect() ?? new DOMRect(-1e6, -1e6); // one that is not shown covers nothing
   return [...element(labels).querySelectorAll(":scope > text")].map((label) => {
     const box = label.getBoundingClientRect();
     return [label, box.left < over.right + 4 && over.left < box.right + 4 && box.top < over.bottom && over.top < box.bottom];
@@ -23,7 +25,7 @@ const crowded = new Set();
 const makeRoom = () => {
   const found = [...crowded].flatMap((plot) => [
     ...covered(element(`${plot.id}-value`), `${plot.id}-values`),
-    ...covered(element(`${plot.id}-mark`).querySelector("rect"), `${plot.id}-reserves`),
+    ...covered(markOf(plot), `${plot.id}-reserves`),
   ]);
   for (const [label, hidden] of found) label.setAttribute("visibility", hidden ? "hidden" : "visible");
   crowded.clear();
@@ -76,18 +78,20 @@ const manifestLines = (card) => {
   return lines.length > 1 ? lines : [];
 };
 
-const commandLines = (card) =>
-  wanted(card).map((plot) => {
-    const several = card.plots.filter((one) => one.component === plot.component).length > 1;
-    const index = several || !plot.apt ? ` --index ${plot.index}` : "";
-    return `rarms select ${plot.component} --at "${plot.text} ${plot.unit}"${index}`;
-  });
+// The command that writes a level.
+export const commandOf = (page, { component, index, level }) => {
+  const plots = page.cards.flatMap((card) => card.plots).filter((plot) => plot.component === component);
+  const isOnly = plots.every((plot) => plot.index === index && plot.apt);
+  return `rarms select ${component} --at "${level}"${isOnly ? "" : ` --index ${index}`}${page.manifestOptions}`;
+};
+
+export const levelOf = (plot) => ({ component: plot.component, index: plot.index, level: `${plot.text} ${plot.unit}` });
 
 const fill = (id, lines) => {
   element(id).textContent = lines.join("\n") || "Move a line first.";
 };
 
-export const showCard = (card) => {
+export const showCard = (page, card) => {
   if (card.plots.length === 0) return;
   card.reserve = reserveOf(card);
   const reserve = card.reserve;
@@ -97,7 +101,7 @@ export const showCard = (card) => {
   element(`${card.id}-level`).textContent = levelSentence(card, reserve);
   element(`${card.id}-reset`).hidden = !card.plots.some((plot) => plot.moved);
   fill(`${card.id}-manifest`, manifestLines(card));
-  fill(`${card.id}-command`, commandLines(card));
+  fill(`${card.id}-command`, wanted(card).map((plot) => commandOf(page, levelOf(plot))));
 };
 
 export const textOf = (node, text) => {
@@ -107,13 +111,16 @@ export const textOf = (node, text) => {
 export const showTotals = (page) => {
   page.capacities.forEach((capacity, place) => {
     const total = totalOf(capacity, page.cards);
+    const unknown = notAchieved(capacity, page.cards).map((card) => card.name);
     const headroom = capacity.capacity - capacity.unmanaged - total;
     const share = (amount) => `${inProcessors(amount)} (${shareOfHost(amount / capacity.processors)} % of ${capacity.name})`;
-    const fits = headroom >= 0;
-    const message = fits ? `Headroom of ${capacity.name}: ${share(headroom)}` : `Over ${capacity.name} by ${share(-headroom)}`;
+    const fits = headroom >= 0 && unknown.length === 0;
+    const why = `${unknown.join(", ")} ${unknown.length > 1 ? "are" : "is"} not achieved`;
+    const room = unknown.length > 0 ? `not known: ${why}` : share(headroom);
+    const message = headroom >= 0 ? `Headroom of ${capacity.name}: ${room}` : `Over ${capacity.name} by ${unknown.length > 0 ? "at least " : ""}${share(-headroom)}`;
     const fit = element(`fit-${place + 1}`);
     const sentence = fit.querySelector(".sentence");
-    const reserved = `${inProcessors(total)} of ${inProcessors(capacity.capacity)} reserved`;
+    const reserved = `${unknown.length > 0 ? "At least " : ""}${inProcessors(total)} of ${inProcessors(capacity.capacity)} reserved`;
     textOf(sentence, `${reserved} (${shareOfHost(total / capacity.processors)} % of ${capacity.name}). ${message}.`);
     sentence.classList.toggle("over-full", !fits);
     fit.querySelector(".used").setAttribute("width", Math.min(total / capacity.processors, 100).toFixed(3));

@@ -1,7 +1,7 @@
 // What a server adds: actions are sent to it, what runs is followed, and the page follows the files.
 import { start, isHeld } from "./move.js";
 import { patch } from "./patch.js";
-import { element, textOf } from "./show.js";
+import { commandOf, element, levelOf, textOf } from "./show.js";
 import { wanted } from "./lookup.js";
 
 const followed = () => [document.querySelector("header.page"), element("main")];
@@ -75,36 +75,28 @@ const measureOf = (names, setting = "") => {
 // --- levels
 
 const cardOf = (id) => page.cards.find((card) => card.id === id);
-const previews = new WeakMap(); // by edit on the page: what was shown, in the order in which it is written
-const levelOf = (plot) => ({ component: plot.component, index: plot.index, level: `${plot.text} ${plot.unit}` });
+const previews = new WeakMap(); // by edit on the page: the levels that were shown, and the digest of the text before
 
 const showPreview = async (edit, levels) => {
-  const answers = [];
-  const problems = [];
-  for (const level of levels) {
-    try {
-      answers.push({ level, ...(await send("level", level)) });
-    } catch (problem) {
-      problems.push(problem.message);
-    }
+  const commands = levels.map((level) => commandOf(page, level)).join("\n");
+  let shown = { difference: "", text: "" };
+  let problem = levels.length === 0 ? "Move a line first." : "";
+  try {
+    if (levels.length > 0) shown = await send("levels", { levels });
+  } catch (error) {
+    problem = error.message;
   }
-  const differences = answers.map((answer) => answer.difference).join("");
-  const nothing = problems.length > 0 ? "Nothing can be written." : "The manifest says so already.";
-  previews.set(edit, answers);
-  edit.querySelector(".difference").textContent = differences || nothing;
-  edit.querySelector(".follows").textContent = [...problems, ...answers.flatMap((answer) => [answer.command, answer.text])].join("\n");
-  edit.querySelector(".write").hidden = problems.length > 0 || differences === "";
+  previews.set(edit, { levels, digest: shown.digest });
+  edit.querySelector(".difference").textContent = shown.difference || (problem ? "Nothing can be written." : "The manifest says so already.");
+  edit.querySelector(".follows").textContent = problem || `${commands}\n${shown.text}`;
+  edit.querySelector(".write").hidden = shown.difference === "";
   edit.hidden = false;
 };
 
-// Each level is written onto the text that was shown, or that the level before it left.
+// All levels, onto the text that was shown, or none.
 const write = async (edit) => {
-  const answers = previews.get(edit) ?? [];
-  let digest = answers[0]?.digest;
   try {
-    for (const { level, difference } of answers) {
-      if (difference !== "") digest = (await send("level", { ...level, digest })).after;
-    }
+    await send("levels", previews.get(edit));
     edit.hidden = true;
     say("Written into the manifest.");
   } catch (problem) {

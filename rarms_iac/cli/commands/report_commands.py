@@ -79,7 +79,7 @@ def report_command(session: Session, options: ReportOptions, source: ManifestSou
         return ExitCode.DONE
     from rarms_iac.views.reports.html import MEGABYTE, as_html, size_warning
 
-    page, file = as_html(report), options.out or DEFAULT_FILE
+    page, file = as_html(report, session.terminal.manifest_options), options.out or DEFAULT_FILE
     if file == "-":
         session.terminal.data(page.decode("utf-8"))
         return ExitCode.DONE

@@ -13,7 +13,7 @@ from hashlib import sha256
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import PlatformCapacity, Report
-from rarms_iac.model.commands import command, plain_text, prose
+from rarms_iac.model.commands import command, command_text, plain_text, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.quantities import guaranteed, show_processors
 from rarms_iac.statistics.error_probability import ERRORS_EXPLAINED
@@ -56,8 +56,13 @@ def size_warning(file: str, size: int, measurements: int) -> Diagnostic:
     )
 
 
-def as_html(report: Report) -> bytes:
-    """The whole page in UTF-8 with LF; the same report gives the same bytes."""
+def as_html(report: Report, manifest_options: str = "") -> bytes:
+    """The whole page in UTF-8 with LF; the same report gives the same bytes.
+
+    Args:
+        report: what was measured.
+        manifest_options: what commands end with, such as ` -f cell`.
+    """
     from markupsafe import Markup
 
     style = _read("report.css") + _line_rules(cards_of(report))
@@ -65,6 +70,7 @@ def as_html(report: Report) -> bytes:
     return render_page(
         report,
         findings=report.findings,
+        manifest_options=manifest_options,
         style=Markup(style),  # noqa: S704 - ours, to the byte
         script=Markup(script),  # noqa: S704 - ours, to the byte
         policy=_policy(style, script),
@@ -72,12 +78,13 @@ def as_html(report: Report) -> bytes:
     )
 
 
-def render_page(report: Report, *, findings: Sequence[Diagnostic], **context: object) -> bytes:
+def render_page(report: Report, *, findings: Sequence[Diagnostic], manifest_options: str, **context: object) -> bytes:
     """The page of a report, with or without a server: what both show is filled in here.
 
     Args:
         report: what was measured; it may be empty.
         findings: what else is to be said.
+        manifest_options: what commands end with, such as ` -f cell`.
         context: how scripts and style come into the page, and what a server adds.
     """
     from markupsafe import Markup
@@ -102,13 +109,16 @@ def render_page(report: Report, *, findings: Sequence[Diagnostic], **context: ob
             show_cell=show_cell,
             more_candidates=candidates_left_out(report),
             statuses=[
-                (bool(status.differs), status.host, plain_text(status_text(status))) for status in report.statuses
+                (bool(status.differs), status.host, plain_text(status_text(status), manifest_options))
+                for status in report.statuses
             ],
-            findings=[_finding(diagnostic) for diagnostic in findings],
+            findings=[_finding(diagnostic, manifest_options) for diagnostic in findings],
             reserves=RESERVES,
+            words=command_text,
+            manifest_options=manifest_options,
             lp=lambda reserve, processors: show_processors(guaranteed(reserve, processors)),
             errors=ERRORS_EXPLAINED,
-            data=Markup(_script_json(data_of(report, cards))),  # noqa: S704 - no sign that HTML reads is left in it
+            data=Markup(_script_json({**data_of(report, cards), "manifest_options": manifest_options})),  # noqa: S704 - no sign that HTML reads is left in it
             **context,
         )
     )
@@ -139,12 +149,12 @@ def _bar(fit: PlatformCapacity) -> dict[str, str]:
     }
 
 
-def _finding(diagnostic: Diagnostic) -> dict[str, object]:
+def _finding(diagnostic: Diagnostic, manifest_options: str) -> dict[str, object]:
     return {
         "kind": f"{diagnostic.severity}[{diagnostic.code}]",
         "summary": diagnostic.summary,
         "detail": diagnostic.detail,
-        "advice": plain_text(diagnostic.advice),
+        "advice": plain_text(diagnostic.advice, manifest_options),
         "where": str(diagnostic.place or diagnostic.address),
         "values": {
             name: ", ".join(value) if isinstance(value, tuple) else str(value)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.app.manifest_edits import FileEdit, PartitionEdits, edit_partitions
+from rarms_iac.app.manifest_edits import FileEdit, PartitionEdits, edit_partitions, write_edits
 from rarms_iac.app.manifests import Manifest, load_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.use_case_errors import RequestError
@@ -121,10 +121,13 @@ def test_nothing_new_writes_nothing(tmp_path: Path) -> None:
 
 
 def test_what_was_changed_since_it_was_read_is_not_written_over(tmp_path: Path) -> None:
-    file = tmp_path / "rarms.yaml"
+    first, file = tmp_path / "overlay.yaml", tmp_path / "rarms.yaml"
+    first.write_text("as it was read\n", encoding="utf-8", newline="\n")
     file.write_text("by another hand\n", encoding="utf-8", newline="\n")
+    edits = [FileEdit(file=str(each), before="as it was read\n", after="as it is to be\n") for each in (first, file)]
 
     with pytest.raises(RequestError, match="was changed meanwhile: nothing was written"):
-        FileEdit(file=str(file), before="as it was read\n", after="as it is to be\n").write()
+        write_edits(edits)
 
+    assert first.read_text(encoding="utf-8") == "as it was read\n", "all or nothing"
     assert file.read_text(encoding="utf-8") == "by another hand\n"

@@ -15,11 +15,12 @@ from rarms_iac.storage.lock import hold
 from rarms_iac.studio.actions import ACTIONS, MeasureAction, ProveAction, TuneAction
 from tests.needs import CHECKOUT
 from tests.unit.cli.running import rarms
-from tests.unit.studio.studio_client import Client, studio
+from tests.unit.studio.studio_client import TIGHT, Client, studio
 
 MANIFEST = (CHECKOUT / "templates/init/rarms.yaml").read_text(encoding="utf-8")
 RUN = "run: { command: [control], until: { samples: 2000 }, samples: { from: per_run } }"
 LEVEL = {"component": "control", "index": "mean_response_time", "level": "45 ms"}
+LEVELS = {"levels": [LEVEL]}
 
 
 @pytest.fixture
@@ -85,34 +86,56 @@ def test_a_proof_asks_for_the_idle_time_of_the_hosts(client: Client) -> None:
 def test_a_level_is_shown_as_a_difference_and_written_onto_the_text_that_was_shown(
     client: Client, folder: Path
 ) -> None:
-    shown = client.post("level", LEVEL).data
+    shown = client.post("levels", LEVELS).data
     assert "-      mean_response_time: { at_most: 50 ms }" in str(shown["difference"])
-    assert shown["command"] == "rarms select control --at '45 ms' --index mean_response_time --dry-run"
     assert text(folder) == MANIFEST, "a preview writes nothing"
 
     (folder / "rarms.yaml").write_text(MANIFEST + "# another hand\n", encoding="utf-8", newline="\n")
-    late = client.post("level", {**LEVEL, "digest": shown["digest"]})
+    late = client.post("levels", {**LEVELS, "digest": shown["digest"]})
     assert (late.status, "has changed since" in late.text) == (409, True)
-    again = client.post("level", LEVEL).data
-    written = client.post("level", {**LEVEL, "digest": again["digest"]})
+    again = client.post("levels", LEVELS).data
+    written = client.post("levels", {**LEVELS, "digest": again["digest"]})
 
     assert written.status == 200
     assert text(folder) == MANIFEST.replace("at_most: 50 ms", "at_most: 45 ms") + "# another hand\n"
-    assert client.post("level", LEVEL).data["difference"] == ""
+    assert client.post("levels", LEVELS).data["difference"] == ""
+
+
+def test_levels_of_a_way_out_are_shown_and_written_together_or_not_at_all(client: Client, folder: Path) -> None:
+    (folder / "rarms.yaml").write_text(TIGHT, encoding="utf-8", newline="\n")
+    assert rarms("measure", "-f", str(folder)).code == 0
+    way = [{**LEVEL, "component": "speech", "level": "60 ms"}, {**LEVEL, "component": "talk", "level": "70 ms"}]
+    for level in way:
+        alone = client.post("levels", {"levels": [level]}).data
+        assert "the headroom is not known" in str(alone["text"])
+
+    shown = client.post("levels", {"levels": way}).data
+    assert "the headroom is not known" not in str(shown["text"])
+    assert str(shown["text"]).count("headroom of onboard") == 1
+    assert all(f"at_most: {level['level']}" in str(shown["difference"]) for level in way)
+    (folder / "rarms.yaml").write_text(TIGHT + "# another hand\n", encoding="utf-8", newline="\n")
+    late = client.post("levels", {"levels": way, "digest": shown["digest"]})
+    assert (late.status, text(folder)) == (409, TIGHT + "# another hand\n")
+
+    again = client.post("levels", {"levels": way}).data
+    assert client.post("levels", {"levels": way, "digest": again["digest"]}).status == 200
+    written = TIGHT.replace("at_most: 27 ms", "at_most: 60 ms").replace("at_most: 30 ms", "at_most: 70 ms")
+    assert text(folder) == written + "# another hand\n"
 
 
 def test_of_two_levels_that_are_written_at_once_onto_one_text_the_second_is_refused(
     client: Client, folder: Path
 ) -> None:
     for at in range(5):
-        shown = {**LEVEL, "digest": client.post("level", LEVEL).data["digest"]}
-        levels = [{**shown, "level": f"{40 - at} ms"}, {**shown, "level": f"{30 - at} ms"}]
+        digest = client.post("levels", LEVELS).data["digest"]
+        levels = [f"{40 - at} ms", f"{30 - at} ms"]
+        bodies = [{"levels": [{**LEVEL, "level": level}], "digest": digest} for level in levels]
         with ThreadPoolExecutor(2) as pool:
-            answers = list(pool.map(partial(client.post, "level"), levels))
+            answers = list(pool.map(partial(client.post, "levels"), bodies))
 
         assert sorted(answer.status for answer in answers) == [200, 409]
         written = next(level for level, answer in zip(levels, answers, strict=True) if answer.status == 200)
-        assert f"at_most: {written['level']}" in text(folder)
+        assert f"at_most: {written}" in text(folder)
 
 
 def test_a_log_that_is_no_regular_file_is_a_finding_on_the_page(client: Client, folder: Path) -> None:
@@ -126,11 +149,11 @@ def test_a_log_that_is_no_regular_file_is_a_finding_on_the_page(client: Client, 
 
 
 def test_a_level_that_cannot_be_meant_is_refused_with_the_reason(client: Client, folder: Path) -> None:
-    refused = client.post("level", {**LEVEL, "level": "45 parsecs"})
+    refused = client.post("levels", {"levels": [LEVEL, {**LEVEL, "level": "45 parsecs"}]})
 
     assert refused.status == 409
     assert "mean_response_time" in str(refused.data["message"])
-    assert client.post("level", {**LEVEL, "component": "nothing"}).status == 409
+    assert client.post("levels", {"levels": [LEVEL, {**LEVEL, "component": "nothing"}]}).status == 409
     assert text(folder) == MANIFEST
 
 
@@ -138,8 +161,8 @@ def test_read_only_shows_and_plans_and_changes_nothing(folder: Path) -> None:
     with studio(folder, read_only=True) as client:
         client.enter()
         assert done(client, "plan")["ending"] == "done"
-        digest = client.post("level", LEVEL).data["digest"]
-        assert client.post("level", {**LEVEL, "digest": digest}).status == 403
+        digest = client.post("levels", LEVELS).data["digest"]
+        assert client.post("levels", {**LEVELS, "digest": digest}).status == 403
         for action in [name for name, kind in ACTIONS.items() if kind.changes]:
             body = {"application": "x"} if action in {"apply", "finish", "undo"} else {}
             body |= {"plan": "x"} if action == "apply" else {}

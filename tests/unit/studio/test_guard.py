@@ -46,7 +46,7 @@ def test_without_the_cookie_every_address_answers_403(client: Client) -> None:
     for name in ADDRESSES:
         assert client.send("GET", client.path + name, {}).status == 403, name
         assert client.send("GET", client.path + name, {"Cookie": f"rarms-studio-{client.port}=x"}).status == 403, name
-    for name in ("stop", "level", "do/plan"):
+    for name in ("stop", "levels", "do/plan"):
         assert client.send("POST", client.path + name, {**allowed(client), "Cookie": ""}, b"{}").status == 403, name
     assert client.send("GET", "/", {"Cookie": client.cookie}).status == 403
     assert client.send("GET", "/favicon.ico", {"Cookie": client.cookie}).status == 403
@@ -122,7 +122,7 @@ def test_bodies_are_bounded_and_their_length_is_told(client: Client) -> None:
     assert client.send("POST", address, {**own, "Transfer-Encoding": "chunked", "Content-Length": "2"}).status == 411
 
 
-@pytest.mark.parametrize("name", ["stop", "level", "do/plan", "do/apply", "do/measure"])
+@pytest.mark.parametrize("name", ["stop", "levels", "do/plan", "do/apply", "do/measure"])
 def test_nothing_is_done_by_get(client: Client, name: str) -> None:
     assert client.get(name).status == 405
 
@@ -145,7 +145,7 @@ def test_it_listens_on_the_loopback_interface_alone(client: Client) -> None:
 
 @pytest.mark.parametrize("body", [b"[]", b"{", b'{"plan": 1}', b'{"foreign": true}', b'{"components": "control"}'])
 def test_a_body_that_the_page_does_not_send_is_refused(client: Client, body: bytes) -> None:
-    for name in ("do/measure", "level"):
+    for name in ("do/measure", "levels"):
         assert client.send("POST", f"{client.path}{name}", allowed(client), body).status == 422, name
 
 
