@@ -22,6 +22,7 @@ import pytest
 from tests.browser import chromium, looks, messages, whole_page
 from tests.needs import CHECKOUT, require
 from tests.system.test_report_page import LEAST_CONTRAST
+from tests.unit.studio.studio_client import TIGHT
 
 if TYPE_CHECKING:
     from selenium.webdriver.chrome.webdriver import WebDriver
@@ -310,9 +311,11 @@ def test_a_setting_is_measured_and_its_samples_and_the_scripts_difference_are_sh
         press(browser, "plan")
         assert waits_for_end(browser, "rarms plan") == "ended."
         waits_for(browser, "return document.getElementById('the-plan') !== null")
-        rows = browser.find_elements("css selector", "#the-plan tbody tr")
-        assert any("display" in row.text and "memory 512 MiB -> 768 MiB" in row.text for row in rows)
-        assert any(row.text.startswith("1 of ") for row in rows), "the steps in their order"
+        planned = shown(browser, "plan-text")
+        assert "display" in planned
+        assert "memory 512 MiB -> 768 MiB" in planned
+        assert "Afterwards" in planned
+        assert browser.find_element("id", "plan-text").is_displayed(), "what is to be applied is read before"
         browser.find_element("css selector", "#the-plan details:nth-of-type(2) summary").click()
         script = browser.find_element("css selector", "#the-plan details[open]").text
         assert "which was applied last" in script
@@ -594,38 +597,72 @@ def test_it_is_for_people(browser: "WebDriver", tmp_path: Path) -> None:
             assert serious == []
 
 
-TIGHT = """\
-schema: rarms/v1
-application: { name: tight }
-hosts:
-  onboard: { logical_processors: 2, memory: 4 GiB }
-components:
-  vision:
-    criticality: 30
-    run: { command: [vision], until: { samples: 60 }, samples: { from: per_run } }
-    apt: { mean_response_time: { at_most: 24 ms } }
-    cpu: { reserve: measured }
-    memory: 512 MiB
-    processors: 1
-    simulation: { work: 20 ms, varies: 2 % }
-  speech:
-    criticality: 10
-    run: { command: [speech], until: { samples: 60 }, samples: { from: per_run } }
-    apt: { mean_response_time: { at_most: 27 ms } }
-    cpu: { reserve: measured }
-    memory: 512 MiB
-    processors: 1
-    simulation: { work: 20 ms, varies: 2 % }
-  talk:
-    criticality: 5
-    run: { command: [talk], until: { samples: 60 }, samples: { from: per_run } }
-    apt: { mean_response_time: { at_most: 30 ms } }
-    cpu: { reserve: measured }
-    memory: 512 MiB
-    processors: 1
-    simulation: { work: 20 ms, varies: 2 % }
-policy: { interference: [busy-loop] }
-"""
+def test_a_level_that_no_reserve_achieves_leaves_the_headroom_unknown(browser: "WebDriver", tmp_path: Path) -> None:
+    rarms(tmp_path, "init")
+    rarms(tmp_path, "measure", "control")
+    with studio(tmp_path) as served:
+        opens(browser, served)
+        before = waits_for(browser, "return document.querySelector('#fit-1 .sentence')?.textContent")
+        assert before.startswith("1 LP of 1.8 LP reserved"), "the manifest fixes 0.6 LP and 0.4 LP"
+        assert "With the lines as they are now." in browser.find_element("css selector", "[data-key=summary]").text
+        browser.find_element("id", "m1-1-line").send_keys("\ue011")  # Home
+        assert shown(browser, "m1-reserve") == "Not achieved"
+        browser.execute_async_script("requestAnimationFrame(() => setTimeout(arguments[0]))")
+        sentence = browser.find_element("css selector", "#fit-1 .sentence").text
+        assert sentence.startswith("At least 1 LP of 1.8 LP reserved")
+        assert sentence.endswith("Headroom of onboard: not known: control is not achieved.")
+        assert shown(browser, "m1-headroom") == "Headroom of onboard: not known: control is not achieved."
+        hidden = "return document.querySelectorAll('#m1-1-reserves > text[visibility=hidden]').length"
+        assert browser.execute_script(hidden) == 0, "a mark that is not shown covers no label"
+
+
+def test_commands_name_the_manifest_that_the_studio_was_started_with(browser: "WebDriver", tmp_path: Path) -> None:
+    cell = tmp_path / "cell"
+    cell.mkdir()
+    (cell / "rarms.yaml").write_text(TIGHT, encoding="utf-8", newline="\n")
+    rarms(tmp_path, "measure", "-f", "cell")
+    with studio(tmp_path, "-f", "cell") as served:
+        opens(browser, served)
+        waits_for(browser, "return document.getElementById('findings') !== null")
+        commands = "return [...document.querySelectorAll(arguments[0])].map((each) => each.textContent)"
+        assert shown(browser, "m1-command") == 'rarms select vision --at "24 ms" -f cell'
+        found = browser.execute_script(commands, "[aria-labelledby=findings] code, [data-way]:not(#next button)")
+        assert found
+        assert {words.endswith(" -f cell") for words in found if words.startswith("rarms ")} == {True}
+        browser.find_element("css selector", "[data-levels]").click()
+        follows = waits_for(
+            browser, "return document.querySelector('details .edit:not([hidden]) .follows')?.textContent"
+        )
+        assert re.match(r'rarms select \w+ --at "[\d.]+ ms" -f cell\n', follows)
+        assert "headroom of onboard: " in follows, "all its levels together fit"
+
+
+def test_a_plan_of_a_manifest_that_changed_shows_no_command_that_would_plan_anew(
+    browser: "WebDriver", tmp_path: Path
+) -> None:
+    rarms(tmp_path, "init")
+    manifest = tmp_path / "rarms.yaml"
+    with studio(tmp_path) as served:
+        opens(browser, served)
+        press(browser, "plan")
+        waits_for(browser, "return document.querySelector('#apply .does') !== null")
+        with manifest.open("a", encoding="utf-8") as file:
+            file.write("# another hand\n")
+        waits_for(browser, "return document.querySelector('#apply .does') === null")
+        assert "has changed since plan" in browser.find_element("id", "the-plan").text
+        assert browser.find_element("css selector", "#apply button").is_displayed()
+
+
+def test_long_words_break_lines_and_not_the_page(browser: "WebDriver", tmp_path: Path) -> None:
+    name = "c" * 63
+    text = TIGHT.replace("{ name: tight }", f"{{ name: tight, description: {'W' * 200} }}").replace("vision", name)
+    (tmp_path / "rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
+    with studio(tmp_path) as served:
+        opens(browser, served)
+        assert "W" * 200 in browser.find_element("tag name", "header").text.replace("\n", "")
+        for width in (1200, 600, 360):
+            looks(browser, width=width)
+            assert browser.execute_script("return document.documentElement.scrollWidth") <= width
 
 
 def test_where_it_does_not_fit_each_way_out_shows_its_edit(browser: "WebDriver", tmp_path: Path) -> None:

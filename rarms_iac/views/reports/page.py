@@ -233,12 +233,20 @@ def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
 
 
 def _counted(report: Report) -> tuple[Measurement, ...]:
-    """The measurements whose partitions are placed on their platforms: those that its total is made of."""
+    """The measurements that the total of a platform is made of, or is not known without.
+
+    Their partitions are placed there, or no measured reserve meets their APTs.
+    """
     counted = {(capacity.platform, name) for capacity in report.capacities for name in capacity.partitions}
+    missing = {(capacity.platform, name) for capacity in report.capacities for name in capacity.missing}
     return tuple(
         measurement
         for measurement in report.measurements
-        if measurement.decides and (measurement.platform, measurement.partition) in counted
+        if measurement.decides
+        and (
+            (measurement.platform, measurement.partition) in counted
+            or (measurement.platform, measurement.name) in missing
+        )
     )
 
 

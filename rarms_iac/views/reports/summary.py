@@ -9,15 +9,24 @@ from rarms_iac.views.tune import describe_proof
 
 
 def fit_text(fit: PlatformCapacity) -> str:
-    """As `1.4 LP of 2 LP reserved (70 % of onboard). Headroom of onboard: 0.6 LP (30 % of onboard).`."""
+    """As `1.4 LP of 2 LP reserved (70 % of onboard). Headroom of onboard: 0.6 LP (30 % of onboard).`.
+
+    Where no measured reserve is enough for a component, what it needs and the headroom are not known.
+    """
     headroom, hosts = fit.headroom_lp, ", ".join(fit.hosts)
 
     def amount(processors: Fraction) -> str:
         return f"{show_processors(processors)} ({share_of_host(processors, fit.processors, hosts)})"
 
-    room = f"Headroom of {hosts}: {amount(headroom)}" if headroom >= 0 else f"Over {hosts} by {amount(-headroom)}"
+    names, least = ", ".join(fit.missing), "at least " if fit.missing else ""
+    room = (
+        f"Headroom of {hosts}: {amount(headroom)}" if headroom >= 0 else f"Over {hosts} by {least}{amount(-headroom)}"
+    )
+    if fit.missing and headroom >= 0:
+        room = f"Headroom of {hosts}: not known: {names} {'are' if len(fit.missing) > 1 else 'is'} not achieved"
     share = share_of_host(fit.reserved_lp, fit.processors, hosts)
-    return f"{show_processors(fit.reserved_lp)} of {show_processors(fit.capacity_lp)} reserved ({share}). {room}."
+    reserved = f"{least}{show_processors(fit.reserved_lp)} of {show_processors(fit.capacity_lp)} reserved"
+    return f"{reserved[:1].upper()}{reserved[1:]} ({share}). {room}."
 
 
 def tuning_text(tuning: PlatformTuning) -> str:

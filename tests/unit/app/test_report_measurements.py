@@ -7,6 +7,7 @@ from rarms_iac.app.report_measurements import ReportedLog, report_of
 from rarms_iac.app.report_model import Report
 from rarms_iac.model.system import Component, System
 from rarms_iac.statistics.curves import curves_of, least_reserve
+from rarms_iac.views.reports.page import cards_of, data_of
 from rarms_iac.views.reports.summary import fit_text
 from rarms_iac.views.reports.table import show_cell
 from rarms_iac.views.reports.tables import levels_table
@@ -83,6 +84,24 @@ def test_a_total_above_the_capacity_is_said_so() -> None:
 
     assert not fit.fits
     assert fit_text(fit).endswith("Over onboard by 0.72 LP (36 % of onboard).")
+
+
+def test_a_total_without_a_component_whose_level_is_not_achieved_is_not_known() -> None:
+    system = a_robot()
+    component = system.components["face-detection"]
+    impossible = replace(component, apt={"mean_response_time": at_most(1)})
+    system = replace(system, components={**system.components, component.name: impossible})
+
+    report = report_of(system, the_logs(system))
+    [fit] = report.capacities
+
+    assert fit_text(fit) == (
+        "At least 0.52 LP of 2 LP reserved (26 % of onboard). "
+        "Headroom of onboard: not known: face-detection is not achieved."
+    )
+    cards = data_of(report, cards_of(report))["cards"]
+    assert isinstance(cards, list)
+    assert [card["decides"] for card in cards if card["name"] == "face-detection"] == [True], "its line counts"
 
 
 def test_what_is_kept_for_the_host_is_no_capacity() -> None:
