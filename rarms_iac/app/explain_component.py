@@ -23,7 +23,7 @@ from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.problem import by_name
 from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, depends_on_a_log, names_of
 from rarms_iac.planner.totals import totals_by_host
-from rarms_iac.statistics.curves import Curve, holds
+from rarms_iac.statistics.curves import Curve, highest_missed, holds
 from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.datalog.log import DataLog
 from rarms_iac.storage.finding_pages import known_codes
@@ -209,5 +209,6 @@ def _at_reserve(curves: Iterable[_MemberCurve], reserve: int) -> Iterator[Explai
                 point=point,
                 estimate=each.curve.estimate_at(reserve),
                 met=holds(each.curve, each.threshold, reserve),
+                missed=reserve <= highest_missed([(each.curve, each.threshold)]),
                 inconclusive=reserve in each.curve.inconclusive,
             )

@@ -1,7 +1,7 @@
 """The partition that an explanation is about: what is known of it, and where a plan puts it, or would."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rarms_iac.app.data_logs import Measurements, measured_reservations
 from rarms_iac.app.hosts import Hosts
@@ -14,7 +14,7 @@ from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.problem import HostView, host_view
-from rarms_iac.planner.reservations import MeasuredReservations
+from rarms_iac.planner.reservations import MeasuredReservations, NotMeasured
 from rarms_iac.planner.sizes import size, size_without_reserve
 
 
@@ -119,7 +119,16 @@ def place_of(partition: ExplainedPartition) -> ExplainedPlace:
         if isinstance(answer, PlacedPartition):
             return ExplainedPlace(host=host, partition=answer)
     for host, answer in answers:
-        shape = size_without_reserve(group, host)
+        shape = size_without_reserve(_as_wide_as_measured(partition, host), host)
         if isinstance(shape, PlacedPartition) and isinstance(answer, Cause):
             return ExplainedPlace(host=host, partition=shape, no_host_because=answer.message)
     raise UseCaseError(Outcome.NEGATIVE, partition.planning.findings, partition.hosts.manifest.sources)
+
+
+def _as_wide_as_measured(partition: ExplainedPartition, host: Host) -> Group:
+    """The group with the virtual processors that its data log was measured with, where no reservation says them."""
+    group = partition.group
+    log = partition.reservations.log(group.members, host)
+    if isinstance(log, NotMeasured) or group.request.processors is not None:
+        return group
+    return replace(group, request=replace(group.request, processors=log.processors))

@@ -52,6 +52,7 @@ class ExplainedIndex:
     point: Internal[Point]  # of the curve, on which every reservation rests
     estimate: Internal[Estimate | None]  # what was measured there; None: it is looked up between two settings
     met: bool
+    missed: Internal[bool]  # on the good side of the band, too; neither: it is not shown yet
     inconclusive: Internal[bool]  # it was measured there, and that gave no verdict
 
     @property

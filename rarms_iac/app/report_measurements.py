@@ -114,16 +114,20 @@ def report_of(
 
 
 def _resting(system: System, measurements: Sequence[Measurement]) -> Iterator[Measurement]:
-    """Those beside the load that asks for most: nothing rests on the others, or where the log of a load is missing."""
+    """Those beside the load that asks for most: nothing rests on the others, or where the log of a load is missing.
+
+    NOTE: where loads ask for the same, a plan takes the first in the manifest's order (`hardest`), and so does this.
+    """
     logs: dict[tuple[str, Names], list[Measurement]] = {}
     for measurement in measurements:
         if measurement.decides:
             logs.setdefault((measurement.platform, measurement.components), []).append(measurement)
-    decisive = [
-        measured[hardest([each.reserve for each in measured])]
-        for (_, names), measured in logs.items()
-        if {each.interference for each in measured} == {*system.loads_of(names)}
-    ]
+    decisive = []
+    for (_, names), measured in logs.items():
+        loads = system.loads_of(names)
+        if {each.interference for each in measured} == {*loads}:
+            in_order = sorted(measured, key=lambda each: loads.index(each.interference))
+            decisive.append(in_order[hardest([each.reserve for each in in_order])])
     for measurement in measurements:
         yield replace(measurement, decides=any(measurement is each for each in decisive))
 

@@ -91,7 +91,8 @@ def weight_of(group: Group, host: Host) -> tuple[int, str]:
 def _weight_of_policy(group: Group) -> tuple[int, str]:
     match group.headroom:
         case Headroom.BY_CRITICALITY:
-            why = f"policy.headroom is by_criticality: {USUAL_WEIGHT} times the criticality {group.criticality}"
+            whose = " of its most critical member" if len(group.members) > 1 else ""
+            why = f"policy.headroom is by_criticality: {USUAL_WEIGHT} times the criticality {group.criticality}{whose}"
             return weight_of_criticality(group.criticality), f"{why}, within {USUAL_WEIGHT} to {MOST_WEIGHT}"
         case Headroom.EQUAL:
             return USUAL_WEIGHT, "policy.headroom is equal: the same for all"

@@ -121,9 +121,13 @@ def _verdict(explanation: Explanation, index: ExplainedIndex) -> str:
         return f"{value} {beyond}{samples}: {'met so far' if index.met else 'not met'}, as it must be {_bound(index)}"
     sentence = f"{value}, between {_value(index, seen.lower)} and {_value(index, seen.upper)}{samples}"
     curve = f"as the safe side of the curve, {_value(index, index.safe)},"
+    if estimate is not None and index.safe not in (estimate.lower, estimate.upper):
+        curve = f"{curve} which other settings tell of, too,"
     if index.met:
         return f"{sentence}: met, {curve} is {_bound(index)}, {describe_error()}"
-    return f"{sentence}: not shown to be met, {curve} is not {_bound(index)}"
+    if index.missed:
+        return f"{sentence}: missed, it must be {_bound(index)}"
+    return f"{sentence}: not shown yet to be met, {curve} is not {_bound(index)}"
 
 
 def _share(explanation: Explanation, reserve: int) -> str:

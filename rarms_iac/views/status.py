@@ -127,13 +127,14 @@ def _remarks(partition: PartitionStatus) -> Iterator[str]:
 
 
 def _proven(proofs: Sequence[ComponentProof]) -> Sequence[str]:
-    """`3 of 4 thresholds held ... beside busy-loop, last at ...`, and a line for each that does not hold."""
+    """`3 of 4 thresholds held ... beside busy-loop, proven at ...`, and a line for each that does not hold."""
     sentences: list[str] = []
     for load in dict.fromkeys(proof.interference for proof in proofs):
         of_load = [proof for proof in proofs if proof.interference == load]
         holding = [proof for proof in of_load if proof.met and not proof.outdated]
-        last = max((proof.when for proof in holding), default="")
-        when = f", last at {last.replace('T', ' ').replace('Z', ' UTC')}" if last else ""
+        times = sorted({proof.when.replace("T", " ").replace("Z", " UTC") for proof in holding})
+        when = f", proven at {times[0]}" if times else ""
+        when = f", the first proven at {times[0]}, the last at {times[-1]}" if len(times) > 1 else when
         thresholds = f"{len(holding)} of {counted(len(of_load), 'threshold')}"
         sentences.append(f"{thresholds} held together with all other components beside {load or 'no load'}{when}.")
     for proof in proofs:

@@ -31,7 +31,7 @@ class TuningProgress(SilentReporter):
     def setting_answered(self, answer: Answer) -> None:
         """Show the answer."""
         predicted = "" if answer.predicted is None else f" (predicted {answer.predicted} % of its VPs)"
-        row = "+".join(answer.members), f"{answer.reserve} % of its VPs", f"{answer_text(answer.worse)}{predicted}"
+        row = "+".join(answer.members), f"{answer.reserve} % of its VPs", f"{answer_text(answer)}{predicted}"
         if self._live is None:
             self._say(paragraph(f"{row[0]} at {row[1]}: {row[2]}"))
         else:
@@ -54,9 +54,11 @@ class TuningProgress(SilentReporter):
             self._live.rows.clear()
 
 
-def answer_text(worse: Sequence[str]) -> str:
-    """Whether a setting is enough for the components together; `worse`: those of whom that was not shown."""
-    return f"not shown for {', '.join(worse)}" if worse else "all met"
+def answer_text(answer: Answer) -> str:
+    """Whether a setting is enough for the components together, or shown to be too little."""
+    if answer.passed:
+        return "all met"
+    return f"{'not shown for' if answer.unresolved else 'missed by'} {', '.join(answer.worse)}"
 
 
 def tuned_text(result: TuningResult) -> "RenderableType":
@@ -89,10 +91,10 @@ def _sentences(result: TuningResult) -> Sequence[str]:
         case "nothing_to_do":
             return [f"{hosts}: nothing to do, {before} of {capacity} are reserved{fixed}."]
         case "stopped":
-            return [f"{hosts}: stopped, {before} are reserved{fixed}, and there are {capacity}."]
+            return [f"{hosts}: stopped, {before} are reserved{fixed}; the capacity is {capacity}."]
         case "unable":
             doubts = describe_doubts(run)
-            return [f"{hosts}: {before} are reserved{fixed}, and there are {capacity}. {run.message}.", *doubts]
+            return [f"{hosts}: {before} must be reserved{fixed}; the capacity is {capacity}. {run.message}.", *doubts]
         case "successful":
             return [f"{hosts}: {run.message}, {before} became {after} of {capacity}{fixed}.", *describe_proof(run)]
 

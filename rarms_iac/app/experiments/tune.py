@@ -11,7 +11,7 @@ from rarms_iac.app.experiments.measure import record_reservations
 from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts, starting_again
 from rarms_iac.app.experiments.stopping import stopped_to_measure
 from rarms_iac.app.experiments.tuning_search import TuningConclusion, search_combinations
-from rarms_iac.app.experiments.tuning_subject import Experiments, subject_of_tuning, tuning_host
+from rarms_iac.app.experiments.tuning_subject import Experiments, TuningSubject, subject_of_tuning, tuning_host
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.manifest_edits import PartitionEdits, edit_partitions
 from rarms_iac.app.measurement_files import now
@@ -23,6 +23,7 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import show_lp_percent
 from rarms_iac.model.version import __version__
+from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.combining.oracle import Always, Coi, Consent, PlannerReporter, SilentReporter, total
 from rarms_iac.planner.combining.paper import SUCCESSFUL, UNABLE, Inquiry
@@ -196,11 +197,12 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
         yield planning_findings.NO_ANSWER.at(None, end.unanswered, mend, values={"reason": end.unanswered})
     elif end.ending == "unable":
         reserved, capacity = map(show_lp_percent, (end.before, end.subject.capacity))
-        message = f"{reserved} are reserved, {capacity} are there, and no combination that was allowed fits."
+        message = f"{reserved} must be reserved, the capacity is {capacity}, and no combination that was allowed fits."
+        limits = _limits_on_combining(end.subject)
         advice = prose(
             "Relax an APT (",
             command("select", "COMPONENT", at="LEVEL"),
-            "), lift an `apart`, `dedicated` or `protect`, or add a logical processor.",
+            f"){f', lift {limits}' if limits else ''} or add a logical processor.",
         )
         if not end.subject.cois:
             message = "The manifest fixes all reserves, they do not fit, and nothing can be combined."
@@ -215,6 +217,18 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
             values={"reserved_lp": end.before / 100, "capacity_lp": end.subject.capacity / 100},
         )
     yield from _doubtful_compounds(end)
+
+
+def _limits_on_combining(subject: TuningSubject) -> str:
+    """Name the manifest's fields that keep components from a partition with others: `an `apart` or `dedicated`,`."""
+    members = [subject.system.components[name] for coi in subject.cois for name in coi.members]
+    fields = {
+        "`apart`": any(member.apart for member in members),
+        "`dedicated`": any(member.dedicated for member in members),
+        "`protect`": any(request.protect for request in subject.system.partitions.values()),
+    }
+    named = [name for name, is_set in fields.items() if is_set]
+    return f"{in_a_row(named, 'or')}," if named else ""
 
 
 def _doubtful_compounds(end: TuningConclusion) -> Iterator[Diagnostic]:

@@ -101,7 +101,11 @@ def _level(measurement: Measurement, curve: IndexCurve) -> Row:
         Cell(text=show_threshold(curve.index, curve.threshold), value=curve.threshold.value),
         f"{curve.index.name} {show_bound(curve.index, curve.threshold)}",
         curve.index.symbol,
-        None if point is None else Cell(text=show_value(curve.index, point.value), value=finite(point.value)),
+        None
+        if point is None
+        else Cell(
+            text=f"{show_value(curve.index, point.value)} beside {measurement.interference}", value=finite(point.value)
+        ),
         None if reserve is None else guaranteed(reserve, measurement.processors),
         Cell(
             text="none is enough" if reserve is None else share_of_processors(reserve, measurement.processors),

@@ -40,6 +40,15 @@ def test_by_criticality_the_more_critical_has_the_larger_part() -> None:
     assert "100 times the criticality 30" in found["vision"].why_weight
 
 
+def test_a_partition_of_several_has_the_weight_of_its_most_critical_member() -> None:
+    system = a_robot()
+    vision = replace(system.components["vision"], together=("speech",))
+    found = partitions_of(replace(system, components={**system.components, "vision": vision}))
+
+    [shared] = [each for each in found.values() if each.settings.weight == 3000]
+    assert "100 times the criticality 30 of its most critical member, within" in shared.why_weight
+
+
 def test_what_one_needs_moves_no_other_share() -> None:
     before, after = partitions_of(a_robot()), partitions_of(a_robot("45 %"))
 

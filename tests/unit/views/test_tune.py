@@ -80,10 +80,10 @@ def test_every_answer_is_a_line_in_a_pipe_and_a_row_of_the_table_on_a_terminal()
         progress.ended()
 
     assert pipe == [
-        "a+b at 40 % of its VPs: not shown for a (predicted 44 % of its VPs)\n",
+        "a+b at 40 % of its VPs: missed by a (predicted 44 % of its VPs)\n",
         "a+b at 45 % of its VPs: all met (predicted 44 % of its VPs)\n",
     ]
     assert terminal == [
-        "a+b  40 % of its VPs  not shown for a (predicted 44 % of its VPs)\n"
+        "a+b  40 % of its VPs  missed by a (predicted 44 % of its VPs)\n"
         "a+b  45 % of its VPs  all met (predicted 44 % of its VPs)\n"
     ]
