@@ -54,6 +54,10 @@ export const showPlot = (plot) => {
   makeRoomSoon(plot);
 };
 
+// What is written is the level alone, here as by `rarms select`.
+const fixedSentence = (card) =>
+  card.fixed.length > 0 && card.plots.some((plot) => plot.moved) ? ` The manifest fixes the reserve of ${card.fixed.join(", ")}: with cpu: { reserve: measured } it follows the level.` : "";
+
 const levelSentence = (card, reserve) => {
   if (reserve === undefined) return "There is no APT yet: move a line to see what a level needs.";
   const short = wanted(card).filter((plot) => leastReserve([plot]) === null);
@@ -73,7 +77,6 @@ const manifestLines = (card) => {
     for (const plot of wanted(card).filter((one) => one.component === name)) {
       lines.push(`      ${plot.index}: { ${plot.direction}: ${plot.text} ${plot.unit} }`);
     }
-    if (card.fixed.includes(name)) lines.push("    cpu: { reserve: measured }");
   }
   return lines.length > 1 ? lines : [];
 };
@@ -98,7 +101,7 @@ export const showCard = (page, card) => {
   element(`${card.id}-reserve`).textContent =
     reserve === undefined ? (card.fixed.length > 0 ? "Reserve fixed by the manifest" : "No reserve yet") : reserve === null ? "Not achieved" : `Reserve ${inProcessors(reserve * card.processors)}`;
   element(`${card.id}-bandwidth`).textContent = reserve ? shareOfProcessors(reserve, card.processors) : "";
-  element(`${card.id}-level`).textContent = levelSentence(card, reserve);
+  element(`${card.id}-level`).textContent = levelSentence(card, reserve) + fixedSentence(card);
   element(`${card.id}-reset`).hidden = !card.plots.some((plot) => plot.moved);
   fill(`${card.id}-manifest`, manifestLines(card));
   fill(`${card.id}-command`, wanted(card).map((plot) => commandOf(page, levelOf(plot))));

@@ -612,6 +612,8 @@ def test_a_level_that_no_reserve_achieves_leaves_the_headroom_unknown(browser: "
         assert sentence.startswith("At least 1 LP of 1.8 LP reserved")
         assert sentence.endswith("Headroom of onboard: not known: control is not achieved.")
         assert shown(browser, "m1-headroom") == "Headroom of onboard: not known: control is not achieved."
+        assert shown(browser, "m1-level").endswith("with cpu: { reserve: measured } it follows the level.")
+        assert "cpu" not in shown(browser, "m1-manifest"), "the edit is the level alone, as the button shows it"
         hidden = "return document.querySelectorAll('#m1-1-reserves > text[visibility=hidden]').length"
         assert browser.execute_script(hidden) == 0, "a mark that is not shown covers no label"
 
