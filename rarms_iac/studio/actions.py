@@ -146,7 +146,7 @@ class MeasureAction(Action):
         outcome = measure_components(hosts, request, control)
         transcript.findings(outcome.findings, hosts.manifest.sources)
         transcript.say(summary_text(outcome))
-        return _ending(outcome.findings, stopped=outcome.stopped)
+        return _ending(transcript, outcome.findings, stopped=outcome.stopped)
 
 
 def _measuring(transcript: Transcript, stop: StopSignal, *, stops: bool, on_busy_host: bool) -> Control:
@@ -182,7 +182,7 @@ class TuneAction(Action):
             transcript.message(sentence)
         transcript.findings(result.findings, hosts.manifest.sources)
         transcript.say(tuned_text(result))
-        return _ending(result.findings, stopped=result.run.ending == "stopped")
+        return _ending(transcript, result.findings, stopped=result.run.ending == "stopped")
 
 
 class ProveAction(Action):
@@ -206,6 +206,7 @@ class ProveAction(Action):
         with ProofProgress(transcript) as progress:
             outcome = prove_layout(hosts, request, Control(reporter=transcript, stop=stop), progress)
         if outcome.stopped:
+            transcript.message("Stopped. Of a proof that is stopped nothing is recorded.")
             return "stopped"
         transcript.findings(outcome.findings, hosts.manifest.sources)
         transcript.say(proof_text(outcome.proofs))
@@ -326,7 +327,7 @@ class UndoPreviewAction(Action):
         for undo in preview(last_applies(workspace.hosts())):
             transcript.say(undo_text(undo.host, undo.started, undo.steps))
             transcript.findings(undo.remaining)
-        return "done"
+        return "shown"
 
 
 def _refuse_other_name(typed: str, name: str) -> None:
@@ -334,8 +335,10 @@ def _refuse_other_name(typed: str, name: str) -> None:
         raise RequestError(f"{quoted(typed)} is not the application's name: type {quoted(name)}.")
 
 
-def _ending(findings: tuple[Diagnostic, ...], *, stopped: bool) -> Ending:
+def _ending(transcript: Transcript, findings: tuple[Diagnostic, ...], *, stopped: bool) -> Ending:
+    """How a measurement or a search ended."""
     if stopped:
+        transcript.message("Stopped. What is recorded stays: the same command goes on.")
         return "stopped"
     return "failed" if has_errors(findings) else "done"
 

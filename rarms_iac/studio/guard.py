@@ -1,4 +1,4 @@
-"""Who may talk to the studio: one browser, by a token that works once and a cookie from then on. Everything else: 403.
+"""Who may talk to the studio: one browser, by a token that works once and a cookie from then on. Others get 403.
 
 Loopback is no border between the users of a machine, and any page in the same browser can send requests to it. So each
 request must name this server (`Host`, against DNS rebinding), come from its own page (`Origin`, `Sec-Fetch-Site`), and

@@ -18,7 +18,7 @@ import uvicorn
 from pydantic import BaseModel, ConfigDict, ValidationError
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route
 
@@ -44,6 +44,9 @@ TICK_SECONDS = 0.2
 TICKS_OF_FILES = 3
 TICKS_OF_FILES_AT_WORK = 15
 """Files are looked at this seldom; while something runs seldom enough to leave the processors to it."""
+
+BODY_SECONDS = 10.0
+"""For the body of a request."""
 
 Body = TypeVar("Body", bound=BaseModel)
 
@@ -211,7 +214,14 @@ class Studio:
 
 async def _read(request: Request, kind: type[Body]) -> Body | Response:
     try:
-        return kind.model_validate_json(await request.body())
+        async with asyncio.timeout(BODY_SECONDS):
+            body = await request.body()
+    except TimeoutError:
+        return PlainTextResponse("The body takes too long.\n", HTTPStatus.REQUEST_TIMEOUT, {"Connection": "close"})
+    except ClientDisconnect:
+        return Response(status_code=HTTPStatus.BAD_REQUEST)  # that no client hears
+    try:
+        return kind.model_validate_json(body)
     except ValidationError:
         return PlainTextResponse("The page sent what this studio does not know: load it again.\n", 422)
 
@@ -266,16 +276,18 @@ def serve(
 
     # NOTE: a daemon. What it still has to say after the last word of the work is worth no waiting.
     thread = Thread(target=lambda: asyncio.run(server.serve(sockets=[bound])), name="rarms studio", daemon=True)
-    with stop.gently():
-        thread.start()
-        try:
-            while not server.started and thread.is_alive():
-                time.sleep(0.01)
-            bound.listen(socket.SOMAXCONN)  # those that wait to be accepted wait in the kernel
-            announce(f"http://{LOOPBACK}:{port}{keys.entrance}")
-            while not stop.should_stop() and thread.is_alive():
-                studio.work.run_next(TICK_SECONDS)
-        finally:
-            studio.close()
-            server.should_exit = True
-            thread.join()
+    thread.start()
+    try:
+        while not server.started and thread.is_alive():
+            time.sleep(0.01)
+        bound.listen(socket.SOMAXCONN)  # those that wait to be accepted wait in the kernel
+        announce(f"http://{LOOPBACK}:{port}{keys.entrance}")
+        while not stop.should_stop() and thread.is_alive():
+            studio.work.run_next(TICK_SECONDS)
+    except KeyboardInterrupt:
+        if studio.work.was_cut:
+            raise
+    finally:
+        studio.close()
+        server.should_exit = True
+        thread.join()

@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, MutableSequence, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -30,7 +30,8 @@ MOST_LINES = 400
 MOST_ROWS = 200
 """Of what is kept of a use case's words; older ones are dropped."""
 
-Ending = Literal["", "done", "stopped", "failed"]
+Ending = Literal["", "done", "shown", "stopped", "failed"]
+"""`shown`: it looked, and changed nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +58,7 @@ class Transcript:
     """
 
     def __init__(self, manifest_options: str) -> None:
-        self.rows: list[Sequence[str]] = []
+        self.rows: MutableSequence[Sequence[str]] = deque(maxlen=MOST_ROWS)
         self._manifest_options = manifest_options
         self._current: Sequence[str] = ()
         self._lines: deque[str] = deque(maxlen=MOST_LINES)
@@ -105,7 +106,7 @@ class Transcript:
             number=number,
             command=command,
             ending=ending,
-            rows=tuple(tuple(map(visible, row)) for row in self.rows[-MOST_ROWS:]),
+            rows=tuple(tuple(map(visible, row)) for row in self.rows),
             current=tuple(map(visible, self._current)),
             lines=tuple(self._lines),
         )
@@ -160,7 +161,7 @@ class WorkStop:
 
     @contextmanager
     def gently(self) -> Iterator[None]:
-        """Nothing is to be held back: the server holds signals back all the time.
+        """Nothing is to be held back: `TaskRunner` holds signals back while a use case runs.
 
         Yields:
             Once, with nothing.
@@ -186,6 +187,7 @@ class TaskRunner:
         self._manifest_options = manifest_options
         self._ended = ended
         self._lock = Lock()
+        self.was_cut = False  # by a signal, in the middle
         self._number = 0
         self._command = ""
         self._ending: Ending = "done"
@@ -235,19 +237,20 @@ class TaskRunner:
             KeyboardInterrupt: a signal cut it; what a use case does at its end is done.
         """
         with suppress(Empty):
-            self._run(self._waiting.get(timeout=seconds))
+            task = self._waiting.get(timeout=seconds)
+            with self._server.gently():
+                self._run(task)
 
     def _run(self, task: Task) -> None:
         transcript = self._transcript
         ending: Ending = "failed"
         try:
             ending = task(transcript, self._stop)
-            if ending == "stopped":
-                transcript.message("Stopped. What is recorded stays: the same command goes on.")
         except RequestError as error:
             transcript.message(sentences(error.message, error.advice))
         except KeyboardInterrupt:
             ending = "stopped"
+            self.was_cut = True
             raise
         except UseCaseError as error:
             ending = "stopped" if error.outcome is Outcome.INTERRUPTED else "failed"

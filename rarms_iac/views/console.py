@@ -8,7 +8,7 @@ program reads (JSON, SARIF, JUnit, GitHub annotations, scripts) is plain `str` a
 
 import io
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, MutableSequence, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -310,7 +310,7 @@ def _console(stream: TextIO, width: int, *, terminal: bool, colour: bool) -> "Co
 class LiveRows(Protocol):
     """A table whose last row changes while something runs, on a terminal or on a page."""
 
-    rows: list[Sequence[str]]
+    rows: MutableSequence[Sequence[str]]
     """The finished ones."""
 
     def show(self, row: Sequence[str]) -> None:
@@ -338,7 +338,7 @@ class LiveTable:
         self._console = console
         self._header = header
         self._live: Live | None = None
-        self.rows: list[Sequence[str]] = []
+        self.rows: MutableSequence[Sequence[str]] = []
 
     def show(self, row: Sequence[str]) -> None:
         """Show the finished rows and this one below them."""

@@ -144,3 +144,33 @@ def test_ctrl_c_ends_a_measurement_as_in_a_terminal(folder: Path, signals: int) 
         assert "Traceback" not in talk
         assert server.returncode in ({0} if signals == 1 else {0, 130})
     assert partitions(folder) == {"control": True}, "test partitions are gone, and what was stopped runs again"
+
+
+def test_ctrl_c_with_nothing_running_closes_at_once_and_promises_no_step(folder: Path) -> None:
+    with studio(folder) as (server, client):
+        assert client.get().status == 200
+        server.send_signal(signal.SIGINT)
+        _, talk = server.communicate(timeout=LONGEST)
+        assert server.returncode == 0
+        assert "The studio is closed." in talk
+        assert "running step" not in talk
+
+
+def test_a_body_that_never_ends_is_refused_and_one_that_is_broken_off_is_no_news(folder: Path) -> None:
+    with studio(folder) as (server, client):
+        head = (
+            f"POST {client.path}do/plan HTTP/1.1\r\nHost: 127.0.0.1:{client.port}\r\nCookie: {client.cookie}\r\n"
+            f"Origin: {client.origin}\r\nContent-Type: application/json\r\nContent-Length: 50\r\n\r\n{{"
+        ).encode()
+        with socket.create_connection(("127.0.0.1", client.port)) as leaving:
+            leaving.sendall(head)
+            time.sleep(0.5)
+        with socket.create_connection(("127.0.0.1", client.port)) as trickling:
+            trickling.settimeout(LONGEST)
+            trickling.sendall(head)
+            assert trickling.recv(4096).startswith(b"HTTP/1.1 408")
+            while trickling.recv(4096):
+                pass  # until the server ends it
+        server.send_signal(signal.SIGINT)
+        _, talk = server.communicate(timeout=LONGEST)
+        assert "Traceback" not in talk
