@@ -5,7 +5,7 @@ used now: one that finishes a run, or starts what a measurement stopped, only wh
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from types import MappingProxyType
 
@@ -16,9 +16,10 @@ from rarms_iac.app.options import STOP_PARTITIONS, Option
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.status import HostOverview, NextCommand, PartitionStatus
 from rarms_iac.manifest.load import manifest_path
-from rarms_iac.model.commands import plain_text, sentences
+from rarms_iac.model.commands import PLAN, START, plain_text, sentences
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import index_named, show_threshold
+from rarms_iac.model.journal import RunKind
 from rarms_iac.model.quantities import share_of_processors, show_processors
 from rarms_iac.model.wording import natural_order
 from rarms_iac.studio.actions import Workspace
@@ -38,6 +39,7 @@ class Box:
     name: str  # of the action's field
     flag: str  # the option that says the same in a terminal
     label: str
+    excludes: str = ""  # fields that cannot be asked together with it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,11 +75,25 @@ class ComponentOnPage:
     verdicts: tuple[str, ...]  # or why nothing is known
 
 
-COARSE = Box(name="coarse", flag="--interactive", label="Measure a coarse curve, to choose the level from.")
+LABELS = {
+    "stop_partitions": "Stop the application's partitions meanwhile",
+    "on_busy_host": "Measure beside what runs on the host",
+    "weak_load": "Accept loads that leave processors idle",
+    "dry_run": "Leave the manifest as it is",
+    "load_host": "Use all idle time of the hosts",
+    "without_load": "Prove beside no load",
+}
+COARSE = Box(
+    name="coarse", flag="--interactive", label="A coarse curve, to choose a level from", excludes="first last step"
+)
+
+
+def _box(name: str, option: Option, excludes: str = "") -> Box:
+    return Box(name=name, flag=option.flags[0], label=LABELS[name], excludes=excludes)
 
 
 def _boxes(request: type, *names: str) -> Iterator[Box]:
-    """Boxes of these fields of a request, in the words of the command line's help."""
+    """Boxes of these fields of a request, which are options."""
     options = {field.name: field.metadata.get("option") for field in fields(request)}
     for name in names:
         option = options[name]
@@ -85,13 +101,15 @@ def _boxes(request: type, *names: str) -> Iterator[Box]:
         yield _box(name, option)
 
 
-def _box(name: str, option: Option) -> Box:
-    return Box(name=name, flag=option.flags[0], label=option.help)
+def _boxes_of_running(request: type) -> tuple[Box, Box]:
+    """What is done with partitions that run meanwhile: they are stopped, or left."""
+    busy = next(_boxes(request, "on_busy_host"))
+    stop = _box("stop_partitions", STOP_PARTITIONS, excludes=busy.name)
+    return stop, replace(busy, excludes=stop.name)
 
 
-_STOP_BOX = _box("stop_partitions", STOP_PARTITIONS)
-MEASURE_BOXES = (COARSE, _STOP_BOX, *_boxes(MeasureRequest, "on_busy_host", "weak_load", "together"))
-TUNE_BOXES = (_STOP_BOX, *_boxes(TuneRequest, "on_busy_host", "dry_run"))
+MEASURE_BOXES = (COARSE, *_boxes_of_running(MeasureRequest), *_boxes(MeasureRequest, "weak_load"))
+TUNE_BOXES = (*_boxes_of_running(TuneRequest), *_boxes(TuneRequest, "dry_run"))
 PROVE_BOXES = tuple(_boxes(ProveRequest, "load_host", "without_load"))
 
 
@@ -112,7 +130,9 @@ class StudioOnPage:
     left_by_measurement: bool  # a measurement did not end
     forms_by_verb: Mapping[str, str]  # by verb of a recommended command, the form that does the same
     plan: PlanOnPage | None
+    plan_is_next: bool
     history: tuple[tuple[str, ...], ...]  # host, when, what, plan, application, by whom, ending
+    can_undo: bool
     has_manifest: bool
     measure_boxes: tuple[Box, ...] = MEASURE_BOXES
     tune_boxes: tuple[Box, ...] = TUNE_BOXES
@@ -150,6 +170,8 @@ def page_of(
         for verb, form in FORMS.items()
         if (form != "finish" or unfinished) and (form != "plan-start" or is_cut_off)
     }
+    plan = plan_on_page(known, workspace, manifest_options)
+    next_command = overview.next_command if overview and not is_running else None
     studio = StudioOnPage(
         version=version,
         application=report.application,
@@ -159,12 +181,14 @@ def page_of(
         components=tuple(_components(known, report)),
         is_running=is_running,
         held="" if is_running else describe_holders(hosts),
-        next_command=overview.next_command if overview and not is_running else None,
+        next_command=next_command,
         unfinished=unfinished,
         left_by_measurement=is_cut_off,
         forms_by_verb=forms,
-        plan=plan_on_page(known, workspace, manifest_options),
+        plan=plan,
+        plan_is_next=plan is not None and _is_next(plan, next_command),
         history=tuple(_history(known)),
+        can_undo=_can_undo(known, report.application),
         has_manifest=known.manifest is not None,
     )
     return render_studio(report, known.findings, studio)
@@ -187,6 +211,19 @@ def render_studio(report: Report, findings: Sequence[Diagnostic], studio: Studio
         policy="",
         studio=studio,
     )
+
+
+def _is_next(plan: PlanOnPage, command: NextCommand | None) -> bool:
+    """Whether the plan is what the next command would make."""
+    made_by = START.verb if plan.command == START else PLAN.verb
+    return plan.can_be_applied and not plan.changed and command is not None and command.command.verb == made_by
+
+
+def _can_undo(known: Knowledge, application: str) -> bool:
+    """Whether the last run on a host is the application's, and an apply or an undo that did not end."""
+    last = [runs[-1] for runs in known.history.hosts.values() if runs] if known.history else []
+    own = [run for run in last if run.application == application]
+    return any(run.run is RunKind.APPLY or run.closing is None for run in own)
 
 
 def _report(known: Knowledge, workspace: Workspace) -> Report:

@@ -9,6 +9,7 @@ let served = followed().map((part) => part.cloneNode(true)); // as the server se
 let page = start();
 let version = null; // the last that the server told of
 let refreshing = false;
+let isRunning = false; // as the server told last
 
 const send = async (address, body) => {
   element("work-message").textContent = "";
@@ -45,13 +46,23 @@ const bodyOf = (form) => {
 const wordsOf = (form, words) => {
   const component = form.elements.components?.value ?? "";
   const given = [...form.elements].filter((field) => field.dataset.flag && (field.type === "checkbox" ? field.checked : field.value !== ""));
-  const options = given.map((field) => (field.type === "checkbox" ? field.dataset.flag : `${field.dataset.flag} ${field.value}%`));
+  const options = given.flatMap((field) => (field.type === "checkbox" ? field.dataset.flag : field.dataset.flag.split(" ").map((flag) => `${flag} ${field.value}%`)));
   return [words, component, ...options].filter(Boolean).join(" ");
 };
 
 const showWords = (form) => {
   const code = form.querySelector("code[data-words]");
   if (code) code.textContent = `${wordsOf(form, code.dataset.words)}${code.dataset.end}`;
+};
+
+// What cannot be asked together: the field that was set last counts.
+const settle = (field) => {
+  if (field.type === "checkbox" ? !field.checked : field.value === "") return;
+  for (const name of (field.dataset.excludes ?? "").split(" ").filter(Boolean)) {
+    const other = field.form.elements[name];
+    if (other.type === "checkbox") other.checked = false;
+    else other.value = "";
+  }
 };
 
 const begin = async (form) => {
@@ -63,12 +74,9 @@ const begin = async (form) => {
   }
 };
 
-// A component, or one setting of it, with the boxes of the form as they are.
-const measureOf = (names, setting = "") => {
-  const form = element("measure");
-  const body = { ...bodyOf(form), components: names, together: names.length > 1 };
-  for (const end of ["first", "last"]) body[end] = setting === "" ? null : Number(setting);
-  body.step = null;
+// A component, or one setting of it.
+const measureOf = (names, setting = null) => {
+  const body = { components: names, together: names.length > 1, first: setting, last: setting };
   return send("do/measure", body).catch((problem) => say(problem.message));
 };
 
@@ -97,8 +105,10 @@ const showPreview = async (edit, levels) => {
 const write = async (edit) => {
   try {
     await send("levels", previews.get(edit));
-    edit.hidden = true;
-    say("Written into the manifest.");
+    edit.querySelector(".follows").textContent = "Written into the manifest.";
+    edit.querySelector(".write").hidden = true;
+    edit.tabIndex = -1;
+    edit.focus({ preventScroll: true });
   } catch (problem) {
     edit.querySelector(".follows").textContent = problem.message;
   }
@@ -123,11 +133,12 @@ const showRows = (rows) => {
 
 const showWork = (work) => {
   if (work.number === 0) return;
-  const isRunning = work.ending === "";
+  isRunning = work.ending === "";
+  textOf(element("work-title"), isRunning ? "What runs" : "Last command");
   element("work").dataset.state = `${work.number}${work.ending}`; // what a page that has caught up begins its version with
   element("work").hidden = false;
   element("work-command").textContent = work.command;
-  element("work-status").textContent = isRunning ? "runs." : { done: "ended.", stopped: "was stopped.", failed: "ended with problems." }[work.ending];
+  element("work-status").textContent = isRunning ? "runs." : { done: "ended.", stopped: "was stopped.", failed: "ended with problems.", shown: "shown; nothing was changed." }[work.ending];
   const stop = element("work-stop");
   stop.dataset.number = work.number;
   if (!isRunning && stop === document.activeElement) element("work").focus({ preventScroll: true });
@@ -142,8 +153,8 @@ const showWork = (work) => {
 
 // Where what had the focus is gone, its section has it, or what runs.
 const keepFocus = (focused, section) => {
-  if (focused === document.activeElement || focused === document.body) return;
-  const next = [focused, section, element("work"), element("main")].find((each) => each?.isConnected && !each.hidden);
+  if ((focused === document.activeElement && !focused.disabled) || focused === document.body) return;
+  const next = [focused, section, element("work"), element("main")].find((each) => each?.isConnected && !each.hidden && !each.disabled);
   if (next !== focused) next.tabIndex = -1;
   next.focus({ preventScroll: true });
 };
@@ -159,8 +170,23 @@ const refresh = async () => {
   served = latest;
   document.title = fresh.title;
   page = start();
-  document.querySelectorAll("form[data-action]").forEach(showWords);
+  document.querySelectorAll("form").forEach(showWords);
   keepFocus(focused, section);
+};
+
+// Until the server's news come again. One that answers is there: it does not know this browser, or is asked again.
+const showLoss = async () => {
+  let reason = isRunning ? "cut" : "gone";
+  try {
+    const answer = await fetch("style.css", { method: "HEAD", cache: "no-store" });
+    if (answer.ok) return;
+    reason = "refused";
+  } catch {
+    element("work-stop").hidden = true;
+    if (isRunning) element("work-status").textContent = "was cut off.";
+  }
+  for (const text of element("connection").children) text.hidden = text.dataset.when !== reason;
+  element("connection").hidden = false;
 };
 
 // While a line is held, the page stays as it is.
@@ -178,7 +204,7 @@ const follow = async (latest) => {
       await refresh();
     }
   } catch {
-    element("connection").hidden = false; // until the server's news come again
+    await showLoss();
   } finally {
     refreshing = false;
   }
@@ -186,7 +212,7 @@ const follow = async (latest) => {
 
 const events = new EventSource("events");
 events.addEventListener("open", () => (element("connection").hidden = true));
-events.addEventListener("error", () => (element("connection").hidden = false));
+events.addEventListener("error", showLoss);
 events.addEventListener("work", (event) => showWork(JSON.parse(event.data)));
 events.addEventListener("files", (event) => {
   if (event.data !== element("main").dataset.version) follow(event.data);
@@ -198,11 +224,13 @@ document.addEventListener("submit", (event) => {
   const form = event.target;
   event.preventDefault();
   if (form.dataset.action) begin(form);
-  if (form.dataset.for) measureOf(form.dataset.for.split(" "), form.elements.setting.value);
+  if (form.dataset.for) measureOf(form.dataset.for.split(" "), Number(form.elements.setting.value));
 });
 document.addEventListener("input", (event) => {
-  const form = event.target.closest("form[data-action]");
-  if (form) showWords(form);
+  const form = event.target.closest("form");
+  if (!form) return;
+  settle(event.target);
+  showWords(form);
 });
 document.addEventListener("line", (event) => {
   const edit = element(event.detail.id).querySelector("[data-edit] .edit");

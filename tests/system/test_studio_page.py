@@ -162,8 +162,12 @@ def test_a_session_from_an_empty_folder_to_a_proven_plan(browser: "WebDriver", t
         browser.get(served.address)
         waits_for(browser, ALIVE)
 
-        browser.find_element("css selector", "[data-measure=control]").click()
-        assert waits_for_end(browser, "rarms measure control") == "ended."
+        browser.find_element("id", "measure-weak_load").click()
+        row = browser.find_element("css selector", "[data-measure=control]")
+        assert row.get_attribute("title") == "rarms measure control"
+        row.click()
+        assert waits_for_end(browser, "rarms measure control") == "ended.", "the boxes are those of another form"
+        assert shown(browser, "work-title") == "Last command"
         line = waits_for(browser, "return document.getElementById('m1-1-line')")
 
         height = int(browser.execute_script("return document.getElementById('m1-1-field').clientHeight"))
@@ -183,12 +187,17 @@ def test_a_session_from_an_empty_folder_to_a_proven_plan(browser: "WebDriver", t
         waits_for(
             browser, "return document.getElementById('components').textContent.includes(arguments[0])", f"{level} ms"
         )
+        assert "Written into the manifest." in browser.find_element("css selector", "#m1 .edit").text
+        assert shown(browser, "work-message") == ""
         after = manifest.read_text(encoding="utf-8")
         assert after == before.replace("at_most: 50 ms", f"at_most: {level} ms")
 
         browser.find_element("css selector", "#plan button:last-of-type").send_keys(Keys.ENTER)
         assert waits_for_end(browser, "rarms plan") == "ended."
         waits_for(browser, "return document.getElementById('apply-application')")
+        link = browser.find_element("css selector", "#next a")
+        assert str(link.get_attribute("href")).endswith("#the-plan")
+        assert link.text in browser.find_element("id", "plan-title").text.replace("Plan", "look at plan")
         types(browser, "apply-application", "another")
         assert waits_for_end(browser, "rarms apply") == "ended with problems."
         assert "is not the application's name" in shown(browser, "work-lines")
@@ -292,8 +301,15 @@ def test_a_setting_is_measured_and_its_samples_and_the_scripts_difference_are_sh
     with studio(tmp_path) as served:
         opens(browser, served)
         waits_for(browser, "return document.getElementById('m1-setting') !== null")
-        browser.find_element("id", "measure-stop_partitions").click()
-        types(browser, "m1-setting", "77")
+        words = "return document.querySelector('#m1 form.setting code').textContent"
+        browser.find_element("id", "m1-setting").send_keys("77")
+        assert browser.execute_script(words) == "rarms measure control --from 77% --to 77%"
+        browser.find_element("css selector", "#measure-components [data-key=control]").click()
+        for box in ("on_busy_host", "stop_partitions", "coarse"):
+            browser.find_element("id", f"measure-{box}").click()
+        assert "--interactive --stop-partitions" in browser.find_element("id", "measure").text
+        browser.find_element("id", "measure-first").send_keys("77")
+        types(browser, "measure-last", "77")
         assert waits_for_end(browser, "rarms measure control --from 77% --to 77% --stop-partitions") == "ended."
         row = (
             "return [...document.querySelectorAll('#m1 [data-setting]')].find((each) => /77 %/.test(each.textContent))"
@@ -408,8 +424,10 @@ def test_a_measurement_is_stopped_in_the_middle_and_goes_on(browser: "WebDriver"
         opens(browser, served)
         press(browser, "measure")
         waits_for(browser, "return document.getElementById('work-rows').textContent.includes('samples')")
-        browser.find_element("css selector", "[data-measure=vision]").click()
-        waits_for(browser, "return document.getElementById('work-message').textContent.startsWith('Something runs')")
+        disabled = (
+            "return [...document.querySelectorAll('#measure button, #tune button, #prove button, [data-measure]')]"
+        )
+        waits_for(browser, f"{disabled}.every((each) => each.disabled)")
         keeps(browser, "measuring")
         browser.find_element("id", "work-stop").click()
         assert waits_for_end(browser, "rarms measure") == "was stopped."
@@ -491,7 +509,10 @@ def test_a_killed_server_is_told_and_another_one_goes_on(browser: "WebDriver", s
         served.process.kill()
         served.process.wait(timeout=LONGEST)
         waits_for(browser, "return !document.getElementById('connection').hidden")
-        assert "start rarms studio again" in shown(browser, "connection")
+        told = browser.find_element("id", "connection").text
+        assert told.startswith("The server is gone, and what ran ended with it: start rarms studio again")
+        assert not browser.find_element("id", "work-stop").is_displayed()
+        assert shown(browser, "work-status") == "was cut off."
     with studio(slow) as again:
         opens(browser, again)
         assert "removes the test partitions of a measurement that was cut off" in shown(browser, "next")
@@ -508,6 +529,24 @@ def test_a_killed_server_is_told_and_another_one_goes_on(browser: "WebDriver", s
         waits_for(browser, "return !document.getElementById('hosts').textContent.includes('test partition')")
         press(browser, "measure")
         waits_for(browser, "return document.querySelector('#m1 .dot') !== null")
+
+
+def test_a_browser_whose_cookies_were_deleted_is_not_told_that_the_server_is_gone(
+    browser: "WebDriver", tmp_path: Path
+) -> None:
+    rarms(tmp_path, "init")
+    with studio(tmp_path) as served:
+        opens(browser, served)
+        browser.delete_all_cookies()
+        with (tmp_path / "rarms.yaml").open("a", encoding="utf-8") as manifest:
+            manifest.write("# later\n")
+        waits_for(browser, "return !document.getElementById('connection').hidden")
+        assert browser.find_element("id", "connection").text.startswith(
+            "The studio does not know this browser any more"
+        )
+        assert served.closes() == 0
+        waits_for(browser, "return document.getElementById('connection').innerText.startsWith('The server is gone: ')")
+    assert any("403" in text for text in messages_of_errors(browser))
 
 
 class Foreign(BaseHTTPRequestHandler):

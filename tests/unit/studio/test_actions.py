@@ -59,7 +59,8 @@ def test_each_action_shows_the_command_that_does_the_same() -> None:
 def test_a_plan_is_applied_once_after_the_name_was_typed(client: Client) -> None:
     name = client.get().text.split("<h1>")[1].split("</h1>")[0]
     assert done(client, "plan")["ending"] == "done"
-    plan = client.get().text.split('data-body=\'{"plan": "')[1].split('"')[0]
+    page = client.get().text
+    plan = page.split('data-body=\'{"plan": "')[1].split('"')[0]
 
     wrong = done(client, "apply", plan=plan, application="another")
     other = done(client, "apply", plan="0123456789ab", application=name)
@@ -73,7 +74,11 @@ def test_a_plan_is_applied_once_after_the_name_was_typed(client: Client) -> None
     assert [row[1] for row in rows] == [f"{number} of {len(rows)}" for number in range(1, len(rows) + 1)]
     assert {row[4] for row in rows} <= {"changed", "unchanged"}
     assert "2 added" in str(applied["lines"])
+    shown = done(client, "undo-preview")
+    assert shown["ending"] == "shown"
+    assert 'data-action="undo"' in client.get().text
     assert done(client, "undo", application=name)["ending"] == "done"
+    assert 'data-action="undo"' not in client.get().text, "there is nothing left to undo"
 
 
 def test_a_proof_asks_for_the_idle_time_of_the_hosts(client: Client) -> None:

@@ -47,7 +47,9 @@ STUDIO = StudioOnPage(
     left_by_measurement=True,
     forms_by_verb={},
     plan=PLAN,
+    plan_is_next=False,
     history=(("x",) * 7,),
+    can_undo=True,
     has_manifest=True,
 )  # fmt: skip
 
