@@ -6,7 +6,7 @@ from pydantic import ConfigDict, Discriminator, Field, Tag
 
 from rarms_iac.manifest.document.components import FromEnvironmentBlock
 from rarms_iac.manifest.document.fields import Block, Maybe, by_name, needed, optional
-from rarms_iac.manifest.document.quantities import Amount, Memory, PositiveMemory, Time
+from rarms_iac.manifest.document.quantities import AmountOfHost, Memory, PositiveMemory, Time
 from rarms_iac.manifest.document.rules import BLOCK_OF
 from rarms_iac.manifest.document.text_forms import Filled, HostName, Name, Operation, SliceName, SshFile, SshTarget
 from rarms_iac.model.host import FaultEffect, Mechanism, ProviderKind, Receiver, SchedulerType
@@ -28,7 +28,9 @@ def _only_its_own_block() -> dict[str, Any]:
 class KeepForHostBlock(Block):
     """What partitions never get."""
 
-    processor: Amount = optional("Processor time the host's own operating system keeps: `10 %` or `0.5 LP`.", "0 %")
+    processor: AmountOfHost = optional(
+        "Processor time the host's own operating system keeps: `10 %` or `0.5 LP`, at most 100 %.", "0 %"
+    )
     memory: Memory = optional("Memory the host's own operating system keeps: `1 GiB`.", "0 B")
 
 

@@ -162,6 +162,15 @@ def _at_most_one_hour(value: Milliseconds) -> Milliseconds:
 Wait = Annotated[Time, AfterValidator(_at_most_one_hour)]
 
 
+def _at_most_the_host(value: CpuAmount) -> CpuAmount:
+    if isinstance(value, ShareOfHost) and value.percent > 100:
+        raise PydanticCustomError("rarms_too_much", "more than 100 %")
+    return value
+
+
+AmountOfHost = Annotated[Amount, AfterValidator(_at_most_the_host)]
+
+
 def _at_most_whole(value: Percent) -> Percent:
     if value > 100:
         raise PydanticCustomError("rarms_too_much", "more than 100 %")

@@ -93,6 +93,17 @@ def test_a_flood_that_cannot_be_listed_is_counted_too(tmp_path: Path) -> None:
     assert "RARMS016" not in {diagnostic.code for diagnostic in read.diagnostics}
 
 
+def test_more_than_the_whole_host_kept_for_it_is_refused_there_and_nowhere_else(tmp_path: Path) -> None:
+    kept = "memory: 4 GiB, keep_for_host: {processor: 110 %}}"
+
+    [found] = loaded(tmp_path, SMALL.replace("memory: 4 GiB}", kept)).diagnostics
+
+    assert (found.code, found.place.path if found.place else "") == (
+        "RARMS029",
+        "hosts.onboard.keep_for_host.processor",
+    )
+
+
 def test_a_misspelt_key_is_not_missing_too(tmp_path: Path) -> None:
     misspelt = loaded(tmp_path, SMALL.replace("criticality:", "criticallity:")).diagnostics
     both = loaded(tmp_path, SMALL.replace("criticality: 40", "rank: 40")).diagnostics
