@@ -38,7 +38,7 @@ def hold_back(changes: Sequence[Change], budget: StepBudget) -> HeldChanges:
     held_back: _Held = {
         at: HeldBack(
             change=change,
-            why=f"it is {change.disruption.value}, and no more than {budget.max_disruption.value} is allowed",
+            why=f"--max-disruption {change.disruption.value} allows it",
         )
         for at, change in enumerate(changes)
         if change.disruption.exceeds(budget.max_disruption)

@@ -13,6 +13,7 @@ from rarms_iac.measuring.measuring_findings import CANNOT_MEASURE
 from rarms_iac.measuring.partitions import highest_reserve, host_resources
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import ThresholdCheck
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.outcomes import SettingFailed, Stopped, TooManyFailures
@@ -216,10 +217,18 @@ def subject_of_tuning(hosts: Hosts, host: Host, states: Mapping[str, State]) -> 
 
 
 def _refuse_several_platforms(hosts: Hosts) -> None:
-    platforms = sorted({hosts.system.hosts[name].platform for name in hosts.chosen})
+    names: dict[str, list[str]] = {}
+    for name in sorted(hosts.chosen):
+        names.setdefault(hosts.system.hosts[name].platform, []).append(name)
+    platforms = sorted(names)
     if len(platforms) > 1:
         message = f"The hosts are of the platforms {', '.join(platforms)}, and measurements hold for one."
-        advice = "Name the hosts of one with --host; hosts that are alike may share one: `platform: NAME` on each."
+        tunes = [piece for platform in platforms for piece in (", ", command("tune", host=names[platform][0]))]
+        advice = prose(
+            "Tune one after the other: ",
+            *tunes[1:],
+            ". Hosts that are alike may share a platform: `platform: NAME` on each.",
+        )
         raise UseCaseError(
             Outcome.NEGATIVE,
             [planning_findings.PLATFORMS.at(None, message, advice, values={"platforms": tuple(platforms)})],

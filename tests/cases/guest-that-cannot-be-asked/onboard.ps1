@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan d371562e0fc2 of application robot, for the host itself.
+    rarms apply script: plan 22bcee0f0a7d of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 89fea9b42a9532144ca41aa3b19d219622f0bd1a2614178e072f73b8f210be7f, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 2f2fa6f465257c051b1a6738c45806520399ad86caefa6f70135b8038235f5e9, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
 #>
 
 #Requires -Version 5.1
@@ -38,12 +38,12 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'd371562e0fc2'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '89fea9b42a9532144ca41aa3b19d219622f0bd1a2614178e072f73b8f210be7f'
+        Run = 'apply'; Plan = '22bcee0f0a7d'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '2f2fa6f465257c051b1a6738c45806520399ad86caefa6f70135b8038235f5e9'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-    # === vision: the host differs from the manifest in reserve, limit or weight and start, stop or checkpoint action; it is stopped to change that (rarms.yaml:12:3)
+    # === vision: the host differs from the manifest in reserve, weight, start action and stop action; it is stopped to change that (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     # Turned off at once.
     Add-Step -Action 'stop it (turned off, not asked)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e02e54d93cec of application robot, for the host itself.
+    rarms apply script: plan 041c3ae8697c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 44b0b9c31e2c, rarms 0.1.0. SHA-256: the undo 98934c8f49a70136a4453a21a075b3aa94da2bc8e3f38dc783c111b2c77bd91f, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
+    Manifest 44b0b9c31e2c, rarms 0.1.0. SHA-256: the undo cd96f1e1183b6d40cf7102babd383ac4b81b41bcf933ef45efce7f2dcae9ab94, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
 #>
 
 #Requires -Version 5.1
@@ -37,12 +37,12 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'e02e54d93cec'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '98934c8f49a70136a4453a21a075b3aa94da2bc8e3f38dc783c111b2c77bd91f'
+        Run = 'apply'; Plan = '041c3ae8697c'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'cd96f1e1183b6d40cf7102babd383ac4b81b41bcf933ef45efce7f2dcae9ab94'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-    # === vision: the host differs from the manifest in reserve, limit or weight (rarms.yaml:12:3) =
+    # === vision: the host differs from the manifest in reserve (rarms.yaml:12:3) ==================
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'reserve 1.6 -> 1.2 LP (80 -> 60 % of each of 2 processors); mark it as robot/vision, set 8f1e1103d755' -Before @{
         limit = 100; mark = 'robot/vision'; reserve = 80; set = '28cc232b41a1'; weight = 100

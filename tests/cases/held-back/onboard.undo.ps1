@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan e02e54d93cec of application robot, for the host itself.
+    rarms undo script: plan 041c3ae8697c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -37,7 +37,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'e02e54d93cec'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Plan = '041c3ae8697c'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f61314ec8d24 of application robot, for the host itself.
+    rarms apply script: plan f9440b99ae98 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 172ffb8f78aff01aadfd5c1fd3a82a993fb53a39327917852277dc63e9e6a18d, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
+    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 1b5ce894d9141224725b95b963a6a67b62b06480fa75f338c10fbebfb6995e07, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
 #>
 
 #Requires -Version 5.1
@@ -38,12 +38,12 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f61314ec8d24'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '172ffb8f78aff01aadfd5c1fd3a82a993fb53a39327917852277dc63e9e6a18d'
+        Run = 'apply'; Plan = 'f9440b99ae98'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '1b5ce894d9141224725b95b963a6a67b62b06480fa75f338c10fbebfb6995e07'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-    # === speech: the host differs from the manifest in processors and reserve, limit or weight; it is stopped to change that (rarms.yaml:13:3)
+    # === speech: the host differs from the manifest in processors; it is stopped to change that (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 4515be6b4d63 of application robot, for the host itself.
+    rarms apply script: plan fa7e420ca40a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo c66941e512a7fda82629eeb97e6f15a2354e95fb9a578eca8fa3b442c16eddb0, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo f9ebc6713672b795f9d99e4d598eae0bc0e9b929c9883f41855feb53befaccb0, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
 #>
 
 #Requires -Version 5.1
@@ -37,12 +37,12 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '4515be6b4d63'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'c66941e512a7fda82629eeb97e6f15a2354e95fb9a578eca8fa3b442c16eddb0'
+        Run = 'apply'; Plan = 'fa7e420ca40a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'f9ebc6713672b795f9d99e4d598eae0bc0e9b929c9883f41855feb53befaccb0'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-    # === vision: the host differs from the manifest in reserve, limit or weight (rarms.yaml:12:3) =
+    # === vision: the host differs from the manifest in reserve and weight (rarms.yaml:12:3) =======
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'reserve 1.6 -> 0.8 LP (80 -> 40 % of each of 2 processors), weight 100 -> 200; mark it as robot/vision, set d38b532de154' -Before @{
         limit = 100; mark = 'robot/vision'; reserve = 80; set = '28cc232b41a1'; weight = 100

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 4515be6b4d63 of application robot, for the host itself.
+    rarms undo script: plan fa7e420ca40a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -37,7 +37,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = '4515be6b4d63'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Plan = 'fa7e420ca40a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false

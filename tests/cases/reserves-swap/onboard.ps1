@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan d989e106a3d8 of application robot, for the host itself.
+    rarms apply script: plan 9159b2b135da of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo aee833dc54a3e2220e873dd270f208da6a5ac4effb35430cfe93b10d63f3e859, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
+    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo b579fca368db3414317fa7b8e53e6978cd338ccec579180a49e56c03af5e0c72, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
 #>
 
 #Requires -Version 5.1
@@ -38,12 +38,12 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'd989e106a3d8'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'aee833dc54a3e2220e873dd270f208da6a5ac4effb35430cfe93b10d63f3e859'
+        Run = 'apply'; Plan = '9159b2b135da'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'b579fca368db3414317fa7b8e53e6978cd338ccec579180a49e56c03af5e0c72'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-    # === vision: the host differs from the manifest in reserve, limit or weight (rarms.yaml:12:3) =
+    # === vision: the host differs from the manifest in reserve (rarms.yaml:12:3) ==================
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'reserve 2.4 -> 0.8 LP (60 -> 20 % of each of 4 processors); mark it as robot/vision, set 2a25f044217c' -Before @{
         limit = 100; mark = 'robot/vision'; reserve = 60; set = 'a68c426474c6'; weight = 100
@@ -54,7 +54,7 @@ $plan = {
         if (Test-Open -Name 'set') { Write-Mark }
     }
 
-    # === speech: the host differs from the manifest in reserve, limit or weight (rarms.yaml:13:3) =
+    # === speech: the host differs from the manifest in reserve (rarms.yaml:13:3) ==================
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'reserve 0.8 -> 2.4 LP (20 -> 60 % of each of 4 processors); mark it as robot/speech, set c959e400da4b' -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 536870912 } -Before @{
         limit = 100; mark = 'robot/speech'; reserve = 20; set = '9a283df8dc93'; weight = 100

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 659d6cc44353 of application robot, for the host itself.
+    rarms apply script: plan 3805e054716a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 3787e0cd02f600957cbe3a7d68b44c23e1ddcbd009f00031b27f4decfdb4299e, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 9555938db76545df9b3414b80a8321e3972095c126ad9ad423ebb15b387994f0, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
 #>
 
 #Requires -Version 5.1
@@ -38,12 +38,12 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '659d6cc44353'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '3787e0cd02f600957cbe3a7d68b44c23e1ddcbd009f00031b27f4decfdb4299e'
+        Run = 'apply'; Plan = '3805e054716a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '9555938db76545df9b3414b80a8321e3972095c126ad9ad423ebb15b387994f0'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-    # === vision: the host differs from the manifest in reserve, limit or weight and whether it runs (rarms.yaml:12:3)
+    # === vision: the host differs from the manifest in reserve, weight and whether it runs (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{ running = $false } -After @{
         running = $true; state = 'running'

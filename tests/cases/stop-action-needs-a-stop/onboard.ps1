@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e2cc10be738f of application robot, for the host itself.
+    rarms apply script: plan b68c00c686ad of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 7ea0586a3bae5e351cad5ae09553082baa13ee418cb15af05113372e66bfeb77, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 36c1a56c5628e545acdadee8db0d75228e998a83b2e9b74b4f7b1e9f284ec3a3, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
 #>
 
 #Requires -Version 5.1
@@ -38,12 +38,12 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'e2cc10be738f'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '7ea0586a3bae5e351cad5ae09553082baa13ee418cb15af05113372e66bfeb77'
+        Run = 'apply'; Plan = 'b68c00c686ad'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '36c1a56c5628e545acdadee8db0d75228e998a83b2e9b74b4f7b1e9f284ec3a3'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-    # === vision: the host differs from the manifest in reserve, limit or weight and start, stop or checkpoint action; it is stopped to change that (rarms.yaml:12:3)
+    # === vision: the host differs from the manifest in reserve, weight, start action and stop action; it is stopped to change that (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{

@@ -57,7 +57,7 @@ def test_what_exceeds_the_limit_is_held_back_with_the_growth_that_rests_on_it() 
     assert found.held.allowed == ()
     assert {str(held.change.address): held.why for held in found.held.held_back} == {
         "partition/speech": "it needs what a change that is held back would have given back",
-        "partition/vision": "it is partition_stop, and no more than live is allowed",
+        "partition/vision": "--max-disruption partition_stop allows it",
     }
     assert found.ordered == OrderedSteps(steps=())
 

@@ -152,3 +152,13 @@ def test_a_setting_that_contradicts_the_assumption_is_told_and_nothing_is_proved
     assert not end.proved
     assert len(contradictions) == 1
     assert "So nothing is proved" in contradictions[0].detail
+
+
+def test_hosts_of_several_platforms_are_tuned_one_after_the_other_by_commands_that_are_named(here: Path) -> None:
+    write(MANIFEST.replace("platform: two-core }\n\n", "platform: dual }\n\n"))
+
+    refused = rarms("tune")
+
+    assert (refused.code, "error[RARMS309]" in refused.err) == (4, True)
+    advice = " ".join(refused.err.split())
+    assert "Tune one after the other: `rarms tune --host workshop`, `rarms tune --host onboard`." in advice
