@@ -1,6 +1,6 @@
 """Reports and exports: every data log beside the manifest is read, and compared with what is now."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,6 +37,7 @@ from rarms_iac.model.system import System
 from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.planner.groups import groups_of
+from rarms_iac.planner.planning_findings import ON_NEIGHBOURS
 from rarms_iac.planner.reservations import ReservationSource, names_of
 from rarms_iac.planner.sizes import size
 from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, read_entries
@@ -77,7 +78,34 @@ def report_of_manifest(manifest: Manifest, components: Sequence[str] = (), *, wi
     if not report.measurements:
         raise UseCaseError(Outcome.NEGATIVE, [_nothing(components)])
     statuses, problems = _statuses(manifest)
-    return replace(report, statuses=statuses, findings=first_of_each_kind(in_order((*manifest.findings, *problems))))
+    findings = not_yet_proven((*manifest.findings, *problems), report.proofs)
+    return replace(report, statuses=statuses, findings=first_of_each_kind(in_order(findings)))
+
+
+def not_yet_proven(findings: Iterable[Diagnostic], proofs: Sequence[ComponentProof]) -> tuple[Diagnostic, ...]:
+    """Leave out the notes that a threshold depends on its neighbours where a proof of this layout showed that it holds.
+
+    Args:
+        findings: of the manifest and its layout.
+        proofs: the last ones of its components.
+
+    Returns:
+        The findings, in the same order. A note stays where a threshold of it was not proven beside a load, or a
+            proof of it did not hold or is outdated.
+    """
+    held: dict[tuple[str, str], bool] = {}
+    for proof in proofs:
+        if proof.interference is not None or not proof.met:
+            key = (proof.component, proof.index.name)
+            held[key] = held.get(key, True) and proof.met and not proof.outdated
+    return tuple(finding for finding in findings if not _is_proven(finding, held))
+
+
+def _is_proven(finding: Diagnostic, held: Mapping[tuple[str, str], bool]) -> bool:
+    if finding.code != ON_NEIGHBOURS.code:
+        return False
+    component, indexes = finding.values["component"], finding.values["indexes"]
+    return isinstance(indexes, tuple) and all(held.get((str(component), str(index)), False) for index in indexes)
 
 
 def measured_report(manifest: Manifest, components: Sequence[str] = (), *, with_candidates: bool = False) -> Report:

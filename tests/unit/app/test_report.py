@@ -4,12 +4,18 @@ import json
 import shlex
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from rarms_iac.app.data_logs import path_of, subject_of
 from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.report import not_yet_proven
+from rarms_iac.app.report_model import ComponentProof
 from rarms_iac.app.requests import ManifestSource, today_utc
+from rarms_iac.model.diagnostics import Facts
+from rarms_iac.model.indexes import index_named
+from rarms_iac.planner.planning_findings import ON_NEIGHBOURS
 from rarms_iac.storage.datalog import files as log_files
 from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, append_entry
 from rarms_iac.storage.datalog.files import append_setting, begin_log, configuration_path
@@ -252,3 +258,41 @@ def test_a_proof_says_what_is_no_longer_as_it_was(robot: Path) -> None:
     held = replace(seen, threshold=at_most(100))
     append_entry(path, replace(a_proof(held), beside=(), reserve=now))
     assert "outdated" not in rarms("report", "-f", str(robot), "-o", "-").out
+
+
+@pytest.mark.parametrize(
+    ("proof", "changes", "stays"),
+    [
+        (True, {}, False),
+        (True, {"met": False, "verdict": "missed"}, True),
+        (True, {"outdated": ("speech is gone",)}, True),
+        (True, {"interference": None}, True),
+        (False, {}, True),
+    ],
+)
+def test_a_note_that_neighbours_decide_a_threshold_goes_where_the_proof_held(
+    proof: bool, changes: dict[str, Any], stays: bool
+) -> None:
+    values: Facts = {"component": "vision", "indexes": ("p99_response_time",)}
+    note = ON_NEIGHBOURS.at(None, "It depends.", "Prove it.", values=values)
+    proven = ComponentProof(
+        component="vision",
+        index=index_named("p99_response_time"),
+        threshold=at_most(100),
+        value=90.0,
+        lower=None,
+        upper=95.0,
+        met=True,
+        verdict="met",
+        error=0.01,
+        when="2026-11-21T12:00:00Z",
+        host="onboard",
+        reserve=64,
+        interference="busy-loop",
+        samples_needed=None,
+        outdated=(),
+    )
+
+    found = not_yet_proven([note], [replace(proven, **changes)] if proof else [])
+
+    assert found == ((note,) if stays else ())
