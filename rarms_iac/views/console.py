@@ -326,6 +326,29 @@ class LiveRows(Protocol):
         ...
 
 
+def cut_row(row: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> Sequence[str]:
+    """Cut the last cell of what runs to what the line has left, so that it stays one line while it changes.
+
+    Args:
+        row: what runs, in cells.
+        rows: those above it, whose cells its columns are as wide as.
+        width: columns of the terminal.
+
+    Returns:
+        The row; as it is where less than a third of the line is left for the last cell.
+    """
+    *others, last = row
+    beside = sum(
+        max(columns(each[number]) for each in (row, *rows) if number < len(each)) + 2 for number in range(len(others))
+    )
+    space = width - beside
+    if columns(last) <= space or space < width // 3:
+        return row
+    while columns(last) > space - 3:
+        last = last[:-1]
+    return (*others, f"{last}...")
+
+
 class LiveTable:
     """A table on a terminal whose last row changes while something runs; it is gone when it is hidden.
 
@@ -348,6 +371,7 @@ class LiveTable:
             self._live = Live(console=self._console, transient=True, auto_refresh=False)
             self._live.start()
         wrapped = range(len(row))
+        row = cut_row(row, self.rows, self._console.width)
         self._live.update(_Harmless(table([*self.rows, row], header=self._header, wrap=wrapped)), refresh=True)
 
     def hide(self) -> None:

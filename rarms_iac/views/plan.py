@@ -40,7 +40,7 @@ TITLES = {
 }
 
 
-FILE_WORDS = "The rest are the words of the plan file; they cannot be made again of its changes:"
+FILE_WORDS = "Said by the plan file alone, and not checked against its changes:"
 
 
 def plan_text(

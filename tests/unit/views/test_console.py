@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.views.console import BAD, UNLIMITED, columns, indented, paragraph, render, stack, styled, table
+from rarms_iac.views.console import BAD, UNLIMITED, columns, cut_row, indented, paragraph, render, stack, styled, table
 from rarms_iac.views.harmless import visible
 
 
@@ -104,3 +104,14 @@ def test_a_table_that_is_too_wide_loses_neither_a_column_nor_a_word(wrap: tuple[
     words = " ".join(shown).replace(":", "").split()
     assert [word for cells in (header[1:], *rows) for cell in cells for word in cell.split() if word not in words] == []
     assert max(map(len, shown)) <= width
+
+
+def test_a_running_row_is_cut_to_one_line_of_the_terminal() -> None:
+    running = ("attitude", "20 % of its VP", "1234 samples, p95_response_time 10.1 ms, some 2 min left at most")
+
+    assert cut_row(running, [], 200) == running
+    cut = cut_row(running, [("path-planning", "20 % of its VP", "done")], 80)
+    assert "  ".join((cut[0].ljust(len("path-planning")), *cut[1:])) == (
+        "attitude       20 % of its VP  1234 samples, p95_response_time 10.1 ms, some ..."
+    )
+    assert cut_row(running, [("p" * 60, "20 %", "done")], 80) == running
