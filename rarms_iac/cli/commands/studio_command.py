@@ -46,7 +46,7 @@ def studio_command(session: Session, source: ManifestSource, options: StudioOpti
     if missing:
         raise RequestError(
             f"rarms studio needs {' and '.join(missing)}, which this installation lacks.",
-            "Install them: pip install 'rarms-iac[studio]'.",
+            "Install them: pip install 'rarms-iac[studio]', or in a clone: .venv/bin/pip install '.[studio]'.",
         )
     from rarms_iac.studio.server import StudioSettings, serve
 

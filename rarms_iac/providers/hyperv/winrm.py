@@ -133,7 +133,11 @@ def _program(host: str, target: str, reach: "Callable[[], Any]", words: Sequence
         from spnego.exceptions import SpnegoError
     except ImportError:
         message = "WinRM needs the Python package pypsrp, which is not installed here"
-        raise HostFailed(host, message, 'Install it with rarms: `pip install "rarms-iac[winrm]"`.') from None
+        raise HostFailed(
+            host,
+            message,
+            'Install it: `pip install "rarms-iac[winrm]"`, or in a clone: `.venv/bin/pip install ".[winrm]"`.',
+        ) from None
     with ExitStack() as opened:
         try:
             shell = WinRS(reach(), codepage=UTF_8)
