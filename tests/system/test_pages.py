@@ -46,8 +46,10 @@ ELSEWHERE = {
     "make": "tests/system/test_make.py",
     "pipx": "tests/system/test_wheel.py",
     "Get-ChildItem .rarms\\signed": "tests/system/test_remote_host.py",
+    "Get-ChildItem module\\Rarms": "tests/system/test_remote_host.py",
+    "Copy-Item module\\Rarms": "tests/system/test_remote_host.py",
 }
-"""Programs, and a command of PowerShell, and the tests that run what they stand for."""
+"""Programs, and commands of PowerShell, and the tests that run what they stand for."""
 
 CELL = """\
 schema: rarms/v1
@@ -83,7 +85,7 @@ def on_a_bare_server() -> None:
     (manifest,) = YAML.findall((DOCS / "hyperv.md").read_text(encoding="utf-8"))
     Path("rarms.yaml").write_text(manifest, encoding="utf-8", newline="\n")
     server = a_bare_server(Path("manifests", "hyperv-cell", "host.json"), "D:\\images\\windows-iot.vhdx")
-    server.programs = {"track.exe": Program(work_ms=20), "powershell.exe": Program()}
+    server.programs = {"track.exe": Program(work_ms=20), "powershell.exe": Program(work_ms=500, line="calibrated")}
     powershell.save(Path(), server)
 
 

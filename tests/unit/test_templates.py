@@ -12,6 +12,7 @@ TEMPLATES = sorted(Path(str(shipped("templates"))).rglob("*.j2"))
 
 def test_there_are_templates_of_scripts_and_of_the_report() -> None:
     assert [path.name for path in TEMPLATES] == [
+        "bootstrap.ps1.j2",
         "loader.ps1.j2",
         "module.ps1.j2",
         "script.ps1.j2",

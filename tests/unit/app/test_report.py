@@ -182,8 +182,9 @@ def test_the_report_says_whether_what_it_shows_is_applied(robot: Path) -> None:
     )
     page = rarms("report", "-f", str(robot), "-o", "-").out
     assert (
-        "partition/vision. <code>rarms plan</code> shows what is to be done, <code>rarms apply</code> does it." in page
-    )
+        f"partition/vision. <code>rarms plan -f {manifest}</code> shows what is to be done, "
+        f"<code>rarms apply -f {manifest}</code> does it."
+    ) in page
     document = rarms("report", "-f", str(robot), "--json").out
     check(document)
     assert json.loads(document)["statuses"] == [
@@ -212,7 +213,7 @@ def test_the_page_has_findings_as_fields(robot: Path) -> None:
     for name in finding["values"]:
         assert f"<dt>{name}</dt>" in page
     for command in finding["commands"]:
-        assert f"<dd><code>{command['text']}</code></dd>" in page
+        assert f"<dd><code>{command['text']} -f " in page
 
 
 def test_what_was_proven_last_stands_in_the_report(robot: Path) -> None:
