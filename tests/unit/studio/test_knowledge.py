@@ -27,6 +27,7 @@ def watch_of(folder: Path, host: str, now: Callable[[], float] = time.monotonic)
     return watch
 
 
+@pytest.mark.needs("linux")
 def test_a_run_on_a_linux_host_of_this_machine_is_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(provider, "STATE_FOLDER", tmp_path / "state")
     watch = watch_of(tmp_path, "provider: linux, linux: { slice: cell }")
