@@ -1,5 +1,6 @@
 """`rarms report` and `rarms export`, from data logs in files to pages, plots and tables."""
 
+import html
 import json
 import shlex
 from dataclasses import replace
@@ -184,7 +185,7 @@ def test_the_report_says_whether_what_it_shows_is_applied(robot: Path) -> None:
     assert (
         f"partition/vision. <code>rarms plan -f {manifest}</code> shows what is to be done, "
         f"<code>rarms apply -f {manifest}</code> does it."
-    ) in page
+    ) in html.unescape(page)
     document = rarms("report", "-f", str(robot), "--json").out
     check(document)
     assert json.loads(document)["statuses"] == [
