@@ -415,6 +415,7 @@ ALIVE = "return document.getElementById('components') !== null && document.ready
 
 def opens(page: "WebDriver", served: Studio) -> None:
     looks(page, width=1200)
+    messages(page, "browser")  # what an earlier test left is read, and not counted
     page.get(served.address)
     waits_for(page, ALIVE)
 
