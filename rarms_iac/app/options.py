@@ -63,7 +63,7 @@ def option(
     return field(default=MISSING if required else default, metadata={"option": described})
 
 
-def flag(name: str, *, help: str) -> Any:  # noqa: A002
+def flag(name: str, *, help: str) -> Any:  # noqa: A002 - as above
     """Make a dataclass's field that is False unless the option is given.
 
     Args:

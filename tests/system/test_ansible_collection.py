@@ -310,7 +310,7 @@ def local_robot(tmp_path: Path) -> LocalRobot:
 
 def test_what_a_robot_measured_is_added_and_nothing_here_is_lost(local_robot: LocalRobot) -> None:
     here, there = (root / LOG for root in (local_robot.fleet.folder, local_robot.folder))
-    here.write_text('{"header":1}\n{"record":1}\n{"record":"new here"}\n', encoding="utf-8")
+    here.write_bytes(b'{"header":1}\r\n{"record":1}\r\n{"record":"new here"}\n')  # as git may leave it
     assert local_robot.plays("prove", PROOF).changed == [], "the robot's copy is older"
     assert here.read_text().splitlines()[-1] == '{"record":"new here"}'
 

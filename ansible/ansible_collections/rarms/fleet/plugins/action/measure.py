@@ -41,7 +41,7 @@ class ActionModule(RobotAction):
             answer, code = json_value(outcome), 0
             logs = sorted({result.log for result in outcome.experiments})
         else:
-            channel = self.channel(robot)
+            channel = robot.hosts.channels[robot.host]
             stop = ["--stop-partitions"] if arguments["stop_partitions"] else []
             answer, code = run_on_robot(channel, robot, arguments, ["measure", *arguments["components"], *stop])
             logs = fetch_measurements(channel, robot, arguments["folder"])

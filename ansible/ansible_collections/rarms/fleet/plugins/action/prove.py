@@ -36,7 +36,7 @@ class ActionModule(RobotAction):
             answer, code = json_value(prove_layout(robot.hosts)), 0
             logs: list[str] = []
         else:
-            channel = self.channel(robot)
+            channel = robot.hosts.channels[robot.host]
             answer, code = run_on_robot(channel, robot, arguments, ["prove", "--load-host"])
             logs = fetch_measurements(channel, robot, arguments["folder"])
         if code == 0 and answer.get("kind") == "prove" and answer["met"]:

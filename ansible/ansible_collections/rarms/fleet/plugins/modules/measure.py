@@ -48,7 +48,9 @@ measured:
   type: dict
   returned: always
 logs:
-  description: Data logs beside the manifest that the result rests on.
+  description:
+    - Of a simulated robot, the data logs that the result uses.
+    - Of any other, those beside the manifest that got records, below C(measurements).
   type: list
   elements: str
   returned: always

@@ -147,12 +147,12 @@ def _add_records(path: Path, came: bytes) -> bool:
     """Add the records that a log lacks; each stands on a line of its own. True: there were some."""
     own = path.read_bytes() if path.exists() else b""
     lines, new = own.splitlines(keepends=True), came.splitlines(keepends=True)
-    if lines and new and lines[0] != new[0]:
+    if lines and new and lines[0].rstrip() != new[0].rstrip():
         raise RequestError(
             f"{path} here is not of what the robot measured: copy the manifest's folder to the robot, then repeat this."
         )
-    known = set(lines)
-    missing = [line for line in new if line.endswith(b"\n") and line not in known]
+    known = {line.rstrip() for line in lines}  # git may have changed line ends
+    missing = [line for line in new if line.endswith(b"\n") and line.rstrip() not in known]
     if missing:
         make_folder(str(path.parent))
         write_file(str(path), b"".join([*(line for line in lines if line.endswith(b"\n")), *missing]))

@@ -94,7 +94,7 @@ class ConnectionChannel:
         address = play.remote_addr or "this machine"
         return f"{play.remote_user}@{address}" if play.remote_user else address
 
-    def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:  # noqa: ARG002
+    def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:  # noqa: ARG002 - the protocol's
         """Run one command there; Ansible waits for it as long as the task's own `timeout` says."""
         try:
             # NOTE: never without input: Ansible's ssh would ask for a terminal, and that joins error and output.
