@@ -10,15 +10,15 @@ from tests.unit.cli.running import rarms
 
 MANIFEST = Path(__file__).parent.parent.parent / "manifests" / "hyperv-cell" / "rarms.yaml"
 EXPECTED = {
-    "client-with-root-scheduler": ["RARMS159", "RARMS236", "RARMS238", "RARMS241", "RARMS245"],
+    "client-with-root-scheduler": ["RARMS126", "RARMS159", "RARMS236", "RARMS238", "RARMS241", "RARMS245"],
     "duplicates-of-a-name": ["RARMS151", "RARMS234"],
     "empty-host": ["RARMS234"],
     "event-log-rolled-over": ["RARMS163", "RARMS166"],
-    "inside-a-guest": ["RARMS233", "RARMS249", "RARMS318"],
+    "inside-a-guest": ["RARMS126", "RARMS233", "RARMS249", "RARMS318"],
     "machines-in-every-state": ["RARMS234", "RARMS245"],
     "redirected-by-windows-powershell": ["RARMS234"],
     "server-2022-with-strangers": ["RARMS161", "RARMS234"],
-    "unprivileged-caller": ["RARMS158", "RARMS166", "RARMS249"],
+    "unprivileged-caller": ["RARMS126", "RARMS158", "RARMS166", "RARMS249"],
 }
 
 
