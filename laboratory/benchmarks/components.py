@@ -16,7 +16,7 @@ from statistics import NormalDist
 from rarms_iac.measuring.loop import Strategy
 from rarms_iac.measuring.search.trials import Goal, Member, is_clear
 from rarms_iac.model.outcomes import Conclusion, Measure
-from rarms_iac.model.series import Sample, Series
+from rarms_iac.model.series import MOST_SAMPLES, Sample, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import AtLeast, AtMost
 from rarms_iac.statistics.error_probability import next_look
@@ -259,9 +259,6 @@ def _success(truth: Truth, between: float, chance: random.Random) -> Truth:
     return replace(truth, limit_ms=high, heavy=heavy, visible=chance.random() < 0.75, apt=100 * wanted)
 
 
-ALLOWED = 4000
-"""Samples a setting may have: with a CV of 15 % and a correlation of 0.5, a mean is then known within 0.4 %."""
-
 MOST_SETTINGS = 100  # all there are
 NAME = "coi"
 
@@ -274,7 +271,7 @@ def goal_of(truth: Truth) -> Goal:
         member = Member(name=NAME, apt={"mean_response_time": AtMost(value=threshold)}, run=run)
     else:
         member = Member(name=NAME, apt={"success_rate": AtLeast(value=threshold)}, run=run)
-    return Goal(members=(member,), processors=PROCESSORS, budget_ms=ALLOWED)  # a sample counts as a millisecond
+    return Goal(members=(member,), processors=PROCESSORS, budget_ms=math.inf)  # samples alone end a setting
 
 
 def jobs(truth: Truth, reserve: int) -> Iterator[tuple[Sample, float]]:
@@ -321,7 +318,7 @@ class Bench:
         for sample, work in jobs(self.truth, step.reserve):
             samples.append(sample)
             consumed += work
-            if len(samples) < min(look, ALLOWED):
+            if len(samples) < min(look, MOST_SAMPLES):
                 continue
             setting = Setting(
                 reserve=step.reserve,

@@ -15,7 +15,6 @@ from statistics import NormalDist, fmean
 
 from laboratory.benchmarks.components import (
     ADVERSARIAL,
-    ALLOWED,
     NAMED,
     NOISES,
     UNSEEN,
@@ -32,6 +31,7 @@ from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.search.bracketing import MOST as MOST_SETTINGS
 from rarms_iac.measuring.search.trials import Goal, trials_of
 from rarms_iac.model.outcomes import Sufficient
+from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.statistics.curves import curves_of, holds
 from rarms_iac.statistics.error_probability import LOOK_ERROR
 
@@ -104,7 +104,7 @@ def _passed_and_failed(goal: Goal, done: Walk, *, strict: bool) -> tuple[set[int
 
 def resolution(truth: Truth) -> float:
     """How far from the APT an index must lie to be told from it by all samples: a part of a mean, hundredths of all."""
-    worth = ALLOWED * (1.0 - truth.correlation) / (1.0 + truth.correlation)
+    worth = MOST_SAMPLES * (1.0 - truth.correlation) / (1.0 + truth.correlation)
     if truth.limit_ms is None:
         return CLEAR * truth.noise / math.sqrt(worth)
     return CLEAR * math.sqrt(truth.apt * (100 - truth.apt) / worth) / 100
@@ -165,7 +165,7 @@ def main() -> int:
     ]
     with Pool() as pool:
         found = [result for results_of in pool.imap_unordered(results, tasks, chunksize=4) for result in results_of]
-    print(f"{len(tasks)} components, {len(NOISES)} noise levels, at most {ALLOWED} samples a setting\n")
+    print(f"{len(tasks)} components, {len(NOISES)} noise levels, at most {MOST_SAMPLES} samples a setting\n")
     print("settings: mean, 95th percentile, most\n" + by_shape(found) + "\n")
     return report(figures(found))
 
