@@ -26,7 +26,7 @@ schema: rarms/v1
 application: {{ name: loads }}
 hosts:
   onboard: {{ provider: linux, logical_processors: {processors}, memory: 1 GiB, linux: {{ slice: rarms-loads }} }}
-policy: {{ interference: [{loads}], measuring: {{ setting: 15 s }} }}
+policy: {{ interference: [{loads}], measuring: {{ setting: 40 s }} }}
 components:
   control-loop:
     criticality: 20
