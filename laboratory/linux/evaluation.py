@@ -21,8 +21,6 @@ from rarms_iac.model.system import Component
 
 FDP, SRP, PPP, VSP = "face-detection", "speech-recognition", "path-planning", "video-streaming"
 RESERVES = (10, 15, 20, 30, 50, 80)
-JUDGED = (20, 50)
-"""Reservations at which every component keeps up with its jobs, so that verdicts on longer runs can be checked."""
 
 LOADS = (0, 25, 50, 75, 100)
 BROWSERS = (0, 1, 2, 5, 10)
@@ -80,14 +78,11 @@ def _experiments(log: Log, components: Mapping[str, Component], processors: int)
         yield from _narrowing(log, component)
         for reserve in rules(log, component, processors, len(components)).values():
             yield from _repeated(component.name, reserve)
-    for name in components:
-        for reserve in JUDGED:
-            yield from _repeated(name, reserve, kind="long")
 
 
-def _repeated(name: str, reserve: int, *, kind: str = "reserve") -> Iterator[Experiment]:
+def _repeated(name: str, reserve: int) -> Iterator[Experiment]:
     for repeat in range(1, REPEATS + 1):
-        yield Experiment(kind=kind, component=name, setting=reserve, repeat=repeat)
+        yield Experiment(kind="reserve", component=name, setting=reserve, repeat=repeat)
 
 
 def _narrowing(log: Log, component: Component) -> Iterator[Experiment]:

@@ -41,7 +41,7 @@ STARTS_WITH = 80
 FEWEST_JOBS, MOST_SECONDS = 40, 8.0
 """A run of a reservation goes on until it has so many jobs, or for so long."""
 
-SECONDS, LONG_S, USAGE_SECONDS, USAGE_WINDOW_S = 3.0, 12.0, 12.0, 1.0
+SECONDS, USAGE_SECONDS, USAGE_WINDOW_S = 3.0, 12.0, 1.0
 MEASURED_S, MEASURED_JOBS = 30.0, 80
 """`rarms measure` takes a periodic component's jobs of so long at most for a setting, and so many of another one's."""
 
@@ -56,7 +56,7 @@ Values = Mapping[str, float]
 class Experiment:
     """One thing to try with a component; `setting` is a reservation, what a load uses, or a number of browsers."""
 
-    kind: str  # measured, alone, reserve, long (the same for longer), class, browsers
+    kind: str  # measured, alone, reserve, class, browsers
     component: str
     setting: int = 0
     repeat: int = 1
@@ -126,8 +126,6 @@ class Laboratory:
                 return self._alone(component)
             case "reserve":
                 return self.at_reserve(component, experiment.setting, priority)
-            case "long":
-                return self.at_reserve(component, experiment.setting, priority, LONG_S)
             case "class":
                 return self._at_load(component, experiment.setting, priority)
             case "browsers":
@@ -190,7 +188,7 @@ class Laboratory:
         rows = [(round(each.began_ms - first, 3), each.response_ms, each.successful, each.count) for each in samples]
         return {"series": {"elapsed_ms": ended - first, "samples": rows}, "consumed": consumed}
 
-    def at_reserve(self, component: Component, reserve: int, priority: int | None, seconds: float = SECONDS) -> Record:
+    def at_reserve(self, component: Component, reserve: int, priority: int | None) -> Record:
         """Run a component beside busy loops with so many per cent of the host, in its class where it has one.
 
         It starts with nearly everything: to load its programs with 5 % takes half a minute.
@@ -206,7 +204,7 @@ class Laboratory:
 
         reserve_all(STARTS_WITH)
         with self.load(BUSY):
-            return self.run(component, place, seconds, fewest=FEWEST_JOBS, begin=lambda: reserve_all(reserve))
+            return self.run(component, place, SECONDS, fewest=FEWEST_JOBS, begin=lambda: reserve_all(reserve))
 
     def _measured(self, component: Component) -> float:
         """What `rarms measure` finds, in per cent of the host."""
