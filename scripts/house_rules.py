@@ -223,7 +223,7 @@ def _public_functions(scope: ast.Module | ast.ClassDef, in_protocols: frozenset[
         elif isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
             decorators = {ast.unparse(decorator).rpartition(".")[2] for decorator in node.decorator_list}
             is_elsewhere = implements and node.name in in_protocols
-            if not is_elsewhere and not decorators & {"property", "cached_property", "overload"}:
+            if not is_elsewhere and not decorators & {"property", "cached_property", "output", "overload"}:
                 yield node
 
 

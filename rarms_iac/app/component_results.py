@@ -35,26 +35,22 @@ class ComponentRunResult:
     series: Series
     ending: SamplingEnd
 
-    @property
     @output
     def apt(self) -> Mapping[str, Threshold]:
         """The threshold of each index that has one."""
         return self.component.apt
 
-    @property
     @output
     def failed(self) -> int:
         """How many of the samples are failed ones."""
         return sum(bool(sample.failure) for sample in self.series.samples)
 
-    @property
     @output
     def estimates(self) -> Mapping[str, Estimate | NoEstimate]:
         """Every index of the APT; without one, how long its jobs took and how many succeeded."""
         indexes = tuple(self.component.apt) or ("mean_response_time", "success_rate")
         return {index: estimate_steady(index, self._of_real_processes, self.run, error=ERROR) for index in indexes}
 
-    @property
     @output
     def verdicts(self) -> Mapping[str, Verdict]:
         """On each index of the APT by itself, as it runs on this machine."""

@@ -39,7 +39,6 @@ class Examinations:
     hosts: tuple[ExaminedHost, ...]
     accepted: tuple[Diagnostic, ...]
 
-    @property
     @output
     def counts(self) -> Mapping[str, int]:
         """Findings by how much they weigh."""

@@ -53,25 +53,21 @@ class HostDrift:
     drifted: tuple[ResourceDrift, ...]
     is_written: Internal[bool] = True  # whether anything there carries the application's mark
 
-    @property
     @output
     def host_lp(self) -> int:
         """LPs that the host has."""
         return self.facts.logical_processors
 
-    @property
     @output
     def host_changed(self) -> int:
         """How many resources were changed on the host."""
         return sum(resource.drift.is_of_the_host for resource in self.drifted)
 
-    @property
     @output
     def not_applied(self) -> int:
         """How many are only not applied yet."""
         return len(self.drifted) - self.host_changed - self.unused
 
-    @property
     @output
     def unused(self) -> int:
         """How many the manifest no longer wants."""
@@ -88,7 +84,6 @@ class DriftReport:
     unfinished: Mapping[str, str]
     problems: tuple[Diagnostic, ...] = ()  # why it is not known what the manifest wants; empty: it is compared
 
-    @property
     @output
     def commands(self) -> tuple[RecommendedCommand, ...]:
         """What finishes the runs that are unfinished, and what shows how to make hosts as the manifest wants them."""

@@ -55,19 +55,16 @@ class ExplainedIndex:
     missed: Internal[bool]  # on the good side of the band, too; neither: it is not shown yet
     inconclusive: Internal[bool]  # it was measured there, and that gave no verdict
 
-    @property
     @output
     def value(self) -> OpenBound:
         """As measured, in the index's unit; where nothing was, as looked up."""
         return (self.estimate or self.point).value
 
-    @property
     @output
     def samples(self) -> int | None:
         """How many were measured there; None: none."""
         return None if self.estimate is None else self.estimate.samples
 
-    @property
     @output
     def safe(self) -> OpenBound:
         """The side of the curve's band that a reservation rests on."""
@@ -107,56 +104,47 @@ class Explanation:
         """The data log that the reservation rests on."""
         return None if self.is_fixed else self.data_log
 
-    @property
     @output
     def component(self) -> str:
         """The name that the manifest has for it."""
         return self.subject.name
 
-    @property
     @output
     def criticality(self) -> int:
         """As the manifest has it."""
         return self.subject.criticality
 
-    @property
     @output
     def partition(self) -> str:
         """The name of its partition."""
         return self.place.partition.name
 
-    @property
     @output
     def host(self) -> str:
         """Where it runs; without a layout the first by name that could have it."""
         return self.place.host.name
 
-    @property
     @output
     def fits(self) -> bool:
         """Whether there is a layout."""
         return self.shared.layout is not None
 
-    @property
     @output
     def reserved_lp(self) -> LogicalProcessors | None:
         """What its partition is guaranteed; None: it is not known."""
         return None if self.place.no_host_because else self.place.partition.reserved
 
-    @property
     @output
     def settings(self) -> PartitionSettings | None:
         """What its partition gets; None: how much it reserves is not known."""
         return None if self.place.no_host_because else self.place.partition.settings
 
-    @property
     @output
     def errors(self) -> tuple[Diagnostic, ...]:
         """Why nothing can be said of how much it needs."""
         findings = self.shared.planning.findings if self.place.no_host_because else ()
         return tuple(finding for finding in findings if has_errors([finding]))
 
-    @property
     @output
     def commands(self) -> tuple[RecommendedCommand, ...]:
         """What measures whether sharing saves something."""
@@ -172,31 +160,26 @@ class HostExplanation:
     subject: Internal[Component]
     places: Internal[tuple[Host, ...]]  # that it may run on, by name
 
-    @property
     @output
     def component(self) -> str:
         """The name that the manifest has for it."""
         return self.subject.name
 
-    @property
     @output
     def criticality(self) -> int:
         """As the manifest has it."""
         return self.subject.criticality
 
-    @property
     @output
     def hosts(self) -> tuple[str, ...]:
         """Where it is started, by name."""
         return tuple(host.name for host in self.places)
 
-    @property
     @output
     def task(self) -> str | None:
         """Its robotic task class; None: it has none."""
         return self.subject.task
 
-    @property
     @output
     def commands(self) -> tuple[RecommendedCommand, ...]:
         """What shows the values of its task class."""

@@ -70,7 +70,6 @@ class FormattedManifest:
     before: Internal[bytes]
     after: Internal[str]
 
-    @property
     @output
     def changed(self) -> bool:
         """Whether it was not in the canonical form; a byte order mark or CRLF counts too."""

@@ -61,13 +61,11 @@ class IndexCurve:
     curve: Internal[Curve]
     points: tuple[MeasuredPoint, ...]  # by reserve, then as they were measured
 
-    @property
     @output
     def unit(self) -> str:
         """Of threshold, points and curve."""
         return self.index.symbol
 
-    @property
     @output
     def rows(self) -> tuple[CurveRow, ...]:
         """The curve at every whole per cent where there is one, as everybody looks it up."""
@@ -84,7 +82,6 @@ class IndexCurve:
             if point is not None
         )
 
-    @property
     @output
     def least(self) -> int | None:
         """What the APT alone asks for; None: no APT, or none that was measured meets it."""
@@ -120,20 +117,17 @@ class Measurement:
         """Whether there is an APT that decides."""
         return any(index.threshold is not None for index in self.indexes)
 
-    @property
     @output
     def least(self) -> int | None:
         """The least per cent at which every APT holds; None: no APT, or none that was measured is enough."""
         return least_reserve([(index.curve, index.threshold) for index in self.indexes if index.threshold is not None])
 
-    @property
     @output
     def reserve(self) -> int | None:
         """What the partition gets: that, or what the manifest fixes where it is more."""
         least = self.least
         return None if least is None else max(least, self.floor)
 
-    @property
     @output
     def reserved_lp(self) -> Fraction | None:
         """What the partition is guaranteed, in LPs."""
@@ -163,13 +157,11 @@ class PlatformCapacity:
     partitions: Internal[tuple[str, ...]]  # the names of those
     missing: tuple[str, ...]  # measurements whose APTs no reserve meets: not in that sum
 
-    @property
     @output
     def headroom_lp(self) -> Fraction:
         """LPs that are not promised; below nothing where it does not fit."""
         return self.capacity_lp - self.reserved_lp - self.unmanaged_lp
 
-    @property
     @output
     def fits(self) -> bool:
         """Whether the hosts can promise it."""
@@ -215,7 +207,6 @@ class HostStatus:
     is_planned: bool = True  # else there is no layout that could be applied
     differs: tuple[HostDifference, ...] = ()
 
-    @property
     @output
     def commands(self) -> tuple[RecommendedCommand, ...]:
         """What shows why there is no layout, or what is to be done, and then what does it."""

@@ -58,7 +58,6 @@ class PlanScript:
     undo: bool
     text: str
 
-    @property
     @output
     def sha256(self) -> str:
         """The SHA-256 digest of the script's bytes, in hexadecimal."""

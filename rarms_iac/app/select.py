@@ -60,7 +60,6 @@ class SelectedLevel:
         """Whether a search could find less: nothing close below was measured."""
         return self.reserve - self.measured_below > WIDTH
 
-    @property
     @output
     def reserved_lp(self) -> Fraction:
         """What the partition is guaranteed, in LPs."""

@@ -39,7 +39,6 @@ class PartitionStatus:
     stopped_by: StoppedBy
     drift: DriftKind | None  # None: it is as it was applied, and as the manifest wants it
 
-    @property
     @output
     def reserved_lp(self) -> Fraction:
         """What it is guaranteed, in LPs."""
@@ -75,25 +74,21 @@ class HostOverview:
     machine: Internal[str] = ""  # its own identity
     serial: Internal[int] = 0  # of the application's runs there
 
-    @property
     @output
     def reserved_lp(self) -> Fraction:
         """What the application's partitions are guaranteed, in LPs."""
         return self.totals.reserved_lp if self.totals else Fraction(0)
 
-    @property
     @output
     def capacity_lp(self) -> Fraction:
         """LPs that may be promised: without what is kept for the host."""
         return self.totals.capacity_lp if self.totals else Fraction(0)
 
-    @property
     @output
     def unmanaged_lp(self) -> Fraction:
         """LPs that machines of others reserve."""
         return self.totals.unmanaged_lp if self.totals else Fraction(0)
 
-    @property
     @output
     def free_lp(self) -> Fraction:
         """LPs that are not promised."""
@@ -148,7 +143,6 @@ class Overview:
     has_thresholds: Internal[bool] = True  # whether a component has an APT
     unused_logs: int = 0  # stale data logs of loads that no reservation rests on
 
-    @property
     @output
     def unknown(self) -> tuple[str, ...]:
         """The hosts that could not be looked at, by name."""

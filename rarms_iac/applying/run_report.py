@@ -38,19 +38,16 @@ class HostReport:
     resumed: bool = False  # it finished a run that had been begun earlier
     host_plan: Internal[HostPlan | None] = None  # of an apply that rarms walked: what its plan does, and to whom
 
-    @property
     @output
     def changes(self) -> tuple[Change, ...]:
         """What an apply changes; nothing of an undo, or of a script's run."""
         return self.host_plan.changes if self.host_plan else ()
 
-    @property
     @output
     def components(self) -> Mapping[str, tuple[str, ...]]:
         """By partition of an apply's layout, the most critical first."""
         return self.host_plan.components if self.host_plan else {}
 
-    @property
     @output
     def totals(self) -> Totals | None:
         """What the host has promised once all of an apply is done."""

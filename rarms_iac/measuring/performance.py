@@ -27,7 +27,6 @@ class MeasuredIndex:
     reason: str = ""  # why there is no estimate
     overload: Overload | None = None  # where the component falls behind, so that the index grows without an end
 
-    @property
     @output
     def unit(self) -> str:
         """Of threshold and estimate."""

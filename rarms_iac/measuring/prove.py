@@ -100,7 +100,6 @@ class IndexVerdict:
         """Whether it was shown to meet its threshold: within the noise or without a steady state it was not."""
         return isinstance(self.verdict, Met)
 
-    @property
     @output
     def error(self) -> float | None:
         """The probability that any verdict on the layout is wrong; None: there is no verdict on this."""
@@ -118,19 +117,16 @@ class LayoutProof:
     verdicts: tuple[IndexVerdict, ...]  # every index of every threshold, components by name
     starts: int  # how often its components began anew
 
-    @property
     @output
     def host_lp(self) -> int:
         """LPs that the host has."""
         return self.layout.host_processors
 
-    @property
     @output
     def reserved_lp(self) -> Fraction:
         """LPs that the partitions reserve that ran."""
         return self.layout.reserved
 
-    @property
     @output
     def partitions(self) -> Mapping[str, tuple[str, ...]]:
         """The components of each partition that ran, by name."""

@@ -87,21 +87,18 @@ class _AnyChange:
 
     __slots__ = ()
 
-    @property
     @output
     def action(self) -> Action:
         """What becomes of the resource; `replace`: it is removed and made again."""
         change = cast("Change", self)
         return "replace" if change.kind == "update" and change.disruption is Disruption.REMOVAL else change.kind
 
-    @property
     @output
     def reserved_lp(self) -> Fraction | None:
         """The LPs that a partition is guaranteed once the change is done; None: there is no partition then."""
         after = cast("Change", self).after
         return guaranteed(after.settings.reserve, after.settings.processors) if isinstance(after, Partition) else None
 
-    @property
     @output
     def attributes(self) -> tuple[Attribute, ...]:
         """What it touches; of taking over and letting go, the mark."""

@@ -27,7 +27,6 @@ class RecommendedCommand:
     arguments: tuple[str, ...] = ()
     options: tuple[CommandOption, ...] = ()
 
-    @property
     @output
     def text(self) -> str:
         """The words to type, quoted for a shell: `rarms measure vision --again`."""

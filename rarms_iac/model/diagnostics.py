@@ -120,7 +120,6 @@ class Diagnostic:
     related: tuple[Related, ...] = ()
     values: Facts = field(default_factory=dict, hash=False)
 
-    @property
     @output
     def commands(self) -> tuple[RecommendedCommand, ...]:
         """The commands that it recommends."""
@@ -231,7 +230,6 @@ class Findings:
     findings: tuple[Diagnostic, ...]
     accepted: tuple[Diagnostic, ...] = ()
 
-    @property
     @output
     def counts(self) -> Mapping[str, int]:
         """How many findings there are of each severity."""

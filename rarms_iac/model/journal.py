@@ -43,7 +43,6 @@ class PastRun:
     closing: Internal[Closing | None]  # None: it did not end; an undo may have taken it back
     robot: str = ""  # of `Application`; empty: it has none, or a script that remembers none wrote it down
 
-    @property
     @output
     def ending(self) -> Literal["done", "abandoned", "unfinished"]:
         """How it ended, if it did."""

@@ -68,19 +68,16 @@ class Placement:
         """Whether no layout is better."""
         return (self.reserved, self.moves) == (self.reserved_bound, self.moves_bound)
 
-    @property
     @output
     def reserved_lp(self) -> Fraction:
         """LPs that are reserved in all."""
         return Fraction(self.reserved, 100)
 
-    @property
     @output
     def reserved_bound_lp(self) -> Fraction:
         """LPs that each layout reserves at least."""
         return Fraction(self.reserved_bound, 100)
 
-    @property
     @output
     def verdict(self) -> Literal["optimal", "within the bound"]:
         """What may be said of it."""

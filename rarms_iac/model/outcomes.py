@@ -37,13 +37,11 @@ class Overload:
     between_ms: float  # from the end of one job to the end of the next, on average: more than the period
     job_cpu_ms: float | None  # processor time of a job; None: cannot be told
 
-    @property
     @output
     def needed_lp(self) -> float | None:
         """LPs that the jobs need which are due: processor time of a job by the period."""
         return None if self.job_cpu_ms is None else self.job_cpu_ms / self.period_ms
 
-    @property
     @output
     def received_lp(self) -> float | None:
         """LPs that the component was seen to get."""

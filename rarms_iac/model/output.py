@@ -1,13 +1,13 @@
 """Which parts of a result are its output: the JSON that `--json` prints, and its schema.
 
-A field is part of it unless its type is `Internal`; a computed value is part of it if its property is marked with
+A field is part of it unless its type is `Internal`; a computed value is part of it if it is a property made by
 `output`. `storage.codec.encode_output` writes it, `schemas/output.json` is made of the same types.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import cache
-from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Generic, Self, TypeVar, get_args, get_origin, get_type_hints, overload
 
 T = TypeVar("T")
 
@@ -25,17 +25,31 @@ class OutputText:
     __slots__ = ()
 
 
-def output(compute: Callable[[Any], T]) -> Callable[[Any], T]:
-    """Make a computed value part of the output; stands between `@property` and the function.
+class ComputedOutput(Generic[T]):
+    """A computed value of a result that is part of its output; see `output`."""
+
+    def __init__(self, compute: Callable[[Any], T]) -> None:
+        self.compute = compute
+        self.__doc__ = compute.__doc__
+
+    @overload
+    def __get__(self, result: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, result: object, owner: type) -> T: ...
+    def __get__(self, result: object, owner: type) -> Self | T:
+        return self if result is None else self.compute(result)
+
+
+def output(compute: Callable[[Any], T]) -> ComputedOutput[T]:
+    """Make a property whose value is part of the output.
 
     Args:
-        compute: the function of a property, with its return type.
+        compute: the function of the property, with its return type.
 
     Returns:
-        The same function, marked.
+        The property.
     """
-    compute.is_output = True  # type: ignore[attr-defined]  # functions have attributes
-    return compute
+    return ComputedOutput(compute)
 
 
 @cache
@@ -50,10 +64,10 @@ def output_hints(record: type) -> Mapping[str, Any]:
     """
     hints = get_type_hints(record, include_extras=True)
     computed = {
-        name: get_type_hints(member.fget, include_extras=True)["return"]
+        name: get_type_hints(member.compute, include_extras=True)["return"]
         for cls in reversed(record.__mro__)
         for name, member in vars(cls).items()
-        if isinstance(member, property) and hasattr(member.fget, "is_output")
+        if isinstance(member, ComputedOutput)
     }
     stored = {field.name: hints[field.name] for field in fields(record) if not _is_internal(hints[field.name])}
     return {**stored, **computed}

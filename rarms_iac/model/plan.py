@@ -170,13 +170,11 @@ class HostPlan:
     signature: Internal[str] = ""  # HMAC-SHA256 of what it does, in hex, where a key was set when it was written
     basis: Internal[PlanBasis | None] = None  # what its steps are made of again when it is read; journals have none
 
-    @property
     @output
     def name(self) -> str:
         """The name of the host in the manifest."""
         return self.host.name
 
-    @property
     @output
     def commands(self) -> Mapping[str, RecommendedCommand]:
         """By partition: what removes one that is unused, and what starts one that stays stopped."""
@@ -234,20 +232,17 @@ class Plan:
     placement: Placement | None = None  # how good the choice of hosts is; None where there was nothing to choose
     format_version: Internal[Literal["rarms-plan/2"]] = "rarms-plan/2"
 
-    @property
     @output
     def kind(self) -> Literal["plan"]:
         """Which answer of a command it is."""
         return "plan"
 
-    @property
     @output
     def counts(self) -> Mapping[str, int]:
         """How many changes of each kind there are, as the last line of a plan has them, and how many are held back."""
         held_back = sum(len(host.held_back) for host in self.hosts)
         return {**count(change for host in self.hosts for change in host.changes), "held_back": held_back}
 
-    @property
     @output
     def file_words(self) -> tuple[str, ...]:
         """What is the words of a plan file where the plan was read from one, since no change says it.
@@ -256,7 +251,6 @@ class Plan:
         """
         return FILE_WORDS
 
-    @property
     @output
     def has_changes(self) -> bool:
         """Whether applying it would do anything, or something was held back."""

@@ -108,7 +108,6 @@ class AtMost:
 
     value: Internal[Fraction]  # in the index's own unit
 
-    @property
     @output
     def at_most(self) -> Fraction:
         """The bound."""
@@ -121,7 +120,6 @@ class AtLeast:
 
     value: Internal[Fraction]
 
-    @property
     @output
     def at_least(self) -> Fraction:
         """The bound."""

@@ -25,19 +25,16 @@ class Totals:
     idle_percent: Internal[int] = 0  # of `percent`: to partitions that do not run
     idle_memory: int = 0  # of `memory`
 
-    @property
     @output
     def reserved_lp(self) -> Fraction:
         """LPs that are promised to this application's partitions."""
         return Fraction(self.percent, WHOLE)
 
-    @property
     @output
     def others_lp(self) -> Fraction:
         """LPs that are promised to all other machines."""
         return Fraction(self.others_percent, WHOLE)
 
-    @property
     @output
     def idle_lp(self) -> Fraction:
         """LPs that are promised to those of this application's partitions that do not run; a part of `reserved_lp`."""
@@ -86,13 +83,11 @@ class HostTotals:
         """LPs that all other machines reserve."""
         return self.promised.others_lp
 
-    @property
     @output
     def capacity_lp(self) -> Fraction:
         """LPs that may be promised."""
         return self.host_lp - self.kept_lp
 
-    @property
     @output
     def free_lp(self) -> Fraction:
         """LPs that are not promised."""

@@ -97,49 +97,41 @@ class ExperimentResult:
     so_far: int | None = None  # what the loads before this one asked for, in per cent; None: it is the first
     of_loads: Internal[int] = 1  # beside how many loads it was to be measured
 
-    @property
     @output
     def components(self) -> tuple[str, ...]:
         """Those that were measured together, by name."""
         return self.experiment.setup.members
 
-    @property
     @output
     def host(self) -> str:
         """Where."""
         return self.experiment.host.name
 
-    @property
     @output
     def host_lp(self) -> int:
         """LPs that the host has."""
         return self.experiment.host.logical_processors
 
-    @property
     @output
     def platform(self) -> str:
         """What the result holds for."""
         return self.experiment.host.platform
 
-    @property
     @output
     def processors(self) -> int:
         """VPs of P1, whose per cent each reserve is."""
         return self.experiment.setup.processors
 
-    @property
     @output
     def processors_from(self) -> ProcessorSource:
         """Where that number comes from."""
         return self.experiment.processors_from
 
-    @property
     @output
     def interference(self) -> str:
         """The load in P2."""
         return self.experiment.setup.interference
 
-    @property
     @output
     def ending(self) -> ExperimentEnding:
         """How it ended."""
@@ -162,25 +154,21 @@ class ExperimentResult:
         """The answer; None: none was found, or looked for."""
         return self.conclusion if isinstance(self.conclusion, Sufficient) else None
 
-    @property
     @output
     def reserve(self) -> ReservePercent | None:
         """The least that is enough."""
         return self.found.reserve if self.found else None
 
-    @property
     @output
     def reserved_lp(self) -> Fraction | None:
         """What the least that is enough guarantees, in LPs."""
         return guaranteed(self.found.reserve, self.processors) if self.found else None
 
-    @property
     @output
     def failed(self) -> int | None:
         """The highest lower setting that is not enough, or is undecided."""
         return self.found.failed if self.found else None
 
-    @property
     @output
     def undecided(self) -> bool:
         """Whether that one was not shown to be too little."""
@@ -188,25 +176,21 @@ class ExperimentResult:
             return False
         return not isinstance(shortfall_at(self.failed, self.settings, self.experiment), Missed)
 
-    @property
     @output
     def inconclusive(self) -> tuple[int, ...]:
         """Settings above that one without a steady state: it is not known whether they are enough."""
         return self.found.inconclusive if self.found else ()
 
-    @property
     @output
     def more_settings(self) -> int:
         """At most so many settings more would narrow the answer, or find one; 0: the search has its end."""
         return self.conclusion.more_settings if isinstance(self.conclusion, Sufficient | NotResolved) else 0
 
-    @property
     @output
     def error(self) -> float | None:
         """How probably the answer is wrong; None: there is none."""
         return ERROR if isinstance(self.conclusion, Sufficient | NotAchievable) else None
 
-    @property
     @output
     def measured(self) -> tuple[MeasuredSetting, ...]:
         """Each setting with its indexes."""

@@ -77,7 +77,6 @@ class ProveOutcome:
     not_proven: tuple[str, ...] = ()  # partitions on hosts that cannot run components
     stopped: Internal[bool] = False  # an end was asked for: nothing is proven
 
-    @property
     @output
     def met(self) -> bool:
         """Whether each index was shown to meet its threshold beside each load, by a proof that ended."""

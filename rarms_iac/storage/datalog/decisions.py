@@ -142,13 +142,11 @@ class TunedPartition:
         """In per cent of one logical processor."""
         return self.processors * self.reserve
 
-    @property
     @output
     def reserved_lp(self) -> Fraction:
         """What it reserves, in LPs."""
         return Fraction(self.reserved, 100)
 
-    @property
     @output
     def parts_lp(self) -> Fraction | None:
         """What its parts reserved in partitions of their own, in LPs; None: it was there before."""
@@ -165,7 +163,6 @@ class TrailSetting:
     unresolved: bool = False  # it was not enough, and not shown to be too little
     predicted: int | None = None  # the CR that was expected to be enough; None: nothing predicted it
 
-    @property
     @output
     def met(self) -> bool:
         """Whether it was enough."""
@@ -202,31 +199,26 @@ class TuningRun:
     trail: tuple[TrailSetting, ...]
     written: bool  # into the manifest
 
-    @property
     @output
     def claim(self) -> str:
         """What is known of other layouts: `proved` that none is better, or `not proved`."""
         return "proved" if self.proved else "not proved"
 
-    @property
     @output
     def capacity_lp(self) -> Fraction:
         """What the hosts can promise, in LPs."""
         return Fraction(self.capacity, 100)
 
-    @property
     @output
     def fixed_lp(self) -> Fraction:
         """What partitions reserve that are not tuned, in LPs: a part of what is reserved before and after."""
         return Fraction(self.fixed, 100)
 
-    @property
     @output
     def before_lp(self) -> Fraction:
         """What was reserved, in LPs."""
         return Fraction(self.before, 100)
 
-    @property
     @output
     def after_lp(self) -> Fraction:
         """What is reserved now, in LPs."""

@@ -21,7 +21,6 @@ class Answer:
     def unmarked(self) -> int:
         return 1
 
-    @property
     @output
     def double(self) -> Fraction:
         return 2 * self.amount
