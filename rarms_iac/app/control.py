@@ -19,7 +19,6 @@ class StopSignal(Protocol):
         Returns:
             True from the request on; it is not taken back.
         """
-        ...
 
     def gently(self) -> AbstractContextManager[None]:
         """Inside, a host is being changed: a request to stop must wait for `should_stop` to be asked.
@@ -27,7 +26,6 @@ class StopSignal(Protocol):
         Returns:
             A context to enter around the change.
         """
-        ...
 
 
 class NeverStop:
@@ -53,12 +51,10 @@ class Reporter(Protocol):
     @property
     def steps(self) -> RunReporter:
         """Hears of each step of an apply, an undo, or a run that is finished."""
-        ...
 
     @property
     def settings(self) -> MeasuringReporter:
         """Hears of each setting that is measured."""
-        ...
 
     def message(self, text: str) -> None:
         """One or more whole sentences about what was done, without a line end.
@@ -66,7 +62,6 @@ class Reporter(Protocol):
         Args:
             text: for a person; not wrapped yet.
         """
-        ...
 
     def findings(self, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
         """Findings that do not end the work.
@@ -75,7 +70,6 @@ class Reporter(Protocol):
             diagnostics: in any order; may be empty.
             sources: the files that they point into.
         """
-        ...
 
 
 class SilentAppReporter:

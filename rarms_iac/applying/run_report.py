@@ -83,12 +83,10 @@ class ReportedStep(Protocol):
     @property
     def address(self) -> Address | str:
         """The resource that it changes."""
-        ...
 
     @property
     def title(self) -> str:
         """The step in a few words, for a person."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -37,7 +37,6 @@ class Strategy(Protocol):
         Returns:
             The next setting, or how the experiment ends.
         """
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -248,7 +248,6 @@ class Places(Protocol):
         Returns:
             File, line and column, counted from 1.
         """
-        ...
 
     def key(self, *path: str | int) -> Place:
         """The place of the key at this path, likewise.
@@ -259,7 +258,6 @@ class Places(Protocol):
         Returns:
             File, line and column, counted from 1.
         """
-        ...
 
 
 Sources = Mapping[str, str | Sequence[str]]

@@ -46,7 +46,6 @@ class ReservationSource(Protocol):
         Returns:
             The reservation, or why there is none. Quick; the same question has the same answer.
         """
-        ...
 
     def processors(self, members: tuple[Component, ...], host: Host) -> int | None:
         """Return the virtual processors with which these were measured together.
@@ -58,7 +57,6 @@ class ReservationSource(Protocol):
         Returns:
             Their number; None: nothing was measured, or needs to be. The same question has the same answer.
         """
-        ...
 
     def depends_on(self, host: Host) -> Hashable:
         """Return what of a host the answers depend on: hosts for which this is equal have the same answers.
@@ -69,7 +67,6 @@ class ReservationSource(Protocol):
         Returns:
             Anything that can be compared and hashed.
         """
-        ...
 
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
         """Return what a reader should know of an answer: that its log could not be verified, or is of a busy host.
@@ -81,7 +78,6 @@ class ReservationSource(Protocol):
         Returns:
             Notes and warnings with their codes; empty: nothing. Asked once for each partition of the chosen layout.
         """
-        ...
 
 
 @dataclass(frozen=True, slots=True)

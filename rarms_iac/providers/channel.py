@@ -61,11 +61,9 @@ class Conversation(Protocol):
     @property
     def error_lines(self) -> tuple[str, ...]:
         """The last lines of its standard error."""
-        ...
 
     def send(self, data: bytes) -> None:
         """Have this on its standard input, after what was sent before; a program that does not listen is no error."""
-        ...
 
     def next_line(self, silence_s: float, look: Callable[[], None]) -> str | None:
         """Return its next line without its end, None when there are no more; `look` is called while waiting.
@@ -73,11 +71,9 @@ class Conversation(Protocol):
         Raises:
             SilenceTimeout: nothing came for so long.
         """
-        ...
 
     def code(self) -> int | None:
         """Return its exit code, once its output has ended: None where it lives on, `SSH_FAILED` where the way broke."""
-        ...
 
 
 class Channel:
@@ -303,7 +299,6 @@ class CommandChannel(Protocol):
     @property
     def target(self) -> str:
         """The host as messages name it, such as `user@host`."""
-        ...
 
     def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:
         """Run one command, and return when it has ended.
@@ -320,7 +315,6 @@ class CommandChannel(Protocol):
             HostUnreachable: the host cannot be asked; the command did not run.
             HostFailed: it did not answer in time; whether the command ran is not known.
         """
-        ...
 
 
 def one_command_only(host: str) -> HostFailed:

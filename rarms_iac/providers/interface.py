@@ -61,7 +61,6 @@ class StepwiseHost(Protocol):
     @property
     def name(self) -> str:
         """The host's name in the manifest."""
-        ...
 
     def observe(self) -> State:
         """Observe what is there now. Changes nothing, takes no lock, and never makes anything on the host.
@@ -73,7 +72,6 @@ class StepwiseHost(Protocol):
             HostDamaged: what was kept cannot be read.
             HostError: the host cannot be reached or read.
         """
-        ...
 
     def lock(self, owner: str, timeout_ms: int = 0) -> AbstractContextManager[None]:
         """Hold the host; released when the context ends or the process dies.
@@ -88,7 +86,6 @@ class StepwiseHost(Protocol):
         Raises:
             HostLocked: another run holds it, after waiting so long.
         """
-        ...
 
     def holder(self) -> str:
         """Tell who holds the host now, without taking the lock or waiting for it.
@@ -96,7 +93,6 @@ class StepwiseHost(Protocol):
         Returns:
             The `owner` that `lock` was given; empty: no run holds it, or it cannot be seen from here.
         """
-        ...
 
     def read(self, address: Address, scope: Scope) -> Readings:
         """Read everything that `diff.readings` knows of an address, now. Called twice a step.
@@ -108,7 +104,6 @@ class StepwiseHost(Protocol):
         Returns:
             The readings by name; `{"exists": False}` where nothing is.
         """
-        ...
 
     def execute(self, operation: Operation, scope: Scope) -> None:
         """Do one operation, wholly or not at all, also when the process is killed meanwhile.
@@ -121,7 +116,6 @@ class StepwiseHost(Protocol):
             HostRefused: it is not allowed on this host now; nothing happened.
             HostFailed: something went wrong on the way.
         """
-        ...
 
     def journal(self) -> Journal | None:
         """The last run on this host, None where there was none.
@@ -132,7 +126,6 @@ class StepwiseHost(Protocol):
         Raises:
             HostDamaged: an earlier record is damaged (a torn last one is dropped).
         """
-        ...
 
     def unfinished(self) -> Journal | None:
         """The run that is under way on this host, None where there is none; that answer is cheap.
@@ -143,7 +136,6 @@ class StepwiseHost(Protocol):
         Raises:
             HostDamaged: a run may be under way, and its journal is damaged.
         """
-        ...
 
     def start_run(self, started: RunStarted) -> None:
         """Replace the journal by one that begins with this record, in one write.
@@ -151,7 +143,6 @@ class StepwiseHost(Protocol):
         Args:
             started: the whole run with its steps, so that it can be finished without plan file or manifest.
         """
-        ...
 
     def record(self, record: JournalRecord) -> None:
         """Append a record: on the disk before the next change of a held host, and at once where it closes the run.
@@ -159,7 +150,6 @@ class StepwiseHost(Protocol):
         Args:
             record: of the run that `start_run` began.
         """
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -248,7 +238,6 @@ class EventListener(Protocol):
         Args:
             event: checked, with its number counted from 0.
         """
-        ...
 
     def on_output(self, line: str) -> None:
         """Take a line of the script's output that is no event, without its line end.
@@ -256,7 +245,6 @@ class EventListener(Protocol):
         Args:
             line: as the host wrote it, from anybody.
         """
-        ...
 
     def should_stop(self) -> bool:
         """Whether the script should end before its next step; asked a few times a second.
@@ -264,7 +252,6 @@ class EventListener(Protocol):
         Returns:
             True from the request on.
         """
-        ...
 
 
 @runtime_checkable
@@ -274,7 +261,6 @@ class ScriptedHost(Protocol):
     @property
     def name(self) -> str:
         """The host's name in the manifest."""
-        ...
 
     def observe(self) -> State:
         """Observe what is there now; the contract is that of `StepwiseHost.observe`.
@@ -282,7 +268,6 @@ class ScriptedHost(Protocol):
         Returns:
             One moment's state.
         """
-        ...
 
     def journal(self) -> ScriptRun | None:
         """The last run on this host, None where there was none.
@@ -294,7 +279,6 @@ class ScriptedHost(Protocol):
             HostDamaged: it cannot be read, or belongs to an account that must not be believed.
             HostError: the host cannot be reached or read.
         """
-        ...
 
     def unfinished(self) -> ScriptRun | None:
         """The last run, where it is neither completed nor abandoned; it raises as `journal` does.
@@ -302,7 +286,6 @@ class ScriptedHost(Protocol):
         Returns:
             As `journal` returns it.
         """
-        ...
 
     def run_script(
         self, script: ScriptBundle, waits: WaitLimits, listener: EventListener, *, abandoning: bool = False
@@ -321,7 +304,6 @@ class ScriptedHost(Protocol):
         Raises:
             HostError: the host cannot be reached or runs no scripts; nothing happened.
         """
-        ...
 
 
 @runtime_checkable
@@ -330,7 +312,6 @@ class DistantHost(Protocol):
 
     def look_once(self) -> None:
         """Answer from now on from one look, the first that is asked for: of a host that is only read."""
-        ...
 
 
 @runtime_checkable
@@ -340,7 +321,6 @@ class BatchingHost(Protocol):
     @property
     def is_distant(self) -> bool:
         """Whether each batch is a way of its own, so that fewer are quicker."""
-        ...
 
     def in_one_batch(self) -> AbstractContextManager[None]:
         """Inside, what is executed and recorded goes to the host together, in order, when the context ends.
@@ -353,7 +333,6 @@ class BatchingHost(Protocol):
         Raises:
             HostError: when it ends: an operation failed. What came before it is done, and the journal says so.
         """
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -378,7 +357,6 @@ class ExaminableHost(Protocol):
         Raises:
             HostError: as of `observe`.
         """
-        ...
 
 
 @runtime_checkable
@@ -394,7 +372,6 @@ class RecordableHost(Protocol):
         Raises:
             HostError: as of `observe`.
         """
-        ...
 
 
 LiveHost = StepwiseHost | ScriptedHost

@@ -67,11 +67,9 @@ class RunningWork(Protocol):
         Raises:
             HostError: it cannot go on.
         """
-        ...
 
     def count_from_now(self) -> None:
         """Begin to count `until` and `least_ms`: what was before has settled. May be called between two samples."""
-        ...
 
     def restart_load(self) -> bool:
         """Let the loads that never pause begin anew at a random moment, the components running on.
@@ -81,11 +79,9 @@ class RunningWork(Protocol):
         Returns:
             False: there is no such load, or this host cannot.
         """
-        ...
 
     def elapsed_ms(self) -> float:
         """Return the time, in ms on the host's clock, since all of it began to run. Cheap: asked at every look."""
-        ...
 
     def cpu_ms(self, component: str) -> float | None:
         """Return the processor time, in ms, that a component consumed so far. Cheap: asked at every look.
@@ -96,7 +92,6 @@ class RunningWork(Protocol):
         Returns:
             None where it cannot be told.
         """
-        ...
 
     def used_processors(self, partition: str) -> int | None:
         """Return the most processors that the components of a partition of the work were seen to use at once.
@@ -110,7 +105,6 @@ class RunningWork(Protocol):
         Returns:
             At least 1, also above what the partition has; None where it cannot be seen.
         """
-        ...
 
     def evidence(self) -> SettingEvidence | None:
         """Return what the host counted since `count_from_now`.
@@ -121,7 +115,6 @@ class RunningWork(Protocol):
         Raises:
             HostError: it cannot be read.
         """
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,11 +142,9 @@ class WorkHost(Protocol):
     @property
     def name(self) -> str:
         """The host's name in the manifest."""
-        ...
 
     def observe(self) -> State:
         """Observe what is there now; the contract is that of `StepwiseHost.observe`."""
-        ...
 
     def platform_facts(self) -> PlatformFacts:
         """Describe what of this machine can change what is measured on it, equal as long as that is equal.
@@ -161,7 +152,6 @@ class WorkHost(Protocol):
         Raises:
             HostError: the host cannot be reached or read.
         """
-        ...
 
     @property
     def scheduler_memory_ms(self) -> float:
@@ -170,7 +160,6 @@ class WorkHost(Protocol):
         What is measured before that has passed many times over (`measuring/settling.py`) may show how the work began,
         and not how it goes on.
         """
-        ...
 
     def obstacle(self, subject: Component | Interference) -> Obstacle | None:
         """Say why this host cannot run a component or a load; asked before anything is changed for it.
@@ -181,7 +170,6 @@ class WorkHost(Protocol):
         Returns:
             None: nothing is known that would keep it from running.
         """
-        ...
 
     def run(self, work: Work) -> AbstractContextManager[RunningWork]:
         """Have all of it running while the context lasts; when it ends, what still runs of it is ended.
@@ -194,11 +182,9 @@ class WorkHost(Protocol):
             Refused: a partition is not there or does not run, or something of the work cannot run on this host.
             HostError: it cannot be started.
         """
-        ...
 
     def lock(self, owner: str, timeout_ms: int = 0) -> AbstractContextManager[None]:
         """Hold the host, as `StepwiseHost.lock`; where scripts change it, each script holds it while it runs."""
-        ...
 
 
 @runtime_checkable
@@ -219,7 +205,6 @@ class ScriptedMeasuringHost(WorkHost, ScriptedHost, Protocol):
         Raises:
             HostError: they cannot be removed.
         """
-        ...
 
     def set_reserves(self, reserves: Mapping[str, int]) -> None:
         """Have test partitions reserve so much from the next `run` on.
@@ -227,7 +212,6 @@ class ScriptedMeasuringHost(WorkHost, ScriptedHost, Protocol):
         Args:
             reserves: per cent of each processor, by name.
         """
-        ...
 
     def remove_test_partitions(self) -> None:
         """Remove what a killed measurement left.
@@ -235,7 +219,6 @@ class ScriptedMeasuringHost(WorkHost, ScriptedHost, Protocol):
         Raises:
             HostError: one cannot be removed.
         """
-        ...
 
     def measuring_script(
         self, application: str, shapes: Sequence[PartitionShape], partitions: Sequence[PartitionWork]
@@ -253,7 +236,6 @@ class ScriptedMeasuringHost(WorkHost, ScriptedHost, Protocol):
         Raises:
             HostError: it cannot be observed, or something of the work cannot run there.
         """
-        ...
 
 
 MeasuringHost = StepwiseMeasuringHost | ScriptedMeasuringHost

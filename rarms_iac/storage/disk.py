@@ -28,7 +28,6 @@ class FileEffects(Protocol):
         Args:
             folder: its parent exists.
         """
-        ...
 
     def write(self, path: Path, data: bytes) -> None:
         """Make the file new, or empty it, and write this.
@@ -37,7 +36,6 @@ class FileEffects(Protocol):
             path: in a folder that exists; not a link.
             data: all that the file holds then.
         """
-        ...
 
     def append(self, path: Path, data: bytes) -> None:
         """Write at the end of a file that exists.
@@ -46,7 +44,6 @@ class FileEffects(Protocol):
             path: of the file.
             data: what is added.
         """
-        ...
 
     def cut(self, path: Path, size: int) -> None:
         """Drop everything of the file behind so many bytes.
@@ -55,7 +52,6 @@ class FileEffects(Protocol):
             path: of the file.
             size: bytes that stay.
         """
-        ...
 
     def flush(self, path: Path) -> None:
         """Return when the file's content is on the disk itself.
@@ -63,7 +59,6 @@ class FileEffects(Protocol):
         Args:
             path: of a file that was written.
         """
-        ...
 
     def rename(self, source: Path, target: Path) -> None:
         """Give the file this name in its folder, in one moment, in place of what has it.
@@ -72,7 +67,6 @@ class FileEffects(Protocol):
             source: the file.
             target: its name afterwards, in the same folder.
         """
-        ...
 
     def flush_folder(self, folder: Path) -> None:
         """Return when the names in the folder are on the disk itself.
@@ -80,7 +74,6 @@ class FileEffects(Protocol):
         Args:
             folder: in which a name was made, changed or removed.
         """
-        ...
 
     def remove(self, path: Path) -> None:
         """Remove the file; it may be gone.
@@ -88,7 +81,6 @@ class FileEffects(Protocol):
         Args:
             path: of the file.
         """
-        ...
 
 
 class RealFileEffects:

@@ -319,11 +319,9 @@ class LiveRows(Protocol):
         Args:
             row: what runs, in cells.
         """
-        ...
 
     def hide(self) -> None:
         """Take the running row away."""
-        ...
 
 
 def cut_row(row: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> Sequence[str]:

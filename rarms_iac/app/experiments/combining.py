@@ -43,7 +43,6 @@ class CombiningPrompt(TuningPrompt, Protocol):
         Returns:
             Whether the search begins.
         """
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,7 +33,6 @@ class LevelPrompt(Protocol):
             result: the experiment that was just measured.
             report: the data logs of its components, and what all reservations add up to on each platform.
         """
-        ...
 
     def ask(self, component: str) -> str:
         """Return the level for a component, as `100 ms` or `p99_response_time 100 ms`; empty: go on without one.
@@ -44,7 +43,6 @@ class LevelPrompt(Protocol):
         Returns:
             The answer without blanks around it; not checked yet.
         """
-        ...
 
     def confirms(self, proposed: Selection) -> bool:
         """Show what would follow from the level, and tell whether it is written into the manifest.
@@ -55,7 +53,6 @@ class LevelPrompt(Protocol):
         Returns:
             Whether it is written.
         """
-        ...
 
     def refines(self, written: Selection) -> bool:
         """Tell whether to search for less, as nothing close below the reservation that follows was measured.
@@ -66,7 +63,6 @@ class LevelPrompt(Protocol):
         Returns:
             Whether to measure.
         """
-        ...
 
     def extends(self, beyond: BeyondMeasured) -> bool:
         """Tell whether to measure higher settings, since no measured one is enough for the level.
@@ -77,7 +73,6 @@ class LevelPrompt(Protocol):
         Returns:
             Whether to measure.
         """
-        ...
 
     def refused(self, problem: RequestError | UseCaseError) -> None:
         """Tell why the level that was given cannot be had; the same component is asked again.
@@ -85,7 +80,6 @@ class LevelPrompt(Protocol):
         Args:
             problem: with its findings, or a sentence.
         """
-        ...
 
     def written(self, outcome: Selection) -> None:
         """Tell what follows from the level, which now stands in the manifest.
@@ -93,7 +87,6 @@ class LevelPrompt(Protocol):
         Args:
             outcome: with the file that was written.
         """
-        ...
 
 
 def ask_levels(

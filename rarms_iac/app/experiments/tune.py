@@ -87,7 +87,6 @@ class TuningPrompt(Consent, PlannerReporter, Protocol):
         Returns:
             Whether the manifest is changed.
         """
-        ...
 
 
 class UnattendedTuning(Always, SilentReporter):

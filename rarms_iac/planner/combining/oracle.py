@@ -132,7 +132,6 @@ class PerformanceOracle(Protocol):
         Raises:
             Unanswered: there is no verdict, or an end was asked for.
         """
-        ...
 
     def unresolved(self, members: Members, reserve: int) -> bool:
         """Tell whether a setting that is not enough was not shown to be too little, either.
@@ -144,7 +143,6 @@ class PerformanceOracle(Protocol):
         Returns:
             True where none of those that are worse was shown to miss an APT: no proof may rest on it.
         """
-        ...
 
 
 class Consent(Protocol):
@@ -161,7 +159,6 @@ class Consent(Protocol):
         Returns:
             False: it is not asked about, and everything else goes on. Asked once for each combination.
         """
-        ...
 
 
 class PlannerReporter(Protocol):
@@ -173,7 +170,6 @@ class PlannerReporter(Protocol):
         Args:
             answer: the members, the CR, and who missed an APT there.
         """
-        ...
 
     def declined(self, members: Members) -> None:
         """Take note that a user or the manifest says no to this combination; another one is tried.
@@ -181,7 +177,6 @@ class PlannerReporter(Protocol):
         Args:
             members: the components that would have shared a partition, by sorted names.
         """
-        ...
 
     def combined(self, compound: Coi, before: int) -> None:
         """Take note that a compound was found.
@@ -190,7 +185,6 @@ class PlannerReporter(Protocol):
             compound: with the reservation that was measured.
             before: what its parts reserve, in per cent of one logical processor.
         """
-        ...
 
 
 class SilentReporter:

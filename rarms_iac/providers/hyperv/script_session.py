@@ -30,11 +30,9 @@ class Listener(Protocol):
 
     def line(self, text: str) -> None:
         """A line of the script's standard output."""
-        ...
 
     def should_stop(self) -> bool:
         """Whether it should end before its next step."""
-        ...
 
 
 class ScriptSession(Protocol):
@@ -46,15 +44,12 @@ class ScriptSession(Protocol):
         Raises:
             SilenceTimeout: nothing came for so long.
         """
-        ...
 
     def send(self, line: str) -> None:
         """Have this text in the file beside the script that ends with `.next`; one without a dot asks it to stop."""
-        ...
 
     def ended(self) -> ScriptExited | ScriptLost:
         """How it ended; waits for it for a while."""
-        ...
 
 
 def send_and_follow(

@@ -41,7 +41,6 @@ class Transport(Protocol):
         Raises:
             HostFailed: there was no way to it; nothing was run.
         """
-        ...
 
     def run(
         self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
@@ -51,11 +50,9 @@ class Transport(Protocol):
         Raises:
             HostFailed: there was no way to it; nothing was run.
         """
-        ...
 
     def in_windows_powershell(self) -> "Transport":
         """Make a transport to this host that starts Windows PowerShell 5.1 there."""
-        ...
 
 
 class LocalTransport:

@@ -105,15 +105,12 @@ class WmiSource(Protocol):
 
     def computer(self) -> str:
         """The computer's name."""
-        ...
 
     def instances(self, name: str) -> Sequence[WmiInstance]:
         """All instances of a class of `QUERIES`."""
-        ...
 
     def disk(self, path: str) -> WmiInstance:
         """The Msvm_VirtualHardDiskSettingData of a virtual disk."""
-        ...
 
 
 def read_host_visible(source: WmiSource) -> Json:

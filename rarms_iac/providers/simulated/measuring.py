@@ -117,11 +117,9 @@ class ObservableJobs(Protocol):
 
     def restart_loads(self) -> bool:
         """Let every load that never pauses begin anew; False: there is none."""
-        ...
 
     def used_processors(self, machine: str) -> int:
         """Return the most threads of the machine's components that ran, or waited for a processor, at once."""
-        ...
 
 
 class SimulatedMeasuringHost(SimulatedHostProvider):
