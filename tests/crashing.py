@@ -43,7 +43,7 @@ def _nothing() -> None:
     """Not done here."""
 
 
-class UnflushedDisk(disk.RealFileEffects):
+class UnflushedDisk(disk.FileEffects):
     """The real disk without flushes, which take long: a process that goes on reads what was written without them."""
 
     def flush(self, path: Path) -> None:
@@ -53,7 +53,7 @@ class UnflushedDisk(disk.RealFileEffects):
         pass
 
 
-class CrashingDisk:
+class CrashingDisk(disk.FileEffects):
     """The real disk, up to the effect of this number (from 1; 0: never).
 
     Flushes are counted and not done: what a killed process wrote is there without them, and they take long.
@@ -65,7 +65,7 @@ class CrashingDisk:
         self.end = end
         self.effects: list[str] = []
         self._busy = False
-        self._real = disk.RealFileEffects()
+        self._real = disk.FileEffects()
 
     def make_folder(self, folder: Path) -> None:
         self._effect(f"make_folder {folder.name}", lambda: self._real.make_folder(folder))

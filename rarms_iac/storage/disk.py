@@ -1,4 +1,4 @@
-"""The rim between rarms and the file system: every effect that must survive a crash is one call of a `Disk`.
+"""The rim between rarms and the file system: every effect that must survive a crash is one call of `FileEffects`.
 
 `replace` and `append` do nothing to files but through the disk in use. A test installs another with `use`: one that
 counts the effects and ends the process at the n-th shows what a crash leaves behind at every one of them
@@ -12,15 +12,14 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
 
 RETRIES = 40
 RETRY_SECONDS = 0.025
 """How long a rename waits on Windows for a reader to close the file: a second in all."""
 
 
-class FileEffects(Protocol):
-    """The effects on files, each of which a crash may come before, in the middle of, or after."""
+class FileEffects:
+    """The effects on files of this machine, each of which a crash may come before, in the middle of, or after."""
 
     def make_folder(self, folder: Path) -> None:
         """Make one folder in one that exists; it may be there.
@@ -28,6 +27,8 @@ class FileEffects(Protocol):
         Args:
             folder: its parent exists.
         """
+        folder.mkdir(mode=0o775, exist_ok=True)  # under any umask: what others may write, rarms would believe
+        give(folder, folder.parent.stat())
 
     def write(self, path: Path, data: bytes) -> None:
         """Make the file new, or empty it, and write this.
@@ -36,6 +37,9 @@ class FileEffects(Protocol):
             path: in a folder that exists; not a link.
             data: all that the file holds then.
         """
+        with os.fdopen(open_to_write(path, os.O_CREAT | os.O_TRUNC), "wb") as file:
+            file.write(data)
+        give(path, path.parent.stat())
 
     def append(self, path: Path, data: bytes) -> None:
         """Write at the end of a file that exists.
@@ -44,6 +48,8 @@ class FileEffects(Protocol):
             path: of the file.
             data: what is added.
         """
+        with os.fdopen(open_to_write(path, os.O_APPEND), "ab") as file:
+            file.write(data)
 
     def cut(self, path: Path, size: int) -> None:
         """Drop everything of the file behind so many bytes.
@@ -52,6 +58,8 @@ class FileEffects(Protocol):
             path: of the file.
             size: bytes that stay.
         """
+        with os.fdopen(open_to_write(path), "r+b") as file:
+            file.truncate(size)
 
     def flush(self, path: Path) -> None:
         """Return when the file's content is on the disk itself.
@@ -59,6 +67,8 @@ class FileEffects(Protocol):
         Args:
             path: of a file that was written.
         """
+        with os.fdopen(open_to_write(path), "r+b") as file:  # Windows flushes only what is open for writing
+            os.fsync(file.fileno())
 
     def rename(self, source: Path, target: Path) -> None:
         """Give the file this name in its folder, in one moment, in place of what has it.
@@ -67,47 +77,6 @@ class FileEffects(Protocol):
             source: the file.
             target: its name afterwards, in the same folder.
         """
-
-    def flush_folder(self, folder: Path) -> None:
-        """Return when the names in the folder are on the disk itself.
-
-        Args:
-            folder: in which a name was made, changed or removed.
-        """
-
-    def remove(self, path: Path) -> None:
-        """Remove the file; it may be gone.
-
-        Args:
-            path: of the file.
-        """
-
-
-class RealFileEffects:
-    """The file system of this machine."""
-
-    def make_folder(self, folder: Path) -> None:
-        folder.mkdir(mode=0o775, exist_ok=True)  # under any umask: what others may write, rarms would believe
-        give(folder, folder.parent.stat())
-
-    def write(self, path: Path, data: bytes) -> None:
-        with os.fdopen(open_to_write(path, os.O_CREAT | os.O_TRUNC), "wb") as file:
-            file.write(data)
-        give(path, path.parent.stat())
-
-    def append(self, path: Path, data: bytes) -> None:
-        with os.fdopen(open_to_write(path, os.O_APPEND), "ab") as file:
-            file.write(data)
-
-    def cut(self, path: Path, size: int) -> None:
-        with os.fdopen(open_to_write(path), "r+b") as file:
-            file.truncate(size)
-
-    def flush(self, path: Path) -> None:
-        with os.fdopen(open_to_write(path), "r+b") as file:  # Windows flushes only what is open for writing
-            os.fsync(file.fileno())
-
-    def rename(self, source: Path, target: Path) -> None:
         for _ in range(RETRIES):
             try:
                 source.replace(target)
@@ -120,6 +89,11 @@ class RealFileEffects:
         source.replace(target)
 
     def flush_folder(self, folder: Path) -> None:
+        """Return when the names in the folder are on the disk itself.
+
+        Args:
+            folder: in which a name was made, changed or removed.
+        """
         if sys.platform == "win32":
             return  # NTFS journals its names, and a folder cannot be opened
         descriptor = os.open(folder, os.O_RDONLY)
@@ -129,6 +103,11 @@ class RealFileEffects:
             os.close(descriptor)
 
     def remove(self, path: Path) -> None:
+        """Remove the file; it may be gone.
+
+        Args:
+            path: of the file.
+        """
         path.unlink(missing_ok=True)
 
 
@@ -228,7 +207,7 @@ def check_folder(folder: Path) -> None:
         raise NotOurFile(folder, "behind a link that leads out of the repository")
 
 
-_in_use: list[FileEffects] = [RealFileEffects()]
+_in_use: list[FileEffects] = [FileEffects()]
 
 
 def current() -> FileEffects:

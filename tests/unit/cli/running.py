@@ -37,7 +37,7 @@ def rarms(*words: str, stdin: str = "", at_a_terminal: bool = False) -> Ran:
     """`rarms` with these words, standard input being this text, which a user types at a terminal, or a file."""
     tried(Attempt.TERMINAL, at_a_terminal)
     out, err = _stream(), _stream(at_a_terminal=at_a_terminal)
-    used = UnflushedDisk() if isinstance(disk.current(), disk.RealFileEffects) else disk.current()
+    used = UnflushedDisk() if type(disk.current()) is disk.FileEffects else disk.current()
     with disk.use(used), redirect_stdout(out), redirect_stderr(err), _reading(stdin, at_a_terminal=at_a_terminal):
         code = main(list(words))
         out.flush()
