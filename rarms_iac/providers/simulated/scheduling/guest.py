@@ -13,8 +13,6 @@ QUANTUM_MS = 31.2
 class OperatingSystem:
     """Keeps the threads that are ready, and puts the highest on VPs."""
 
-    __slots__ = ("_asked", "_hypervisor", "_ready", "contended", "vps")
-
     def __init__(self, machine: VirtualMachine, hypervisor: HypervisorScheduler) -> None:
         shares = (machine.reserve / 100.0, machine.limit / 100.0)
         self._hypervisor = hypervisor

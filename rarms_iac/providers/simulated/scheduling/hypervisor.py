@@ -32,26 +32,6 @@ SLICE_MS = 10.0
 class HypervisorScheduler:
     """Places VPs on LPs; tells the guest (`finished`, `quantum_over`) when a thread's work or turn is over."""
 
-    __slots__ = (
-        "_agenda",
-        "_busy",
-        "_level",
-        "_limited",
-        "_read_at",
-        "_reserve_clock",
-        "_returning",
-        "_shares",
-        "_sharing",
-        "_taken",
-        "_trace",
-        "_waiting",
-        "_window",
-        "_woken",
-        "changed",
-        "lps",
-        "vps",
-    )
-
     def __init__(self, agenda: Agenda, lps: int, window_ms: float, trace: Callable[[TracePiece], None] | None) -> None:
         self._agenda = agenda
         self._window = window_ms

@@ -23,16 +23,12 @@ INSTANT = 1e-6
 class Owner:
     """One that asks for actions; raising its turn cancels the actions that it asked for before."""
 
-    __slots__ = ("turn",)
-
     def __init__(self) -> None:
         self.turn = 0
 
 
 class Agenda:
     """The clock, and the actions to come."""
-
-    __slots__ = ("_asked", "_coming", "now")
 
     def __init__(self) -> None:
         self.now = 0.0
@@ -68,16 +64,12 @@ NOTHING, CLAIM, LATE = 0, 1, 2
 class Account:
     """The processor time that was consumed."""
 
-    __slots__ = ("consumed",)
-
     def __init__(self) -> None:
         self.consumed = 0.0
 
 
 class Thread:
     """A thread of a guest, with the work before it."""
-
-    __slots__ = ("account", "done", "last", "priority", "quantum", "remaining")
 
     def __init__(self, priority: int, account: Account, done: Action) -> None:
         self.priority = priority
@@ -104,31 +96,6 @@ class GuestScheduler(Protocol):
 
 class VirtualProcessor(Owner):
     """A VP: shares are fractions of one LP, claim is milliseconds of reserved time not yet used."""
-
-    __slots__ = (
-        "bit",
-        "claim",
-        "claim_from",
-        "claim_until",
-        "due",
-        "guest",
-        "home",
-        "late_from",
-        "late_until",
-        "limit",
-        "limit_left",
-        "limit_window",
-        "lp",
-        "name",
-        "number",
-        "reserve",
-        "since",
-        "thread",
-        "usable_weight",
-        "used",
-        "waiting",
-        "weight",
-    )
 
     home: "LogicalProcessor"
     due: Action
@@ -212,8 +179,6 @@ class VirtualProcessor(Owner):
 
 class LogicalProcessor(Owner):
     """An LP: the VP on it, and what has been taken from it for interrupts and the parent."""
-
-    __slots__ = ("armed_at", "due", "number", "since", "slice_until", "taken", "taken_left", "vp")
 
     due: Action
 

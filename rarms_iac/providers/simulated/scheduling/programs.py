@@ -75,8 +75,6 @@ LEAST_WORK_MS = 1e-3
 class Variation:
     """Draws durations of a given mean and coefficient of variation: log-normal, so never negative."""
 
-    __slots__ = ("_random", "_shift", "_sigma")
-
     def __init__(self, random: Random, per_cent: float) -> None:
         variance = log(1.0 + (per_cent / 100.0) ** 2)
         self._random = random
@@ -92,8 +90,6 @@ class Variation:
 
 class ProcessorUse:
     """How long how many threads of a partition's components ran, or waited for a processor, at once."""
-
-    __slots__ = ("_jobs", "_now", "_threads", "_under_way_ms", "at_once_ms")
 
     def __init__(self) -> None:
         self.at_once_ms: dict[int, float] = {}  # by number of threads
