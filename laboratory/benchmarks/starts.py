@@ -14,18 +14,11 @@ from statistics import fmean
 from laboratory.benchmarks.timing import Figure, report
 from laboratory.benchmarks.verdicts import series_of
 from rarms_iac.measuring.sampling import RESTART_WINDOWS
+from rarms_iac.model.loads import BusyLoop
 from rarms_iac.model.outcomes import Met
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import Threshold
-from rarms_iac.providers.simulated.scheduling.machine import (
-    WINDOW_MS,
-    BusyLoops,
-    Every,
-    JobDemand,
-    ModelMachine,
-    OneAfterAnother,
-    VirtualMachine,
-)
+from rarms_iac.providers.simulated.scheduling.machine import WINDOW_MS, JobDemand, ModelMachine, VirtualMachine
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from rarms_iac.statistics.error_probability import ERROR, PERIODIC_STARTS
 from rarms_iac.statistics.verdicts import judge_look
@@ -52,11 +45,11 @@ def away_by_window(seed: int) -> dict[int, float]:
         work_ms=work,
         blocked_ms=chance.choice((0.0, work)),
         varies=5.0,
-        arrival=Every(period_ms=period) if seed % 2 else OneAfterAnother(),
+        period_ms=period if seed % 2 else None,
     )
     p1 = VirtualMachine(name="P1", vps=1, reserve=reserve, components=(demand,))
     beside = chance.choice((100 - reserve, 100 - reserve / 2))  # the most on Hyper-V, and all that P1 leaves
-    p2 = VirtualMachine(name="P2", vps=2, reserve=beside, weight=10_000, loads=(BusyLoops(),))
+    p2 = VirtualMachine(name="P2", vps=2, reserve=beside, weight=10_000, loads=(BusyLoop(),))
     machine = simulate(ModelMachine(lps=2, machines=(p1, p2), interrupts=1.0), seed)
     windows: dict[int, list[float]] = defaultdict(list)
     now, began, starts = 0.0, 0.0, 0

@@ -24,18 +24,11 @@ from laboratory.linux.experiments import (
     value_of,
     work_of,
 )
+from rarms_iac.model.loads import BusyLoop
 from rarms_iac.model.measurement import P2_WEIGHT
 from rarms_iac.model.run import Elapsed, Field, Run, Samples
 from rarms_iac.model.system import Component
-from rarms_iac.providers.simulated.scheduling.machine import (
-    WINDOW_MS,
-    BusyLoops,
-    Every,
-    JobDemand,
-    ModelMachine,
-    OneAfterAnother,
-    VirtualMachine,
-)
+from rarms_iac.providers.simulated.scheduling.machine import WINDOW_MS, JobDemand, ModelMachine, VirtualMachine
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from tests.builders import a_component, a_run, milliseconds
 
@@ -149,13 +142,13 @@ def foretold(demand: Demand, limit: float, processors: int, *, in_class: bool = 
         blocked_ms=demand.waits,
         varies=demand.varies,
         threads=threads,
-        arrival=Every(period_ms=demand.period) if demand.period else OneAfterAnother(),
+        period_ms=demand.period or None,
     )
 
     def is_enough(reserve: int) -> bool:
         p2_reserve = (100 * processors - reserve * threads) / processors
         p1 = VirtualMachine(name="P1", vps=threads, reserve=reserve, components=(job,))
-        p2 = VirtualMachine(name="P2", vps=processors, reserve=p2_reserve, weight=P2_WEIGHT, loads=(BusyLoops(),))
+        p2 = VirtualMachine(name="P2", vps=processors, reserve=p2_reserve, weight=P2_WEIGHT, loads=(BusyLoop(),))
         window = WINDOW_MS if in_class else TICK_MS
         jobs = simulate(ModelMachine(lps=processors, machines=(p1, p2), window_ms=window), seed=1)
         return statistics.fmean(job.response for job in islice(jobs, WARM_UP, WARM_UP + JOBS)) <= limit

@@ -10,6 +10,7 @@ from itertools import islice
 from statistics import mean
 
 from rarms_iac.manifest.load import load
+from rarms_iac.model.loads import Browser, BusyLoop
 from rarms_iac.model.measurement import P2_WEIGHT
 from rarms_iac.model.system import System
 from rarms_iac.providers.simulated.measuring import demand_of
@@ -17,8 +18,6 @@ from rarms_iac.providers.simulated.scheduling.machine import (
     IDLE,
     ORDINARY,
     QUIET_INTERRUPTS,
-    Browsers,
-    BusyLoops,
     JobDemand,
     JobDone,
     ModelLoad,
@@ -93,7 +92,7 @@ def mean_response(machine: ModelMachine, jobs: int, seeds: Sequence[int]) -> flo
 def figure_1(jobs: int, seeds: Sequence[int], reserves: Sequence[int] = RESERVES) -> dict[int, float]:
     """FDP's mean response time in ms by P1's reserve; P2 reserves the rest for a busy loop a VP."""
     fdp = demands()[FDP]
-    return {cr: mean_response(bench(fdp, (cr, 100 - cr), BusyLoops()), jobs, seeds) for cr in reserves}
+    return {cr: mean_response(bench(fdp, (cr, 100 - cr), BusyLoop()), jobs, seeds) for cr in reserves}
 
 
 def figure_3(until_ms: float, seeds: Sequence[int], browsers: Sequence[int] = range(16)) -> list[Loaded]:
@@ -119,7 +118,7 @@ def figure_4(
 
 def playing(browsers: int) -> ModelLoad | None:
     """So many browsers."""
-    return Browsers(instances=browsers) if browsers else None
+    return Browser(instances=browsers) if browsers else None
 
 
 def _loaded(browsers: int, until_ms: float, seeds: Sequence[int]) -> Loaded:

@@ -8,18 +8,14 @@ from math import floor, inf
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from rarms_iac.model.loads import Browser, BusyLoop
 from rarms_iac.providers.simulated.scheduling.hypervisor import SHORTEST_TURN_MS
 from rarms_iac.providers.simulated.scheduling.machine import (
     IDLE,
     INTERRUPT,
     PARENT,
-    Browsers,
-    BusyLoops,
-    Every,
     JobDemand,
     ModelMachine,
-    OneAfterAnother,
-    Programs,
     TracePiece,
     VirtualMachine,
 )
@@ -29,12 +25,11 @@ from tests.effort import examples
 UNTIL_MS = 160.0
 GRAIN = 1e-3  # ms: rounding of the model's floats over a run, with plenty to spare
 
-arrivals = st.one_of(st.just(OneAfterAnother()), st.builds(Every, period_ms=st.floats(5, 200)))
+periods = st.one_of(st.none(), st.floats(5, 200))
 loads = st.lists(
     st.one_of(
-        st.builds(BusyLoops, threads=st.one_of(st.none(), st.integers(1, 3))),
-        st.builds(Browsers, instances=st.integers(1, 4)),
-        st.builds(Programs, instances=st.integers(1, 2)),
+        st.builds(BusyLoop, threads=st.one_of(st.none(), st.integers(1, 3))),
+        st.builds(Browser, instances=st.integers(1, 4)),
     ),
     max_size=2,
 )
@@ -48,7 +43,7 @@ def demands(draw: st.DrawFn, name: str) -> JobDemand:
         blocked_ms=draw(st.sampled_from([0.0, 0.5, 12.0])),
         varies=draw(st.sampled_from([0.0, 5.0, 40.0])),
         threads=draw(st.integers(1, 3)),
-        arrival=draw(arrivals),
+        period_ms=draw(periods),
         timeout_ms=draw(st.sampled_from([inf, inf, 25.0])),
         priority=draw(st.sampled_from([8, 8, 20, 31])),
     )
@@ -138,7 +133,7 @@ def test_a_job_is_paid_in_full_and_only_once(work: float, threads: int, reserve:
         lps=2,
         machines=(
             VirtualMachine(name="P1", vps=2, reserve=reserve, components=(asked,)),
-            VirtualMachine(name="P2", vps=2, reserve=100 - reserve, loads=(BusyLoops(),)),
+            VirtualMachine(name="P2", vps=2, reserve=100 - reserve, loads=(BusyLoop(),)),
         ),
     )
 
@@ -172,7 +167,7 @@ def test_a_limit_bounds_every_span_of_time_from_any_moment_on(machine: ModelMach
 
 def test_a_limit_may_be_used_twice_within_less_than_a_window() -> None:
     """So the bound is no wider than it has to be: a job that is due late in a window uses that one and the next."""
-    late = JobDemand(component="c", work_ms=60.0, arrival=Every(period_ms=270.0))
+    late = JobDemand(component="c", work_ms=60.0, period_ms=270.0)
     vm = VirtualMachine(name="vm", vps=1, limit=30, components=(late,))
     ran = run(ModelMachine(lps=1, machines=(vm,)), 1000.0)
 
@@ -182,7 +177,7 @@ def test_a_limit_may_be_used_twice_within_less_than_a_window() -> None:
 @given(machines(interrupts=False), st.integers(1, 100))
 @settings(max_examples=examples(8), deadline=None)
 def test_no_lp_idles_while_a_thread_could_use_it(machine: ModelMachine, weight: int) -> None:
-    greedy = VirtualMachine(name="greedy", vps=machine.lps, weight=weight, loads=(BusyLoops(),))
+    greedy = VirtualMachine(name="greedy", vps=machine.lps, weight=weight, loads=(BusyLoop(),))
     pieces = run(ModelMachine(lps=machine.lps, machines=(*machine.machines, greedy))).pieces
 
     assert sum(piece.ended - piece.began for piece in pieces if piece.ran == IDLE) == 0.0
@@ -200,11 +195,11 @@ def machines_with_steady(draw: st.DrawFn) -> ModelMachine:
 
 
 def _steady(reserve: float, vps: int = 1) -> VirtualMachine:
-    return VirtualMachine(name="steady", vps=vps, reserve=reserve, loads=(BusyLoops(),))
+    return VirtualMachine(name="steady", vps=vps, reserve=reserve, loads=(BusyLoop(),))
 
 
 def _reserved(
-    name: str, reserve: float, *demands: JobDemand, weight: int = 100, loads: tuple[BusyLoops, ...] = ()
+    name: str, reserve: float, *demands: JobDemand, weight: int = 100, loads: tuple[BusyLoop, ...] = ()
 ) -> VirtualMachine:
     return VirtualMachine(name=name, vps=1, reserve=reserve, weight=weight, components=demands, loads=loads)
 
@@ -216,7 +211,7 @@ ALONE_ON_ONE_LP = ModelMachine(
         _reserved(
             "vm0",
             88,
-            JobDemand(component="c00", work_ms=47, blocked_ms=0.5, varies=5, threads=2, arrival=Every(period_ms=101)),
+            JobDemand(component="c00", work_ms=47, blocked_ms=0.5, varies=5, threads=2, period_ms=101),
             JobDemand(component="c01", work_ms=67, blocked_ms=12),
             weight=1,
         ),
@@ -229,12 +224,10 @@ ALONE_ON_ONE_OF_TWO_LPS = ModelMachine(
         _reserved(
             "vm0",
             100,
-            JobDemand(component="c00", work_ms=25, threads=3, arrival=Every(period_ms=153.6)),
-            JobDemand(component="c01", work_ms=61.3, blocked_ms=12, varies=5, threads=3, arrival=Every(period_ms=95.3)),
+            JobDemand(component="c00", work_ms=25, threads=3, period_ms=153.6),
+            JobDemand(component="c01", work_ms=61.3, blocked_ms=12, varies=5, threads=3, period_ms=95.3),
         ),
-        _reserved(
-            "vm1", 26, JobDemand(component="c10", work_ms=57.7, arrival=Every(period_ms=56.2)), loads=(BusyLoops(),)
-        ),
+        _reserved("vm1", 26, JobDemand(component="c10", work_ms=57.7, period_ms=56.2), loads=(BusyLoop(),)),
         _reserved("vm2", 45, JobDemand(component="c20", work_ms=2.6, blocked_ms=12, varies=40)),
         _steady(1),
     ),
@@ -257,11 +250,11 @@ def test_a_reserve_that_is_demanded_is_given(machine: ModelMachine) -> None:
 
 
 def _named(demand: JobDemand, name: str) -> JobDemand:
-    return replace(demand, component=name, priority=8, arrival=OneAfterAnother())
+    return replace(demand, component=name, priority=8, period_ms=None)
 
 
 def _without_browsers(vm: VirtualMachine) -> VirtualMachine:
-    return replace(vm, loads=tuple(load for load in vm.loads if not isinstance(load, Browsers)))
+    return replace(vm, loads=tuple(load for load in vm.loads if not isinstance(load, Browser)))
 
 
 def _by_window(pieces: list[TracePiece], window_ms: float) -> dict[tuple[str, int], float]:

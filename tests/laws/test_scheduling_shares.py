@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rarms_iac.providers.simulated.scheduling.machine import BusyLoops, ModelMachine, TracePiece, VirtualMachine
+from rarms_iac.model.loads import BusyLoop
+from rarms_iac.providers.simulated.scheduling.machine import ModelMachine, TracePiece, VirtualMachine
 from rarms_iac.providers.simulated.scheduling.processors import Entitlement, usable_weights
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from tests.effort import examples
@@ -24,7 +25,7 @@ OFF_BY_IF_FULL = 0.2
 
 
 def busy(name: str, vps: int, weight: int, reserve: int = 0, limit: int = 100) -> VirtualMachine:
-    return VirtualMachine(name=name, vps=vps, weight=weight, reserve=reserve, limit=limit, loads=(BusyLoops(),))
+    return VirtualMachine(name=name, vps=vps, weight=weight, reserve=reserve, limit=limit, loads=(BusyLoop(),))
 
 
 def got(machine: ModelMachine) -> dict[str, float]:

@@ -29,17 +29,11 @@ from rarms_iac.providers.simulated.scheduling.machine import (
     ORDINARY,
     QUIET_INTERRUPTS,
     WINDOW_MS,
-    Arrival,
-    Browsers,
     BurstLoads,
-    BusyLoops,
-    Every,
     JobDemand,
     JobDone,
     ModelLoad,
     ModelMachine,
-    OneAfterAnother,
-    Programs,
     VirtualMachine,
 )
 
@@ -50,30 +44,17 @@ GUEST = "Windows build {build}"
 MEBIBYTE = 2**20
 
 
-class NoDemand(ValueError):
-    """The component has no `simulation`, so it is unknown what it asks of a simulated host."""
-
-    def __init__(self, component: str) -> None:
-        super().__init__(f"{component} has no `simulation`: say there what a job demands on a simulated host")
-        self.component = component
-
-
 def demand_of(component: Component, priority: int = ORDINARY) -> JobDemand:
-    """The component's demand; its threads run at this priority.
-
-    Raises:
-        NoDemand: it has no `simulation`.
-    """
-    simulation = component.simulation
-    if simulation is None:
-        raise NoDemand(component.name)
+    """The demand of a component that has a `simulation`; its threads run at this priority."""
+    simulation, arrival = component.simulation, run_of(component).arrival
+    assert simulation is not None, "`obstacle` names a component without one before anything is run"
     return JobDemand(
         component=component.name,
         work_ms=float(simulation.work),
         blocked_ms=float(simulation.blocked),
         varies=float(simulation.varies),
         threads=simulation.threads,
-        arrival=_arrival(component),
+        period_ms=float(arrival.period) if isinstance(arrival, Periodic) else None,
         success_within_ms=None if simulation.success_within is None else float(simulation.success_within),
         timeout_ms=float(run_of(component).timeout),
         priority=priority,
@@ -89,22 +70,12 @@ def load_of(interference: Interference, reserve: int = 0) -> ModelLoad:
         case Bursts(threads=threads):
             cycle = interference.cycle(reserve)
             return BurstLoads(burst_ms=cycle.burst_ms, gap_ms=cycle.gap_ms, threads=threads)
-        case BusyLoop(threads=threads):
-            return BusyLoops(threads=threads)
-        case Browser(instances=instances):
-            return Browsers(instances=instances)
-        case CommandLoad(instances=instances):
-            return Programs(instances=instances)
-        case Stress(workers=workers):
-            return BusyLoops(threads=workers)
+        case BusyLoop() | Browser():
+            return interference
+        case CommandLoad(instances=threads) | Stress(workers=threads):
+            return BusyLoop(threads=threads)
         case _:
             assert_never(interference)
-
-
-def _arrival(component: Component) -> Arrival:
-    if component.run is not None and isinstance(component.run.arrival, Periodic):
-        return Every(period_ms=float(component.run.arrival.period))
-    return OneAfterAnother()
 
 
 Simulate = Callable[[ModelMachine, int], Iterator[JobDone]]
@@ -210,14 +181,9 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         return tuple(_partition(other, f"idle {other.id}") for other in sorted(others, key=lambda other: other.id))
 
     def _demand(self, component: Component, content: Content, machine: str) -> JobDemand:
-        try:
-            return demand_of(component, _priority(component.task, content, machine))
-        except NoDemand:
-            raise HostRefused(
-                self.name,
-                f"{component.name} does not say what it demands on a simulated host",
-                "Give it a `simulation`, or measure on a host that runs real components.",
-            ) from None
+        if obstacle := self.obstacle(component):
+            raise HostRefused(self.name, f"{component.name}: {obstacle.reason}", obstacle.advice)
+        return demand_of(component, _priority(component.task, content, machine))
 
 
 @dataclass(slots=True, kw_only=True)

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from math import inf
 from typing import NamedTuple
 
+from rarms_iac.model.loads import Browser, BusyLoop
+
 ORDINARY = 8
 """The thread priority of a program that asks for none (Windows' normal class)."""
 
@@ -16,21 +18,6 @@ QUIET_INTERRUPTS = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OneAfterAnother:
-    """The next job begins when the last one ended (`arrival: closed`)."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Every:
-    """A job begins every period, or as soon after it as the one before has ended."""
-
-    period_ms: float
-
-
-Arrival = OneAfterAnother | Every
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class JobDemand:
     """A component: what each of its jobs asks for. A job waits (`blocked_ms`), then works on all its threads."""
 
@@ -39,31 +26,10 @@ class JobDemand:
     blocked_ms: float = 0.0
     varies: float = 0.0  # per cent: the coefficient of variation of work and blocked time
     threads: int = 1
-    arrival: Arrival = OneAfterAnother()
+    period_ms: float | None = None  # a job is due so often; None: the next begins when the last one ended
     success_within_ms: float | None = None  # None: every answer is a success
     timeout_ms: float = inf  # a job that runs for so long is ended there, and uses nothing more
     priority: int = ORDINARY  # 0..31: inside one operating system the higher one runs
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BusyLoops:
-    """Threads that never wait (BLP); None: one a VP."""
-
-    threads: int | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Browsers:
-    """Browsers that stream video (`programs.py` says what each does)."""
-
-    instances: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Programs:
-    """Any other program that never waits, so often at once."""
-
-    instances: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +41,8 @@ class BurstLoads:
     threads: int | None = None  # None: one a VP
 
 
-ModelLoad = BusyLoops | BurstLoads | Browsers | Programs
+ModelLoad = BusyLoop | BurstLoads | Browser
+"""A busy loop has threads that never wait, without a number one a VP; `programs.py` says what a browser does."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,15 +9,7 @@ from rarms_iac.model.loads import LONGEST_GAP, SHORTEST_GAP
 from rarms_iac.model.processor_number import most_at_once
 from rarms_iac.providers.simulated.scheduling.guest import OperatingSystem
 from rarms_iac.providers.simulated.scheduling.hypervisor import HypervisorScheduler
-from rarms_iac.providers.simulated.scheduling.machine import (
-    INTERRUPT,
-    ORDINARY,
-    PARENT,
-    BurstLoads,
-    Every,
-    JobDemand,
-    JobDone,
-)
+from rarms_iac.providers.simulated.scheduling.machine import INTERRUPT, ORDINARY, PARENT, BurstLoads, JobDemand, JobDone
 from rarms_iac.providers.simulated.scheduling.processors import (
     INSTANT,
     Account,
@@ -134,7 +126,7 @@ class ComponentProgram(Owner):
         self._variation = Variation(random, demand.varies)
         self._threads = [Thread(demand.priority, self.account, self._thread_done) for _ in range(demand.threads)]
         self._busy = 0
-        self._due = random.uniform(0.0, demand.arrival.period_ms) if isinstance(demand.arrival, Every) else 0.0
+        self._due = random.uniform(0.0, demand.period_ms) if demand.period_ms else 0.0
         self._ends = inf
         self._clock = Owner()
         self._watched = False
@@ -207,7 +199,7 @@ class ComponentProgram(Owner):
         self._ends = inf
         self._use.change(now, jobs=-1)
         self._tell(JobDone(demand.component, self._due, response, successful, self.account.consumed, answered))
-        self._due = self._due + demand.arrival.period_ms if isinstance(demand.arrival, Every) else now
+        self._due = self._due + demand.period_ms if demand.period_ms else now
         if self._due <= now:
             self.begin()
         else:

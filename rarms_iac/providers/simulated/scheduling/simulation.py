@@ -6,16 +6,14 @@ from math import inf
 from random import Random
 from typing import assert_never
 
+from rarms_iac.model.loads import Browser, BusyLoop
 from rarms_iac.providers.simulated.scheduling.guest import OperatingSystem
 from rarms_iac.providers.simulated.scheduling.hypervisor import HypervisorScheduler
 from rarms_iac.providers.simulated.scheduling.machine import (
-    Browsers,
     BurstLoads,
-    BusyLoops,
     JobDone,
     ModelLoad,
     ModelMachine,
-    Programs,
     TracePiece,
     VirtualMachine,
 )
@@ -112,7 +110,7 @@ class SchedulerSimulation:
             component = ComponentProgram(demand, system, self._agenda, random, self._done.append, use)
             self._components[demand.component] = component
             component.start()
-        playing = sum(load.instances for load in machine.loads if isinstance(load, Browsers))
+        playing = sum(load.instances for load in machine.loads if isinstance(load, Browser))
         absent = absent_share(playing, machine.memory_mib)
         screen = GuestScreen() if machine.partitioned else None
         for number, load in enumerate(machine.loads):
@@ -133,14 +131,12 @@ class SchedulerSimulation:
     ) -> None:
         name, screen, absent = place
         match load:
-            case BusyLoops(threads=threads):
+            case BusyLoop(threads=threads):
                 self._start_busy_loops(machine.vps if threads is None else threads, system)
             case BurstLoads(threads=threads):
                 count = machine.vps if threads is None else threads
                 BurstProgram(load, count, system, self._agenda, self._random(f"bursts/{name}")).start()
-            case Programs(instances=instances):
-                self._start_busy_loops(instances, system)
-            case Browsers(instances=instances):
+            case Browser(instances=instances):
                 for number in range(instances):
                     random = self._random(f"browser/{name}/{number}")
                     BrowserProgram(system, self._agenda, random, self._devices, screen, absent).start()

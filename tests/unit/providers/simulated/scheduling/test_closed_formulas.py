@@ -4,14 +4,15 @@ from itertools import islice
 
 import pytest
 
+from rarms_iac.model.loads import BusyLoop
 from rarms_iac.providers.simulated.scheduling.guest import QUANTUM_MS
-from rarms_iac.providers.simulated.scheduling.machine import BusyLoops, JobDemand, ModelMachine, VirtualMachine
+from rarms_iac.providers.simulated.scheduling.machine import JobDemand, ModelMachine, VirtualMachine
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 
 
 def test_two_equal_threads_of_one_system_take_turns() -> None:
     job = JobDemand(component="job", work_ms=100)
-    system = VirtualMachine(name="os", vps=1, components=(job,), loads=(BusyLoops(threads=1),))
+    system = VirtualMachine(name="os", vps=1, components=(job,), loads=(BusyLoop(threads=1),))
 
     jobs = list(islice(simulate(ModelMachine(lps=1, machines=(system,)), 1), 40))
 
@@ -21,7 +22,7 @@ def test_two_equal_threads_of_one_system_take_turns() -> None:
 def test_a_thread_that_wakes_has_a_whole_turn() -> None:
     """20 ms of work after a wait are less than a turn: once it runs, each job is done without a second wait."""
     shy = JobDemand(component="shy", work_ms=20, blocked_ms=30)
-    system = VirtualMachine(name="os", vps=1, components=(shy,), loads=(BusyLoops(threads=1),))
+    system = VirtualMachine(name="os", vps=1, components=(shy,), loads=(BusyLoop(threads=1),))
 
     responses = [job.response for job in islice(simulate(ModelMachine(lps=1, machines=(system,)), 1), 40)]
 
@@ -31,7 +32,7 @@ def test_a_thread_that_wakes_has_a_whole_turn() -> None:
 def test_a_thread_that_does_not_wait_goes_on_with_its_turn() -> None:
     """Jobs of 20 ms one after another share the processor with the loop: no job begins a turn anew."""
     steady = JobDemand(component="steady", work_ms=20)
-    system = VirtualMachine(name="os", vps=1, components=(steady,), loads=(BusyLoops(threads=1),))
+    system = VirtualMachine(name="os", vps=1, components=(steady,), loads=(BusyLoop(threads=1),))
 
     *_, last = islice(simulate(ModelMachine(lps=1, machines=(system,)), 1), 200)
 
@@ -40,7 +41,7 @@ def test_a_thread_that_does_not_wait_goes_on_with_its_turn() -> None:
 
 def test_a_higher_thread_never_waits_for_a_lower_one() -> None:
     urgent = JobDemand(component="urgent", work_ms=20, blocked_ms=5, priority=30)
-    system = VirtualMachine(name="os", vps=1, components=(urgent,), loads=(BusyLoops(threads=3),))
+    system = VirtualMachine(name="os", vps=1, components=(urgent,), loads=(BusyLoop(threads=3),))
 
     jobs = list(islice(simulate(ModelMachine(lps=1, machines=(system,)), 1), 10))
 

@@ -3,8 +3,8 @@
 import pytest
 
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, Browser, BusyLoop, CommandLoad
-from rarms_iac.providers.simulated.measuring import NoDemand, demand_of, load_of
-from rarms_iac.providers.simulated.scheduling.machine import Browsers, BurstLoads, BusyLoops, Every, JobDemand, Programs
+from rarms_iac.providers.simulated.measuring import demand_of, load_of
+from rarms_iac.providers.simulated.scheduling.machine import BurstLoads, JobDemand
 from tests.builders import a_component, a_run, a_simulation
 
 
@@ -27,16 +27,7 @@ def test_a_component_s_simulation_is_its_demand() -> None:
 def test_a_periodic_component_keeps_its_period() -> None:
     video = a_component(run=a_run(every="33 ms"), simulation=a_simulation())
 
-    assert demand_of(video).arrival == Every(period_ms=33.0)
-
-
-def test_without_a_simulation_the_demand_is_not_known() -> None:
-    with pytest.raises(NoDemand, match="vision has no `simulation`"):
-        demand_of(a_component("vision"))
-
-
-def test_a_busy_loop_is_one() -> None:
-    assert load_of(BusyLoop()) == BusyLoops()
+    assert demand_of(video).period_ms == 33.0
 
 
 def test_bursts_without_a_duty_take_what_their_partition_reserves() -> None:
@@ -44,9 +35,10 @@ def test_bursts_without_a_duty_take_what_their_partition_reserves() -> None:
     assert load_of(LOADS_WITHOUT_ENTRY["bursts-50-half"], 80) == BurstLoads(burst_ms=25.0, gap_ms=25.0)
 
 
-def test_browsers_are_browsers() -> None:
-    assert load_of(Browser(instances=5)) == Browsers(instances=5)
+@pytest.mark.parametrize("load", [BusyLoop(), BusyLoop(threads=3), Browser(instances=5)])
+def test_a_load_that_the_model_knows_is_itself(load: BusyLoop | Browser) -> None:
+    assert load_of(load) == load
 
 
 def test_any_other_program_is_taken_for_one_that_never_waits() -> None:
-    assert load_of(CommandLoad(command=("stress",), instances=2)) == Programs(instances=2)
+    assert load_of(CommandLoad(command=("stress",), instances=2)) == BusyLoop(threads=2)

@@ -4,15 +4,13 @@ from itertools import islice, pairwise
 
 import pytest
 
+from rarms_iac.model.loads import BusyLoop
 from rarms_iac.providers.simulated.scheduling.machine import (
     IDLE,
     BurstLoads,
-    BusyLoops,
-    Every,
     JobDemand,
     JobDone,
     ModelMachine,
-    OneAfterAnother,
     TracePiece,
     VirtualMachine,
 )
@@ -32,7 +30,7 @@ def bench(demand: JobDemand, reserve: float, *, lps: int = 2) -> ModelMachine:
         lps=lps,
         machines=(
             VirtualMachine(name="P1", vps=lps, reserve=reserve, components=(demand,)),
-            VirtualMachine(name="P2", vps=lps, reserve=100 - reserve, weight=10_000, loads=(BusyLoops(),)),
+            VirtualMachine(name="P2", vps=lps, reserve=100 - reserve, weight=10_000, loads=(BusyLoop(),)),
         ),
     )
 
@@ -68,7 +66,7 @@ def test_the_same_seed_gives_the_same_jobs_and_another_seed_others() -> None:
 
 
 def test_a_periodic_job_that_is_late_counts_from_when_it_was_due() -> None:
-    overrun = JobDemand(component="video", work_ms=15, arrival=Every(period_ms=10), success_within_ms=24)
+    overrun = JobDemand(component="video", work_ms=15, period_ms=10, success_within_ms=24)
     machine = ModelMachine(lps=1, machines=(VirtualMachine(name="P1", vps=1, components=(overrun,)),))
 
     jobs = first(machine, 3)
@@ -84,7 +82,7 @@ def test_a_periodic_job_that_is_late_counts_from_when_it_was_due() -> None:
 
 def test_a_job_that_takes_too_long_is_ended_and_uses_nothing_more() -> None:
     """60 ms of work every 50 ms, ended after 20 ms each: 40 % are used, and the busy loop below has the rest."""
-    late = JobDemand(component="late", work_ms=60, arrival=Every(period_ms=50), timeout_ms=20, priority=20)
+    late = JobDemand(component="late", work_ms=60, period_ms=50, timeout_ms=20, priority=20)
     behind = JobDemand(component="behind", work_ms=30)
     machine = ModelMachine(lps=1, machines=(VirtualMachine(name="P1", vps=1, components=(late, behind)),))
     simulation = simulate(machine, 1, until_ms=10_000)
@@ -104,7 +102,7 @@ def test_a_job_that_takes_too_long_is_ended_and_uses_nothing_more() -> None:
 def test_a_job_is_ended_also_while_it_waits_or_has_no_processor() -> None:
     waits = JobDemand(component="waits", work_ms=1, blocked_ms=30, timeout_ms=10)
     starved = JobDemand(component="starved", work_ms=5, timeout_ms=10, priority=1)
-    first_of_all = VirtualMachine(name="P1", vps=1, components=(waits, starved), loads=(BusyLoops(threads=1),))
+    first_of_all = VirtualMachine(name="P1", vps=1, components=(waits, starved), loads=(BusyLoop(threads=1),))
 
     simulation = simulate(ModelMachine(lps=1, machines=(first_of_all,)), 1, until_ms=100)
     jobs = list(simulation)
@@ -123,7 +121,7 @@ def test_a_job_that_is_in_time_ends_the_watch_over_it() -> None:
 
 
 def test_parallel_work_is_done_on_all_vps_at_once() -> None:
-    wide = JobDemand(component="wide", work_ms=40, threads=2, arrival=OneAfterAnother())
+    wide = JobDemand(component="wide", work_ms=40, threads=2, period_ms=None)
     machine = ModelMachine(lps=2, machines=(VirtualMachine(name="P1", vps=2, components=(wide,)),))
 
     assert round(first(machine, 1)[0].response, 6) == 20.0
@@ -171,7 +169,7 @@ def test_gaps_between_bursts_are_drawn_so_that_no_phase_lasts() -> None:
 def test_a_burst_is_processor_time_however_long_that_takes() -> None:
     """Beside a partition that takes half of the LP, 20 ms last longer, and the gap is none the shorter."""
     load = BurstLoads(burst_ms=20.0, gap_ms=30.0)
-    other = VirtualMachine(name="P1", vps=1, reserve=70, loads=(BusyLoops(),))
+    other = VirtualMachine(name="P1", vps=1, reserve=70, loads=(BusyLoop(),))
     machine = ModelMachine(lps=1, machines=(other, VirtualMachine(name="P2", vps=1, reserve=30, loads=(load,))))
     pieces: list[TracePiece] = []
     list(simulate(machine, 1, until_ms=30_000.0, trace=pieces.append))
@@ -184,7 +182,7 @@ def test_a_load_that_begins_anew_gives_p1_nothing_that_it_does_not_reserve() -> 
     starts, left_out_ms, counted_ms = 100, 500.0, 500.0
     demand = JobDemand(component="coi", work_ms=5.0)
     p1 = VirtualMachine(name="P1", vps=1, reserve=10, components=(demand,))
-    p2 = VirtualMachine(name="P2", vps=4, reserve=90, weight=10_000, loads=(BusyLoops(),))
+    p2 = VirtualMachine(name="P2", vps=4, reserve=90, weight=10_000, loads=(BusyLoop(),))
     machine = simulate(ModelMachine(lps=4, machines=(p1, p2)), 1)
     began, counted, seen = 0.0, 0, 0.0
     for job in machine:
