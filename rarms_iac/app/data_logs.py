@@ -40,7 +40,7 @@ from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
 from rarms_iac.storage.datalog.identity import LogSubject, identity_of
 from rarms_iac.storage.datalog.log import DataLog
 from rarms_iac.storage.datalog.named_files import MOST_BYTES, Files
-from rarms_iac.storage.datalog.staleness import Comparison, ObservedPlatform, compare
+from rarms_iac.storage.datalog.staleness import Comparison, ObservedPlatform, PartialPlatform, compare
 
 LISTED = 4
 """Changes that one message names; more are counted."""
@@ -225,7 +225,7 @@ def compare_log(log: DataLog, subject: LogSubject, files: Files, platform_facts:
     return compare(log.header, subject.setup.members, identity, platform_facts)
 
 
-def observed_platform(host: Host, facts: HostFacts | None = None) -> ObservedPlatform:
+def observed_platform(host: Host, facts: HostFacts | None = None) -> PartialPlatform:
     """Return what is known of a host now, to be compared with what a data log says of it.
 
     Args:
@@ -236,7 +236,7 @@ def observed_platform(host: Host, facts: HostFacts | None = None) -> ObservedPla
         The processor, scheduler and so on; what is not known is left open.
     """
     image = host.settings.image or "" if isinstance(host.settings, HypervHost) else None
-    platform_facts = ObservedPlatform(
+    platform_facts = PartialPlatform(
         provider=host.provider, logical_processors=host.logical_processors, guest_image=image
     )
     if facts is None:
@@ -249,7 +249,7 @@ class _Kind:
     """What hosts share for which the same data logs hold."""
 
     platform: str
-    platform_facts: ObservedPlatform
+    platform_facts: PartialPlatform
 
 
 _ReadLog = Callable[[Path], DataLog | LogUnreadable | None]
@@ -264,7 +264,7 @@ class _LogFolder:
 
 
 def _log_of_each_load(
-    system: System, folder: _LogFolder, group: Group, host: Host, platform_facts: ObservedPlatform
+    system: System, folder: _LogFolder, group: Group, host: Host, platform_facts: PartialPlatform
 ) -> tuple[MeasuredTogether, ...] | NotMeasured:
     """The log of each load, or why the first of those is missing that are."""
     members, found = names_of(group.members), list[MeasuredTogether]()
@@ -302,7 +302,7 @@ def _measured_together(
     folder: _LogFolder,
     group: Group,
     host: Host,
-    platform_facts: ObservedPlatform,
+    platform_facts: PartialPlatform,
     number: ProcessorNumber,
 ) -> MeasuredTogether | NotMeasured:
     members = names_of(group.members)

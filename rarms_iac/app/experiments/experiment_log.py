@@ -23,7 +23,7 @@ from rarms_iac.storage.datalog.files import append_remeasurement, begin_log, log
 from rarms_iac.storage.datalog.identity import header_of, identity_of
 from rarms_iac.storage.datalog.log import DataLog, Header, Provenance, Remeasurement
 from rarms_iac.storage.datalog.named_files import Files
-from rarms_iac.storage.datalog.staleness import Changed, compare, known
+from rarms_iac.storage.datalog.staleness import Changed, compare
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,8 +57,9 @@ def read_experiment_log(session: MeasuringSession, experiment: Experiment) -> Ex
     path, header = data_log_path(session.hosts, experiment), _header(session, experiment)
     with log_errors():
         log = read_log(path)
-    now = known(header.platform_facts)
-    changed = () if log is None else compare(log.header, header.setup.members, header.identity, now).changed
+    changed = (
+        () if log is None else compare(log.header, header.setup.members, header.identity, header.platform_facts).changed
+    )
     return ExperimentLog(path=path, header=header, log=log, changed=changed)
 
 

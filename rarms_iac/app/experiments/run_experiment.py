@@ -44,7 +44,6 @@ from rarms_iac.providers.measuring import PartitionWork
 from rarms_iac.statistics.curves import curves_of, least_reserve
 from rarms_iac.statistics.error_probability import FIRST_LOOK
 from rarms_iac.storage.datalog.named_files import Files
-from rarms_iac.storage.datalog.staleness import known
 
 
 def run_experiment(session: MeasuringSession, experiment: Experiment, method: Method) -> ExperimentResult:
@@ -102,7 +101,7 @@ def with_observed_processors(session: MeasuringSession, experiment: Experiment) 
     """
     if experiment.processors_from in {ProcessorSource.MANIFEST, ProcessorSource.MEMBERS}:
         return experiment
-    facts = known(session.host_of(experiment).platform_facts())
+    facts = session.host_of(experiment).platform_facts()
     used = used_processors(session.hosts.system, experiment.host, Files(Path(session.hosts.folder)), facts)
     return experiment.with_processors(
         processor_number(experiment.members, None, experiment.host.logical_processors, used)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from rarms_iac.applying.doctor import machines, windows
 from rarms_iac.applying.doctor.examination import Examination
 from rarms_iac.diff.compare_partitions import foreign_marks
-from rarms_iac.model.diagnostics import Diagnostic, in_order
+from rarms_iac.model.diagnostics import Diagnostic, Finding, in_order
 
 CHECKS: tuple[Callable[[Examination], Iterator[Diagnostic]], ...] = (
     windows.check_hypervisor,
@@ -39,29 +39,9 @@ CHECKS: tuple[Callable[[Examination], Iterator[Diagnostic]], ...] = (
 
 DOCTOR_ONLY_CODES = frozenset(
     finding.code
-    for finding in (
-        windows.RESPONSIVENESS_VALUE,
-        windows.NO_MODULE,
-        windows.CORE_SCHEDULER,
-        windows.POWER_PLAN,
-        windows.PENDING_RESTART,
-        windows.OLD_POWERSHELL,
-        windows.EXECUTION_POLICY,
-        windows.NARROW_PROCESS,
-        windows.MINROOT,
-        windows.UNREAD_PROBE,
-        machines.CPU_GROUP,
-        machines.DYNAMIC_MEMORY,
-        machines.AUTOMATIC_CHECKPOINTS,
-        machines.CLUSTERED,
-        machines.MACHINE_STATE,
-        windows.NO_HYPERVISOR,
-        windows.NOT_ELEVATED,
-        windows.LITTLE_MEMORY,
-        windows.NO_COUNTERS,
-        windows.SCRIPT_RUNNING,
-        machines.MUTE_GUEST,
-    )
+    for checks in (windows, machines)
+    for finding in vars(checks).values()
+    if isinstance(finding, Finding) and finding is not machines.WIDE_MACHINE  # plans find it, too
 )
 """The codes that `rarms doctor` can find and no plan does: an acceptance of one is not unused in a plan."""
 

@@ -12,7 +12,7 @@ ABSENT = "nothing"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ObservedPlatform:
+class PartialPlatform:
     """What is known of the platform now; None: it was not looked at."""
 
     provider: ProviderKind
@@ -22,6 +22,10 @@ class ObservedPlatform:
     smt: bool | None = None
     scheduler: SchedulerType | None = None
     os_build: int | None = None
+
+
+ObservedPlatform = PlatformFacts | PartialPlatform
+"""A platform as it is now: looked at whole, or as far as it is known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,26 +76,6 @@ def compare(header: Header, members: Sequence[str], identity: Identity, platform
             for part in header.identity.parts
             if part.startswith(FILE) and part not in identity.parts
         ),
-    )
-
-
-def known(platform_facts: PlatformFacts) -> ObservedPlatform:
-    """A host that was looked at whole.
-
-    Args:
-        platform_facts: of a host that was observed.
-
-    Returns:
-        The same as what is known now; nothing of it is left open.
-    """
-    return ObservedPlatform(
-        provider=platform_facts.provider,
-        logical_processors=platform_facts.logical_processors,
-        guest_image=platform_facts.guest_image,
-        processor=platform_facts.processor,
-        smt=platform_facts.smt,
-        scheduler=platform_facts.scheduler,
-        os_build=platform_facts.os_build,
     )
 
 
