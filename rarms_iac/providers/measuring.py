@@ -54,6 +54,31 @@ class Work:
     least_ms: float = 0.0  # and how long all of it goes on at least, from `count_from_now`
 
 
+class RemainingSamples:
+    """The samples and the time that a work still needs, from the moment on at which they count."""
+
+    def __init__(self, work: Work, now_ms: float) -> None:
+        """Begin to count.
+
+        Args:
+            work: with the `until` of its components.
+            now_ms: as `RunningWork.elapsed_ms` tells it.
+        """
+        until = work.until.values()
+        times = [float(end.time) for end in until if isinstance(end, Elapsed)]
+        self._until_ms = now_ms + max(work.least_ms, *times, 0.0)
+        self._missing = {name: end.samples if isinstance(end, SampleCount) else 1 for name, end in work.until.items()}
+
+    def take(self, component: str) -> None:
+        """Count a sample of a component."""
+        if component in self._missing:
+            self._missing[component] -= 1
+
+    def are_over(self, now_ms: float) -> bool:
+        """Return whether every component has enough, and the time has passed."""
+        return now_ms >= self._until_ms and all(missing <= 0 for missing in self._missing.values())
+
+
 class RunningWork(Protocol):
     """Components at work."""
 

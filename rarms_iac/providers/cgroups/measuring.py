@@ -20,7 +20,7 @@ from rarms_iac.model.measurement import PlatformFacts
 from rarms_iac.model.operations import Operation, WriteTaskClass
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import Milliseconds
-from rarms_iac.model.run import Elapsed, SampleCount
+from rarms_iac.model.run import Elapsed
 from rarms_iac.model.series import Sample
 from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
@@ -32,7 +32,7 @@ from rarms_iac.providers.cgroups.processes import consumed_ms, in_ms
 from rarms_iac.providers.cgroups.processor_use import ThreadLooks, looking_at
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER, LinuxHostProvider
 from rarms_iac.providers.interface import HostFailed, HostRefused
-from rarms_iac.providers.measuring import NO_RUN, Obstacle, PartitionWork, Work
+from rarms_iac.providers.measuring import NO_RUN, Obstacle, PartitionWork, RemainingSamples, Work
 from rarms_iac.rcss import CLASSES_VARIABLE
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import InterferingLoad, check_load
@@ -116,9 +116,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
     @contextmanager
     def run(self, work: Work) -> Iterator["RealWork"]:
         groups = {
-            part.partition: self._running_group(part.partition, work.application, real_time=bool(part.classes))
-            for part in work.partitions
-            if part.partition
+            part.partition: self._running_group(part, work.application) for part in work.partitions if part.partition
         }
         with ExitStack() as ends:
             with self.reported():
@@ -143,7 +141,9 @@ class LinuxMeasuringHost(LinuxHostProvider):
     def _interfering_load(self, load: Interference, part: PartitionWork, groups: Mapping[str, str]) -> InterferingLoad:
         group = groups.get(part.partition)
         reserve = None if group is None else self.tree.read(group).shares_percent / self._processors
-        return InterferingLoad(INTERFERENCE, load, self._start_context(part, groups), reserve=reserve)
+        return InterferingLoad(
+            INTERFERENCE, load, replace(self._context, inside=self._place(part, group)), reserve=reserve
+        )
 
     @contextmanager
     def reported(self) -> Iterator[None]:
@@ -162,17 +162,19 @@ class LinuxMeasuringHost(LinuxHostProvider):
         for component in part.components:
             run = replace(run_of(component), until=ENDLESS, failures=10**9)
             group = groups.get(part.partition)
-            words = self._command_prefix(component, part, group) if group else class_words(component, part.classes)
-            yield ComponentRun(component.name, run, self._start_context(part, groups, words))
+            context = replace(self._context, inside=self._place(part, group, component))
+            yield ComponentRun(component.name, run, context)
 
-    def _command_prefix(self, component: Component, part: PartitionWork, group: str) -> tuple[str, ...]:
+    def _command_prefix(self, component: Component, part: PartitionWork, group: str | None) -> tuple[str, ...]:
         """Return what precedes a component's command: `chrt` or `taskset` for its deadline or its task class.
 
         Raises:
             HostRefused: the kernel would refuse the deadline.
         """
+        if part.deadline_period_us is None or group is None:
+            return class_words(component, part.classes)
         values = self.tree.read(group)
-        if part.deadline_period_us is None or values.shares_percent <= LEAST_SHARES_PERCENT:
+        if values.shares_percent <= LEAST_SHARES_PERCENT:
             return class_words(component, part.classes)
         if values.processors is not None:
             message = f"{part.partition} holds {len(values.processors)} of {self._processors} processors, and the "
@@ -184,12 +186,10 @@ class LinuxMeasuringHost(LinuxHostProvider):
             )
         return deadline_words(values.shares_percent, part.deadline_period_us)
 
-    def _start_context(
-        self, part: PartitionWork, groups: Mapping[str, str], words: tuple[str, ...] = ()
-    ) -> StartContext:
-        place = self.tree.place(groups[part.partition]) if part.partition else ProcessPlace()
-        words = (*place.words, *words)
-        return replace(self._context, inside=replace(place, words=words, environment=class_environment(part)))
+    def _place(self, part: PartitionWork, group: str | None, component: Component | None = None) -> ProcessPlace:
+        place = ProcessPlace() if group is None else self.tree.place(group)
+        words = () if component is None else self._command_prefix(component, part, group)
+        return replace(place, words=(*place.words, *words), environment=class_environment(part))
 
     def place(self, part: PartitionWork, application: str) -> ProcessPlace:
         """Return where the processes of a component belong: in the control group of its partition, in its task class.
@@ -203,16 +203,12 @@ class LinuxMeasuringHost(LinuxHostProvider):
             HostRefused: the partition is not there or does not run.
         """
         (component,) = part.components
-        if not part.partition:
-            return ProcessPlace(words=class_words(component, part.classes), environment=class_environment(part))
-        real_time = bool(class_environment(part))
-        group = self._running_group(part.partition, application, real_time=real_time)
-        place = self.tree.place(group)
-        words = (*place.words, *self._command_prefix(component, part, group))
-        return replace(place, words=words, environment=class_environment(part))
+        group = self._running_group(part, application) if part.partition else None
+        return self._place(part, group, component)
 
-    def _running_group(self, partition: str, application: str, *, real_time: bool) -> str:
-        """Return the control group of a running partition; with `real_time`, give it the budget of its task classes."""
+    def _running_group(self, part: PartitionWork, application: str) -> str:
+        """Return the control group of a running partition; where it has task classes, give it their budget."""
+        partition = part.partition
         state, definitions = self._look()
         found = resolve(state.partitions, partition, Scope(application=application, plan=""))
         running = [managed for managed in found if managed.settings.running]
@@ -222,7 +218,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
                 self.name, message, prose("See what is missing with ", PLAN, ", and bring it there with ", APPLY, ".")
             )
         group = definitions[running[0].id].group
-        if real_time:
+        if part.classes:
             try:
                 self.tree.allow_real_time(group, running[0].settings.reserve)
             except OSError as problem:
@@ -293,8 +289,7 @@ class RealWork:
     started: float
     looks: Mapping[str, ThreadLooks] = field(default_factory=dict)  # by partition that runs components
     _under_way_ms: dict[str, float] = field(default_factory=dict)  # by component, how long a job was
-    _counts_from: float = 0.0
-    _missing: dict[str, int] = field(default_factory=dict)
+    _remaining: RemainingSamples = field(init=False)
     _before: SettingEvidence = field(default_factory=SettingEvidence)  # the host's counters when samples began to count
     _group_alone: dict[str, tuple[str, float]] = field(default_factory=dict)
 
@@ -306,31 +301,24 @@ class RealWork:
 
     def samples(self) -> Iterator[tuple[str, Sample]]:
         runs = {run.component: run for run in self.runs}
-        times = [float(until.time) for until in self.work.until.values() if isinstance(until, Elapsed)]
-        least = max(self.work.least_ms, *times, 0.0)
         self.count_from_now()
         with self.host.reported():
             for name, sample in self.read:
                 for load in self.loads:
                     load.check()
-                if name in self._missing:
-                    self._missing[name] -= 1
+                self._remaining.take(name)
                 took_ms = sample.response_ms or 0.0
                 self._under_way_ms[name] = min(self.elapsed_ms(), self._under_way_ms.get(name, 0.0) + took_ms)
                 yield name, replace(sample, began_ms=sample.began_ms + 1000 * (runs[name].began - self.started))
-                enough = all(missing <= 0 for missing in self._missing.values())
-                if enough and self.elapsed_ms() >= self._counts_from + least:
+                if self._remaining.are_over(self.elapsed_ms()):
                     return
 
     def count_from_now(self) -> None:
-        self._counts_from = self.elapsed_ms()
+        self._remaining = RemainingSamples(self.work, self.elapsed_ms())
         self._before = self._counters()
         self._under_way_ms = {}
         for looks in self.looks.values():
             looks.forget()
-        self._missing = {
-            name: until.samples if isinstance(until, SampleCount) else 1 for name, until in self.work.until.items()
-        }
 
     def restart_load(self) -> bool:
         """Its processes are stopped for a short random while: the kernel then knows nothing of how they ran before."""

@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from rarms_iac.model.quantities import show_milliseconds
-from rarms_iac.model.run import Elapsed, Run, SampleCount
+from rarms_iac.model.run import Run
 from rarms_iac.model.series import Sample
 from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.system import run_of
-from rarms_iac.providers.measuring import Work
+from rarms_iac.providers.measuring import RemainingSamples, Work
 from rarms_iac.running.reading import JobAnswer, Unreadable, answer_reader
 from rarms_iac.storage.codec import NotDecodable
 from rarms_iac.storage.json_text import parse_json
@@ -37,13 +37,10 @@ class GuestRun:
     setting: str
     work: Work
     _now: float = 0.0
-    _counts_from: float = 0.0
-    _missing: dict[str, int] = field(default_factory=dict)
+    _remaining: RemainingSamples = field(init=False)
     _counters: list["_Counters"] = field(default_factory=list)  # the first one, and those since `count_from_now`
 
     def samples(self) -> Iterator[tuple[str, Sample]]:
-        times = [float(until.time) for until in self.work.until.values() if isinstance(until, Elapsed)]
-        least = max(self.work.least_ms, *times, 0.0)
         readers = {
             component.name: _GuestReader(run_of(component))
             for part in self.work.partitions
@@ -56,10 +53,9 @@ class GuestRun:
             if words[0] == "counted":
                 self._count(name, *map(int, words[1:]))
             elif name in readers and (sample := readers[name].sample(seen, self._now)) is not None:
-                if name in self._missing:
-                    self._missing[name] -= 1
+                self._remaining.take(name)
                 yield name, sample
-                if all(missing <= 0 for missing in self._missing.values()) and self._now >= self._counts_from + least:
+                if self._remaining.are_over(self._now):
                     return
 
     def _next_seen(self) -> tuple[str, str]:
@@ -78,11 +74,8 @@ class GuestRun:
 
     def count_from_now(self) -> None:
         """From the newest counters on."""
-        self._counts_from = self._now
+        self._remaining = RemainingSamples(self.work, self._now)
         del self._counters[1:-1]
-        self._missing = {
-            name: until.samples if isinstance(until, SampleCount) else 1 for name, until in self.work.until.items()
-        }
 
     def restart_load(self) -> bool:
         """The load goes on: a guest's runner starts it once."""

@@ -16,12 +16,12 @@ from rarms_iac.model.loads import Browser, Bursts, BusyLoop, CommandLoad, Interf
 from rarms_iac.model.measurement import PlatformFacts
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import Scope
-from rarms_iac.model.run import Elapsed, Periodic, SampleCount
+from rarms_iac.model.run import Periodic
 from rarms_iac.model.series import Sample
 from rarms_iac.model.state import RegistryValue, State, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, run_of
 from rarms_iac.providers.interface import HostRefused
-from rarms_iac.providers.measuring import Obstacle, PartitionWork, Work
+from rarms_iac.providers.measuring import Obstacle, PartitionWork, RemainingSamples, Work
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine
 from rarms_iac.providers.simulated.observation import description
 from rarms_iac.providers.simulated.provider import SimulatedHostProvider
@@ -138,13 +138,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
             lps=self._host.logical_processors, machines=(*machines, *idle), interrupts=QUIET_INTERRUPTS
         )
         jobs = self._simulate(machine, work.seed)
-        runs = {
-            component.name: run_of(component)
-            for partition_work in work.partitions
-            for component in partition_work.components
-        }
-        timeouts = {name: float(run.timeout) for name, run in runs.items()}
-        yield Simulated(jobs=jobs, until=work.until, timeouts=timeouts, least_ms=work.least_ms)
+        yield Simulated(jobs=jobs, work=work)
 
     def _machine(self, content: Content, partition_work: PartitionWork, application: str) -> VirtualMachine:
         """One operating system of the work, with what the host's file says of its partition."""
@@ -191,31 +185,23 @@ class Simulated:
     """A `Running` whose time is the model's."""
 
     jobs: Iterator[JobDone]
-    until: Mapping[str, SampleCount | Elapsed]
-    timeouts: Mapping[str, float]  # ms, by component
-    least_ms: float = 0.0
+    work: Work
     _now: float = 0.0
-    _began: float = 0.0  # counting
-    _missing: dict[str, int] = field(default_factory=dict)
+    _remaining: RemainingSamples = field(init=False)
     _consumed: dict[str, float] = field(default_factory=dict)
 
     def samples(self) -> Iterator[tuple[str, Sample]]:
         self.count_from_now()
-        times = [float(elapsed.time) for elapsed in self.until.values() if isinstance(elapsed, Elapsed)]
-        least = max(self.least_ms, *times, 0.0)
-        while any(missing > 0 for missing in self._missing.values()) or self._now < self._began + least:
+        runs = {member.name: run_of(member) for part in self.work.partitions for member in part.components}
+        while not self._remaining.are_over(self._now):
             job = next(self.jobs)
             self._now = max(self._now, job.began + job.response)
             self._consumed[job.component] = job.cpu
-            if job.component in self._missing:
-                self._missing[job.component] -= 1
-            yield job.component, _sample(job, self.timeouts[job.component])
+            self._remaining.take(job.component)
+            yield job.component, _sample(job, float(runs[job.component].timeout))
 
     def count_from_now(self) -> None:
-        self._began = self._now
-        self._missing = {
-            name: until.samples if isinstance(until, SampleCount) else 1 for name, until in self.until.items()
-        }
+        self._remaining = RemainingSamples(self.work, self._now)
 
     def restart_load(self) -> bool:
         return isinstance(self.jobs, ObservableJobs) and self.jobs.restart_loads()
