@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.manifest.checks import CHECKS
+from rarms_iac.manifest.checks.violation import CHECKS
 from rarms_iac.model.diagnostics import Diagnostic
 from tests.cases.findings_of import case_folders, diagnostics_of, findings_of
 

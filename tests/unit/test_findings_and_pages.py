@@ -6,6 +6,7 @@ import pkgutil
 import pytest
 
 import rarms_iac
+from rarms_iac.manifest.checks.violation import CHECKS
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.storage.finding_pages import finding_page, known_codes, severity_line
 from rarms_iac.storage.shipped import shipped
@@ -20,9 +21,15 @@ def findings_of_the_package() -> dict[str, tuple[str, Finding]]:
             continue
         for value in vars(importlib.import_module(module.name)).values():
             if isinstance(value, Finding):
-                before, same = found.setdefault(value.code, (module.name, value))
-                assert same is value, f"{value.code} is defined twice: in {before} and in {module.name}"
+                _add(found, module.name, value)
+    for finding in CHECKS:  # most stand above their check alone
+        _add(found, "rarms_iac.manifest.checks", finding)
     return found
+
+
+def _add(found: dict[str, tuple[str, Finding]], module: str, finding: Finding) -> None:
+    before, same = found.setdefault(finding.code, (module, finding))
+    assert same is finding, f"{finding.code} is defined twice: in {before} and in {module}"
 
 
 FINDINGS = findings_of_the_package()

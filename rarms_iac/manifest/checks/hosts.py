@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator
 
 from rarms_iac.manifest.checks.system_lookups import allowed_hosts
-from rarms_iac.manifest.checks.violation import Violation
+from rarms_iac.manifest.checks.violation import Violation, check, host_check
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host, HypervHost, ProviderKind, WinRmConnect
 from rarms_iac.model.mmcss import OFF, is_taken_as_is, taken_for
@@ -12,19 +12,12 @@ from rarms_iac.model.quantities import in_processors, write_bytes
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.wording import list_names, quoted
 
-NOTHING_KEPT_FOR_HOST = Finding.warning("RARMS058", "A host keeps too little for the components that run on it")
-CONNECT_TO_SIMULATED = Finding.warning("RARMS084", "`connect` has no effect on a simulated host")
-NOT_BY_WINRM = Finding.error("RARMS368", "WinRM cannot reach a host in this way")
-PLATFORM_OF_DIFFERENT_HOSTS = Finding.error("RARMS085", "Hosts of one platform differ")
-PATH_ON_WINDOWS = Finding.error("RARMS099", "A Windows host cannot use this path")
-SECURE_BOOT_OF_GENERATION_1 = Finding.error("RARMS256", "Secure boot needs generation 2")
-RESPONSIVENESS_NOT_AS_IS = Finding.error("RARMS227", "The host cannot have this system_responsiveness")
-
 _ABSOLUTE = re.compile(r"[A-Za-z]:[\\/]|[\\/]{2}[^\\/]")
 _NOT_IN_A_PATH = re.compile(r'[<>"|?*\x00-\x1f]')
 _WILDCARD = re.compile(r"[\[\]`]")  # PowerShell reads them as a pattern where a cmdlet takes -Path
 
 
+@check(Finding.warning("RARMS058", "A host keeps too little for the components that run on it"))
 def nothing_kept_for_host(system: System) -> Iterator[Violation]:
     """Hosts that keep no processor time, or too little memory, for the components that may run on them."""
     on_host = [component for component in system.components.values() if component.runs_on is RunsOn.HOST]
@@ -52,6 +45,7 @@ def nothing_kept_for_host(system: System) -> Iterator[Violation]:
             )
 
 
+@host_check(Finding.warning("RARMS084", "`connect` has no effect on a simulated host"))
 def connect_to_simulated(host: Host) -> Iterator[Violation]:
     """`connect` on a simulated host."""
     if host.provider is ProviderKind.SIMULATED and host.connect is not None:
@@ -64,6 +58,7 @@ def connect_to_simulated(host: Host) -> Iterator[Violation]:
         )
 
 
+@host_check(Finding.error("RARMS368", "WinRM cannot reach a host in this way"))
 def not_by_winrm(host: Host) -> Iterator[Violation]:
     """`winrm` to a host that has no Windows, or with a user and no password, or the other way round."""
     if not isinstance(host.connect, WinRmConnect):
@@ -88,6 +83,7 @@ def not_by_winrm(host: Host) -> Iterator[Violation]:
         )
 
 
+@check(Finding.error("RARMS085", "Hosts of one platform differ"))
 def platform_of_different_hosts(system: System) -> Iterator[Violation]:
     """Hosts whose provider or LPs differ from the first host of their platform."""
     first: dict[str, Host] = {}
@@ -120,6 +116,7 @@ def _difference(host: Host, other: Host) -> str:
     return ""
 
 
+@check(Finding.error("RARMS099", "A Windows host cannot use this path"))
 def path_on_windows(system: System) -> Iterator[Violation]:
     """Paths that are not absolute, that no Windows has, and that a cmdlet would read as a pattern."""
     hosts = {name: host.settings for name, host in system.hosts.items() if isinstance(host.settings, HypervHost)}
@@ -131,6 +128,7 @@ def path_on_windows(system: System) -> Iterator[Violation]:
             yield from _path_violations("partitions", name, paths)
 
 
+@check(Finding.error("RARMS256", "Secure boot needs generation 2"))
 def secure_boot_of_generation_1(system: System) -> Iterator[Violation]:
     """Machines of generation 1 have a BIOS, and no secure boot."""
     hosts = {name: host.settings for name, host in system.hosts.items() if isinstance(host.settings, HypervHost)}
@@ -170,6 +168,7 @@ def _path_problem(path: str) -> str:
     return ""
 
 
+@check(Finding.error("RARMS227", "The host cannot have this system_responsiveness"))
 def responsiveness_not_as_is(system: System) -> Iterator[Violation]:
     """Values that Windows takes for another one or as the end of MMCSS, and hosts without MMCSS."""
     for host in system.hosts.values():

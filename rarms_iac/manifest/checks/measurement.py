@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from math import ceil
 
-from rarms_iac.manifest.checks.violation import Violation
+from rarms_iac.manifest.checks.violation import Violation, check, component_check
 from rarms_iac.model.commands import command
 from rarms_iac.model.diagnostics import Facts, Finding
 from rarms_iac.model.indexes import SampleValue, find_index
@@ -18,18 +18,10 @@ from rarms_iac.model.wording import Suggestions, in_a_row
 from rarms_iac.running.reading import compile_pattern
 from rarms_iac.statistics.error_probability import samples_needed
 
-NO_SAMPLE_IN_TIME = Finding.error("RARMS068", "The measurement is shorter than one period")
-TIMEOUT_BEFORE_THRESHOLD = Finding.warning("RARMS069", "The time-out comes before the threshold")
-INDEX_WITHOUT_FIELD = Finding.error("RARMS070", "The samples lack a field that a performance index needs")
-MISS_RATE_WITHOUT_DEADLINE = Finding.error("RARMS071", "A deadline-miss rate needs a deadline")
-PATTERN_IS_NOT_RE2 = Finding.error("RARMS072", "The pattern is not a valid RE2 pattern")
-PATTERN_WITHOUT_GROUP = Finding.error("RARMS073", "The pattern lacks a group that a field names")
 TOO_FEW_SAMPLES = Finding.note("RARMS074", "A threshold needs more samples than it may have")
-MEASURED_WITHOUT_APT = Finding.error("RARMS077", "A measured reserve needs an APT")
-WEAK_LOADS = Finding.warning("RARMS325", "The loads leave processors idle")
-NOTHING_TO_RUN = Finding.error("RARMS079", "A measured reserve needs something to run")
 
 
+@component_check(Finding.error("RARMS077", "A measured reserve needs an APT"))
 def measured_without_apt(component: Component) -> Iterator[Violation]:
     """`reserve: measured` on a component without `apt`."""
     if component.cpu.reserve is Measured.MEASURED and not component.apt:
@@ -41,6 +33,7 @@ def measured_without_apt(component: Component) -> Iterator[Violation]:
         )
 
 
+@check(Finding.warning("RARMS325", "The loads leave processors idle"))
 def weak_loads(system: System) -> Iterator[Violation]:
     """Reservations that rest on loads of which none can take all that P2 reserves."""
     for component in system.components.values():
@@ -65,6 +58,7 @@ def weak_loads(system: System) -> Iterator[Violation]:
                 break
 
 
+@component_check(Finding.error("RARMS079", "A measured reserve needs something to run"))
 def nothing_to_run(component: Component) -> Iterator[Violation]:
     """Components whose reserve is to be measured and that have neither `run` nor `simulation`."""
     if component.cpu.reserve is Measured.MEASURED and component.run is None and component.simulation is None:
@@ -78,6 +72,7 @@ def nothing_to_run(component: Component) -> Iterator[Violation]:
         )
 
 
+@component_check(Finding.error("RARMS068", "The measurement is shorter than one period"))
 def no_sample_in_time(component: Component) -> Iterator[Violation]:
     """Periodic components that are measured for less than one period."""
     match component.run:
@@ -93,6 +88,7 @@ def no_sample_in_time(component: Component) -> Iterator[Violation]:
             )
 
 
+@component_check(Finding.warning("RARMS069", "The time-out comes before the threshold"))
 def timeout_before_threshold(component: Component) -> Iterator[Violation]:
     """Time-outs at or below a deadline or a response time that would still be good enough."""
     if component.run is None:
@@ -116,6 +112,7 @@ def _allowed_times(component: Component, run: Run) -> Iterator[tuple[str, Fracti
             yield index, threshold.value
 
 
+@component_check(Finding.error("RARMS070", "The samples lack a field that a performance index needs"))
 def index_without_field(component: Component) -> Iterator[Violation]:
     """Indexes whose values no field of `run.samples` gives."""
     if component.run is None or component.run.samples.source == "per_run" or isinstance(component.run.start, Call):
@@ -154,6 +151,7 @@ def _missing_field(name: str, samples: Samples) -> SampleValue | None:
     return index.made_of if is_missing[index.made_of] else None
 
 
+@component_check(Finding.error("RARMS071", "A deadline-miss rate needs a deadline"))
 def miss_rate_without_deadline(component: Component) -> Iterator[Violation]:
     """`deadline_miss_rate` of a component without deadline and period."""
     if "deadline_miss_rate" in component.apt and component.run is not None and component.run.deadline is None:
@@ -166,6 +164,7 @@ def miss_rate_without_deadline(component: Component) -> Iterator[Violation]:
         )
 
 
+@check(TOO_FEW_SAMPLES)
 def samples_not_to_be_had(system: System) -> Iterator[Violation]:
     """Thresholds that need more samples than `run.until` or a setting's budget allow; `until` beyond the budget."""
     budget = system.policy.measuring.setting
@@ -234,6 +233,7 @@ def _least_until(run: Run, between: Fraction) -> Fraction:
             return Fraction(0)
 
 
+@check(Finding.error("RARMS072", "The pattern is not a valid RE2 pattern"))
 def pattern_is_not_re2(system: System) -> Iterator[Violation]:
     """Patterns that google-re2 refuses, or that would take too much memory."""
     for component, samples in _with_pattern(system):
@@ -248,6 +248,7 @@ def pattern_is_not_re2(system: System) -> Iterator[Violation]:
             )
 
 
+@check(Finding.error("RARMS073", "The pattern lacks a group that a field names"))
 def pattern_without_group(system: System) -> Iterator[Violation]:
     """Fields in `run.samples` that no named group of the pattern gives."""
     suggestions = Suggestions()

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from rarms_iac.manifest.checks.system_lookups import partition_names
-from rarms_iac.manifest.checks.violation import Path, Violation
+from rarms_iac.manifest.checks.violation import Path, Violation, check
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY
@@ -13,18 +13,10 @@ from rarms_iac.model.system import System
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import MOST_NAMES, Suggestions, in_a_row
 
-UNKNOWN_NAME = Finding.error("RARMS042", "Unknown name")
-DEVICE_NAME = Finding.error("RARMS043", "Windows keeps this name for a device")
-POWERSHELL_NAME = Finding.error("RARMS167", "PowerShell keeps this name for itself")
-PARTITION_LIKE_HOST = Finding.error("RARMS044", "A partition has the name of a host")
-TEST_PARTITION_NAME = Finding.error("RARMS260", "A partition has the name of a test partition")
-MOVED_IN_A_CIRCLE = Finding.error("RARMS080", "Entries of `moved` form a circle")
-MOVED_FROM_EXISTING = Finding.error("RARMS081", "A renamed partition is still in the manifest")
-NO_COMPONENTS = Finding.warning("RARMS089", "The manifest has no component")
-OLDER_THAN_REQUIRED = Finding.error("RARMS312", "The manifest asks for a newer version of rarms")
 UNUSED_INTERFERENCE = Finding.note("RARMS086", "An interference is not used")
 
 
+@check(Finding.error("RARMS042", "Unknown name"))
 def unknown_name(system: System) -> Iterator[Violation]:
     """Every host, component, partition or interference that is named and does not exist."""
     suggestions = Suggestions()
@@ -40,6 +32,7 @@ def unknown_name(system: System) -> Iterator[Violation]:
             )
 
 
+@check(Finding.error("RARMS312", "The manifest asks for a newer version of rarms"))
 def older_than_required(system: System) -> Iterator[Violation]:
     """A least version that this rarms does not reach."""
     required = (system.application.requires_rarms or "").removeprefix(">=").strip()
@@ -95,6 +88,7 @@ def _each(
         yield (*path, number), name, kind, known
 
 
+@check(Finding.error("RARMS043", "Windows keeps this name for a device"))
 def device_name(system: System) -> Iterator[Violation]:
     """Hosts, components, partitions and interference that no Windows folder can be called after."""
     sections = {
@@ -122,6 +116,7 @@ def _device_violation(path: Path, name: str, *, at_key: bool) -> Violation:
     )
 
 
+@check(Finding.error("RARMS167", "PowerShell keeps this name for itself"))
 def powershell_name(system: System) -> Iterator[Violation]:
     """An application whose name no object of PowerShell can have as a property, as a journal's would."""
     name = system.application.name
@@ -135,6 +130,7 @@ def powershell_name(system: System) -> Iterator[Violation]:
         )
 
 
+@check(Finding.error("RARMS044", "A partition has the name of a host"))
 def partition_like_host(system: System) -> Iterator[Violation]:
     """Partitions, with an entry or without, that have a host's name."""
     hosts = {name.lower() for name in system.hosts}
@@ -149,6 +145,7 @@ def partition_like_host(system: System) -> Iterator[Violation]:
             )
 
 
+@check(Finding.error("RARMS260", "A partition has the name of a test partition"))
 def test_partition_name(system: System) -> Iterator[Violation]:
     """Partitions, with an entry or without, that measuring would remove."""
     for name in sorted({*partition_names(system)} & {*TEST_PARTITIONS}):
@@ -167,6 +164,7 @@ def _partition_name_violation(system: System, name: str, detail: str, advice: st
     )
 
 
+@check(Finding.error("RARMS080", "Entries of `moved` form a circle"))
 def moved_in_a_circle(system: System) -> Iterator[Violation]:
     """Entries of `moved` that lead back to where they start."""
     lengths = _circle_lengths(system.moved)
@@ -187,6 +185,7 @@ def moved_in_a_circle(system: System) -> Iterator[Violation]:
             )
 
 
+@check(Finding.error("RARMS081", "A renamed partition is still in the manifest"))
 def moved_from_existing(system: System) -> Iterator[Violation]:
     """Entries of `moved` whose old name a partition of the manifest still has."""
     names = partition_names(system) if system.moved else set()
@@ -220,6 +219,7 @@ def _circle_lengths(moved: Mapping[str, str]) -> dict[str, int]:
     return lengths
 
 
+@check(Finding.warning("RARMS089", "The manifest has no component"))
 def no_components(system: System) -> Iterator[Violation]:
     """A manifest without components."""
     if not system.components:
@@ -232,6 +232,7 @@ def no_components(system: System) -> Iterator[Violation]:
         )
 
 
+@check(UNUSED_INTERFERENCE)
 def unused_interference(system: System) -> Iterator[Violation]:
     """Interference that neither the policy nor a component names."""
     used = {*system.policy.interference}.union(*(component.interference for component in system.components.values()))

@@ -10,32 +10,20 @@ from rarms_iac.manifest.checks.system_lookups import (
     members,
     partition_of_component,
 )
-from rarms_iac.manifest.checks.violation import Path, Violation
+from rarms_iac.manifest.checks.violation import Path, Violation, check, component_check, partition_check
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, machine_memory, write_bytes
 from rarms_iac.model.system import Component, PartitionRequest, RunsOn, System, bound_together
 from rarms_iac.model.wording import list_names, list_others
 
-SEVERAL_PARTITIONS = Finding.error("RARMS045", "A component is in several partitions")
-HOST_COMPONENT_IN_PARTITION = Finding.error("RARMS046", "A component that runs on the host is in a partition")
-PARTITION_OF_ANOTHER_NAME = Finding.error("RARMS047", "A partition has the name of a component that is not in it")
-TOGETHER_AND_APART = Finding.error("RARMS049", "`together` and `apart` contradict each other")
-DEDICATED_SHARES = Finding.error("RARMS050", "A dedicated component shares its partition")
-APART_IN_ONE_PARTITION = Finding.error("RARMS051", "Components that must be apart share a partition")
-TOGETHER_IS_SEPARATED = Finding.error("RARMS052", "Components that must be together are in different partitions")
-TOGETHER_WITH_ITSELF = Finding.error("RARMS332", "A component is together with itself")
-HOST_COMPONENT_WITH_CPU = Finding.error("RARMS059", "A component that runs on the host has settings of a partition")
-NO_COMMON_HOST = Finding.error("RARMS093", "Components of one partition have no host in common")
-
-PARTITION_MEMORY_BELOW_MEMBERS = Finding.warning("RARMS065", "A partition has less memory than its components")
 MEMORY_OVER_HOST = Finding.error("RARMS066", "More memory than any host has")
-MEMORY_NOT_OF_HYPERV = Finding.error("RARMS067", "Memory that Hyper-V does not take")
 
 
 _MEBIBYTE = 2**20
 
 
+@check(Finding.error("RARMS045", "A component is in several partitions"))
 def several_partitions(system: System) -> Iterator[Violation]:
     """Every partition but the first that lists a component."""
     listed: dict[str, Path] = {}
@@ -53,6 +41,7 @@ def several_partitions(system: System) -> Iterator[Violation]:
                 )
 
 
+@check(Finding.error("RARMS046", "A component that runs on the host is in a partition"))
 def host_component_in_partition(system: System) -> Iterator[Violation]:
     """Partitions, and `together`, that name a component with `runs_on: host`."""
     on_host = {component.name for component in system.components.values() if component.runs_on is RunsOn.HOST}
@@ -75,6 +64,7 @@ def _host_component_violation(path: Path, name: str) -> Violation:
     )
 
 
+@component_check(Finding.error("RARMS059", "A component that runs on the host has settings of a partition"))
 def host_component_with_cpu(component: Component) -> Iterator[Violation]:
     """`runs_on: host` beside a reserve, limit, weight, `processors`, `dedicated` or `together`."""
     if component.runs_on is RunsOn.HOST:
@@ -99,6 +89,7 @@ def _partition_settings(component: Component) -> Iterator[tuple[tuple[str, ...],
     yield ("together",), bool(component.together)
 
 
+@partition_check(Finding.error("RARMS047", "A partition has the name of a component that is not in it"))
 def partition_of_another_name(system: System, partition: PartitionRequest) -> Iterator[Violation]:
     """Partitions that are called like a component which is no member."""
     name = partition.name
@@ -113,6 +104,7 @@ def partition_of_another_name(system: System, partition: PartitionRequest) -> It
         )
 
 
+@check(Finding.error("RARMS049", "`together` and `apart` contradict each other"))
 def together_and_apart(system: System) -> Iterator[Violation]:
     """Components that are apart from one which `together` binds to them, however many steps away."""
     bound = _bound(system)
@@ -127,6 +119,7 @@ def together_and_apart(system: System) -> Iterator[Violation]:
                 )
 
 
+@component_check(Finding.error("RARMS332", "A component is together with itself"))
 def together_with_itself(component: Component) -> Iterator[Violation]:
     """A component that `together` binds to itself: another was probably meant."""
     for number, other in enumerate(component.together):
@@ -156,6 +149,7 @@ def _contradiction(system: System, name: str, other: str, bound: list[str]) -> s
     return f'"{name}" must be apart from "{other}", but `together` binds the two{chain}.'
 
 
+@check(Finding.error("RARMS050", "A dedicated component shares its partition"))
 def dedicated_shares(system: System) -> Iterator[Violation]:
     """Dedicated components that `together` or a partition's entry puts beside others."""
     bound = _bound(system)
@@ -181,6 +175,7 @@ def _dedicated_violation(name: str, members: Sequence[str], reason: str) -> Viol
     )
 
 
+@partition_check(Finding.error("RARMS051", "Components that must be apart share a partition"))
 def apart_in_one_partition(system: System, partition: PartitionRequest) -> Iterator[Violation]:
     """Members of one partition that are apart from each other."""
     components = members(system, partition)
@@ -198,6 +193,7 @@ def apart_in_one_partition(system: System, partition: PartitionRequest) -> Itera
                 )
 
 
+@check(Finding.error("RARMS052", "Components that must be together are in different partitions"))
 def together_is_separated(system: System) -> Iterator[Violation]:
     """Components bound by `together` of which one has an entry and the other is elsewhere."""
     listed = partition_of_component(system)
@@ -223,6 +219,7 @@ def _location(name: str, listed: Mapping[str, str]) -> str:
     return f'"{name}" is in the partition "{listed[name]}"' if name in listed else f'no partition lists "{name}"'
 
 
+@check(Finding.error("RARMS093", "Components of one partition have no host in common"))
 def no_common_host(system: System) -> Iterator[Violation]:
     """Partitions, and `together`, whose components allow no common host."""
     for partition in system.partitions.values():
@@ -252,6 +249,7 @@ def _no_common_host_violation(system: System, path: Path, components: list[Compo
     )
 
 
+@partition_check(Finding.warning("RARMS065", "A partition has less memory than its components"))
 def partition_memory_below_members(system: System, partition: PartitionRequest) -> Iterator[Violation]:
     """Partitions whose own memory is less than the sum of their components'."""
     components = members(system, partition)
@@ -267,6 +265,7 @@ def partition_memory_below_members(system: System, partition: PartitionRequest) 
         )
 
 
+@check(MEMORY_OVER_HOST)
 def memory_over_host(system: System) -> Iterator[Violation]:
     """Partitions whose memory is above that of every possible host less what is kept for it."""
     for section, name, memory, hosts in _memory_of_partitions(system):
@@ -285,6 +284,7 @@ def memory_over_host(system: System) -> Iterator[Violation]:
             )
 
 
+@check(Finding.error("RARMS067", "Memory that Hyper-V does not take"))
 def memory_not_of_hyperv(system: System) -> Iterator[Violation]:
     """Memory on a host like Hyper-V that is too little for a machine, or no even number of MiB."""
     for section, name, memory, hosts in _memory_of_partitions(system):

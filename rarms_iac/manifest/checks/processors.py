@@ -13,7 +13,7 @@ from rarms_iac.manifest.checks.system_lookups import (
     members,
     on_every,
 )
-from rarms_iac.manifest.checks.violation import Violation
+from rarms_iac.manifest.checks.violation import Violation, check, partition_check
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.quantities import (
@@ -41,18 +41,12 @@ from rarms_iac.model.system import (
 )
 from rarms_iac.model.wording import counted, in_a_row, list_names
 
-RESERVE_OVER_LIMIT = Finding.error("RARMS060", "The reserve is above the limit")
 RESERVE_OVER_HOST = Finding.error("RARMS061", "The reserve is larger than any host can give")
-RESERVE_BEYOND_PARALLELISM = Finding.warning("RARMS063", "A fixed reserve is more than the component's threads can use")
 MORE_PROCESSORS_THAN_HOST = Finding.error("RARMS064", "More virtual processors than any host can run")
 RESERVE_OVER_PROCESSORS = Finding.error("RARMS078", "The reserve is larger than its virtual processors can use")
-DIFFERENT_CPU = Finding.error("RARMS094", "A partition and its only component have different CPU settings")
-HELD_BACK = Finding.note("RARMS130", "A fixed limit or weight slows a component with an APT")
-WEIGHT_ON_LINUX = Finding.warning("RARMS315", "A weight has no effect on a Linux host")
-RESERVE_ROUNDED_UP = Finding.warning("RARMS367", "Rounding raises a fixed reserve by more than a tenth")
-CRITICALITIES_ALIKE = Finding.warning("RARMS330", "Different criticalities give the same weight")
 
 
+@check(Finding.warning("RARMS315", "A weight has no effect on a Linux host"))
 def weight_on_linux(system: System) -> Iterator[Violation]:
     """Weights that the manifest fixes for what may run on a Linux host: its only weight is the reserve."""
     for section, name, cpu, hosts in cpu_settings(system):
@@ -66,6 +60,7 @@ def weight_on_linux(system: System) -> Iterator[Violation]:
             )
 
 
+@check(Finding.error("RARMS060", "The reserve is above the limit"))
 def reserve_over_limit(system: System) -> Iterator[Violation]:
     """Components and partitions whose limit is below what they reserve, on every host they may run on."""
     for section, name, cpu, hosts in cpu_settings(system):
@@ -94,6 +89,7 @@ def _is_above(reserve: CpuAmount, limit: CpuAmount, hosts: list[Host]) -> bool:
     )
 
 
+@check(RESERVE_OVER_HOST)
 def reserve_over_host(system: System) -> Iterator[Violation]:
     """Fixed reserves above what every possible host has less `keep_for_host`."""
     capacity = {
@@ -131,6 +127,7 @@ def _exceeds(reserve: CpuAmount, capacity: Fraction, host: Host) -> bool:
             assert_never(reserve)
 
 
+@check(Finding.warning("RARMS063", "A fixed reserve is more than the component's threads can use"))
 def reserve_beyond_parallelism(system: System) -> Iterator[Violation]:
     """Fixed reserves that are more LPs than the component has threads."""
     for component in system.components.values():
@@ -152,6 +149,7 @@ def reserve_beyond_parallelism(system: System) -> Iterator[Violation]:
             )
 
 
+@check(RESERVE_OVER_PROCESSORS)
 def reserve_over_processors(system: System) -> Iterator[Violation]:
     """Fixed reserves that are more LPs than `processors` allows, a whole LP each."""
     for section, name, cpu, hosts in cpu_settings(system):
@@ -170,6 +168,7 @@ def reserve_over_processors(system: System) -> Iterator[Violation]:
             )
 
 
+@check(MORE_PROCESSORS_THAN_HOST)
 def more_processors_than_host(system: System) -> Iterator[Violation]:
     """`processors` above the LPs of every possible host."""
     for section, name, processors, hosts in _virtual_processors(system):
@@ -195,6 +194,7 @@ def _virtual_processors(system: System) -> Iterator[tuple[str, str, int, list[Ho
             yield "partitions", partition.name, partition.processors, hosts
 
 
+@partition_check(Finding.error("RARMS094", "A partition and its only component have different CPU settings"))
 def different_cpu(system: System, partition: PartitionRequest) -> Iterator[Violation]:
     """A reserve, limit or weight that a partition and its only component fix differently."""
     components = members(system, partition)
@@ -214,6 +214,7 @@ def different_cpu(system: System, partition: PartitionRequest) -> Iterator[Viola
             )
 
 
+@check(Finding.note("RARMS130", "A fixed limit or weight slows a component with an APT"))
 def held_back(system: System) -> Iterator[Violation]:
     """Components with an APT, and their partitions, that are capped or weigh less than the usual 100."""
     for section, name, cpu, hosts in cpu_settings(system):
@@ -256,6 +257,7 @@ def _caps(limit: CpuAmount, processors: int | None, components: Sequence[Compone
     return on_every(hosts, is_below)
 
 
+@check(Finding.warning("RARMS330", "Different criticalities give the same weight"))
 def criticalities_alike(system: System) -> Iterator[Violation]:
     """Different criticalities that end in the same, highest weight."""
     if system.policy.headroom is not Headroom.BY_CRITICALITY:
@@ -282,6 +284,7 @@ def criticalities_alike(system: System) -> Iterator[Violation]:
     )
 
 
+@check(Finding.warning("RARMS367", "Rounding raises a fixed reserve by more than a tenth"))
 def reserve_rounded_up(system: System) -> Iterator[Violation]:
     """Reserves of wide components that whole per cent of each virtual processor make much larger, on every host."""
     for section, name, cpu, hosts in cpu_settings(system):

@@ -3,19 +3,17 @@
 import re
 from collections.abc import Iterator
 
-from rarms_iac.manifest.checks.violation import Violation
+from rarms_iac.manifest.checks.violation import Violation, check, component_check
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import HypervHost
 from rarms_iac.model.system import Component, System
-
-SECRET_IN_CLEAR = Finding.error("RARMS090", "The manifest contains a secret")
-SECRET_IN_ENVIRONMENT = Finding.warning("RARMS091", "The manifest contains a variable that looks like a secret")
 
 _REFERENCE = re.compile(r"[A-Za-z0-9][A-Za-z0-9._/-]{0,127}")
 _KEY = re.compile(r"(?=.*[a-z])(?=.*[A-Z])(?=.*[0-9])[A-Za-z0-9_-]{16,}")
 _SECRET = re.compile(r"(?i)(password|passwd|passphrase|secret|api_?key|access_?key|private_?key|(^|_)token$|(^|_)pw$)")
 
 
+@check(Finding.error("RARMS090", "The manifest contains a secret"))
 def secret_in_clear(system: System) -> Iterator[Violation]:
     """Credentials that do not look like the name of one."""
     named = [
@@ -41,6 +39,7 @@ def is_reference(text: str) -> bool:
     return _REFERENCE.fullmatch(text) is not None and _KEY.fullmatch(text) is None
 
 
+@component_check(Finding.warning("RARMS091", "The manifest contains a variable that looks like a secret"))
 def secret_in_environment(component: Component) -> Iterator[Violation]:
     """Variables with a secret's name whose value stands in the manifest."""
     for name, value in (component.run.environment if component.run is not None else {}).items():

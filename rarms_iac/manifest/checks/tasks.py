@@ -3,21 +3,15 @@
 from collections.abc import Iterator
 
 from rarms_iac.manifest.checks.system_lookups import known_tasks, operating_systems, task_entry
-from rarms_iac.manifest.checks.violation import Path, Violation
+from rarms_iac.manifest.checks.violation import Path, Violation, check
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.system import Component, System
 from rarms_iac.model.task_names import ROBOTIC_TASKS, is_shipped_task
 from rarms_iac.model.wording import Suggestions
 
-SHIPPED_TASK = Finding.error("RARMS053", "A task class of Windows would be changed")
-UNKNOWN_TASK = Finding.error("RARMS054", "Unknown task class")
-TASK_DIFFERS_IN_CASE = Finding.error("RARMS055", "Two task classes differ only in upper and lower case")
-SHARED_TASK = Finding.warning("RARMS057", "Components of different criticality share a task class")
-UNUSED_TASK = Finding.note("RARMS087", "A task class is not used")
-TASK_LIKE_A_VALUE = Finding.error("RARMS229", "rarms keeps this name of a task class for itself")
 
-
+@check(Finding.error("RARMS053", "A task class of Windows would be changed"))
 def shipped_task(system: System) -> Iterator[Violation]:
     """Classes that come with Windows and would be changed without `replace_shipped`."""
     for task in system.tasks.values():
@@ -40,6 +34,7 @@ def _shipped_task_violation(path: Path, name: str) -> Violation:
     )
 
 
+@check(Finding.error("RARMS054", "Unknown task class"))
 def unknown_task(system: System) -> Iterator[Violation]:
     """Components whose class is neither robotic, nor of Windows, nor in `tasks`."""
     known = known_tasks(system)
@@ -57,6 +52,7 @@ def unknown_task(system: System) -> Iterator[Violation]:
             )
 
 
+@check(Finding.error("RARMS055", "Two task classes differ only in upper and lower case"))
 def task_differs_in_case(system: System) -> Iterator[Violation]:
     """The later of two entries that the registry would take for one."""
     first: dict[str, str] = {}
@@ -73,6 +69,7 @@ def task_differs_in_case(system: System) -> Iterator[Violation]:
             )
 
 
+@check(Finding.warning("RARMS057", "Components of different criticality share a task class"))
 def shared_task(system: System) -> Iterator[Violation]:
     """The less critical users of a class, whose threads get the priority of the most critical one."""
     for group in operating_systems(system):
@@ -97,6 +94,7 @@ def shared_task(system: System) -> Iterator[Violation]:
                 )
 
 
+@check(Finding.note("RARMS087", "A task class is not used"))
 def unused_task(system: System) -> Iterator[Violation]:
     """Entries of `tasks` that no component names."""
     used = {component.task.lower() for component in system.components.values() if component.task is not None}
@@ -111,6 +109,7 @@ def unused_task(system: System) -> Iterator[Violation]:
             )
 
 
+@check(Finding.error("RARMS229", "rarms keeps this name of a task class for itself"))
 def task_like_a_value(system: System) -> Iterator[Violation]:
     """Classes that have the name of the value whose record lies among the records of task classes."""
     for name in system.tasks:

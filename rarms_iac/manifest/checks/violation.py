@@ -46,20 +46,64 @@ class Violation:
 Check = Callable[[System], Iterator[Violation]]
 """A check yields every violation that it finds; it judges only what no other check judges."""
 
-
-def of_components(check: Callable[[Component], Iterator[Violation]]) -> Check:
-    """The check of a manifest that judges one component after the other."""
-    return lambda system: chain.from_iterable(map(check, system.components.values()))
+CHECKS: dict[Finding, Check] = {}
+"""Every check that asks the manifest alone, by its finding, as the modules of this room add them."""
 
 
-def of_hosts(check: Callable[[Host], Iterator[Violation]]) -> Check:
-    """The check of a manifest that judges one host after the other."""
-    return lambda system: chain.from_iterable(map(check, system.hosts.values()))
+def check(finding: Finding) -> Callable[[Check], Check]:
+    """Add the function below to `CHECKS`: it yields the violations of this kind.
+
+    Args:
+        finding: the kind, which no other check has.
+
+    Returns:
+        What adds it.
+    """
+
+    def add(judge: Check) -> Check:
+        assert finding not in CHECKS, "each kind has one check"
+        CHECKS[finding] = judge
+        return judge
+
+    return add
 
 
-def of_partitions(check: Callable[[System, PartitionRequest], Iterator[Violation]]) -> Check:
-    """The check of a manifest that judges one partition's entry after the other, beside what it names."""
-    return lambda system: chain.from_iterable(check(system, partition) for partition in system.partitions.values())
+def component_check(finding: Finding) -> Callable[[Callable[[Component], Iterator[Violation]]], Check]:
+    """As `check`, of a function that judges one component.
+
+    Args:
+        finding: the kind, which no other check has.
+
+    Returns:
+        What adds it.
+    """
+    return lambda judge: check(finding)(lambda system: chain.from_iterable(map(judge, system.components.values())))
+
+
+def host_check(finding: Finding) -> Callable[[Callable[[Host], Iterator[Violation]]], Check]:
+    """As `check`, of a function that judges one host.
+
+    Args:
+        finding: the kind, which no other check has.
+
+    Returns:
+        What adds it.
+    """
+    return lambda judge: check(finding)(lambda system: chain.from_iterable(map(judge, system.hosts.values())))
+
+
+def partition_check(finding: Finding) -> Callable[[Callable[[System, PartitionRequest], Iterator[Violation]]], Check]:
+    """As `check`, of a function that judges one partition's entry, beside what it names.
+
+    Args:
+        finding: the kind, which no other check has.
+
+    Returns:
+        What adds it.
+    """
+    return lambda judge: check(finding)(
+        lambda system: chain.from_iterable(judge(system, partition) for partition in system.partitions.values())
+    )
 
 
 def _place(places: Places, path: Path, at_key: bool) -> Place:
