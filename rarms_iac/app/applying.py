@@ -68,7 +68,7 @@ def apply(
     if folder is None:
         _refuse_elsewhere(plan)
     _refuse_unsigned(plan)
-    below = folder_of(plan.manifest) if folder is None else str(folder)
+    below = folder_of(plan.manifest) if folder is None else Path(folder)
     hosts = {
         part.host.name: open_host(part.host, below, part.state_path, channels.get(part.host.name))
         for part in plan.hosts

@@ -46,26 +46,6 @@ LISTED = 4
 """Changes that one message names; more are counted."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Measurements:
-    """The measurements beside a manifest."""
-
-    system: System
-    folder: Path  # the manifest's
-
-
-def measurements_of(manifest: Manifest) -> Measurements:
-    """Return where the measurements beside a manifest are; nothing is read yet.
-
-    Args:
-        manifest: its folder has the data logs.
-
-    Returns:
-        The folder with the manifest's system.
-    """
-    return Measurements(system=manifest.system, folder=Path(manifest.folder))
-
-
 def subject_of(system: System, host: Host, members: tuple[str, ...], interference: str) -> LogSubject:
     """Return what a data log of these components is about.
 
@@ -103,18 +83,18 @@ def path_of(folder: Path, subject: LogSubject) -> Path:
     return log_path(folder, subject.platform, subject.setup.members, subject.setup.interference)
 
 
-def why_outdated(measurements: Measurements, host: Host, members: Names) -> str:
+def why_outdated(manifest: Manifest, host: Host, members: Names) -> str:
     """Tell why what was once measured of these components together does not hold any more.
 
     Args:
-        measurements: The manifest, and where its logs lie.
+        manifest: The manifest, beside which its logs lie.
         host: On which they were to be together.
         members: Names of components, sorted; the manifest may know some no longer.
 
     Returns:
         A clause without a full stop; empty: their data log holds as it is.
     """
-    system, folder = measurements.system, measurements.folder
+    system, folder = manifest.system, manifest.folder
     if gone := [name for name in members if name not in system.components]:
         return f"the manifest has no {', '.join(gone)} any more"
     reasons = (
@@ -165,32 +145,32 @@ def used_processors(
     return used
 
 
-def logs_of(measurements: Measurements, host: Host, members: Names) -> tuple[Path, ...]:
+def logs_of(manifest: Manifest, host: Host, members: Names) -> tuple[Path, ...]:
     """List where the data logs lie that a reservation of these components together rests on.
 
     Args:
-        measurements: The manifest, and where its logs lie.
+        manifest: The manifest, beside which its logs lie.
         host: On which they are to be together.
         members: Names of components of the manifest, sorted.
 
     Returns:
         A path for each load that it must stand up to; the files need not exist.
     """
-    loads = measurements.system.loads_of(members)
-    return tuple(log_path(measurements.folder, host.platform, members, load) for load in loads)
+    loads = manifest.system.loads_of(members)
+    return tuple(log_path(manifest.folder, host.platform, members, load) for load in loads)
 
 
-def measured_reservations(measurements: Measurements, states: Mapping[str, State]) -> MeasuredReservations:
+def measured_reservations(manifest: Manifest, states: Mapping[str, State]) -> MeasuredReservations:
     """Read what the data logs say on every host of the manifest.
 
     Args:
-        measurements: The manifest, and where its logs lie.
+        manifest: The manifest, beside which its logs lie.
         states: What hosts look like, by name; of those that were looked at, that is compared with the logs, too.
 
     Returns:
         Reservations for the planner. A log that is missing, damaged or stale is an answer, not an error.
     """
-    system, folder = measurements.system, _LogFolder(files=Files(measurements.folder), read=cache(_read))
+    system, folder = manifest.system, _LogFolder(files=Files(manifest.folder), read=cache(_read))
     kinds = {name: _kind_of(host, states) for name, host in sorted(system.hosts.items())}
     alike: dict[_Kind, list[str]] = {}
     for name, kind in kinds.items():

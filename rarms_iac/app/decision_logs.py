@@ -8,8 +8,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.data_logs import Measurements, measured_reservations, why_outdated
+from rarms_iac.app.data_logs import measured_reservations, why_outdated
 from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors, now
 from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.model.host import Host
@@ -33,13 +34,13 @@ from rarms_iac.storage.datalog.decisions import (
 from rarms_iac.storage.datalog.files import configuration_path, read_log
 
 
-def record_choices(measurements: Measurements, components: Iterable[str] = ()) -> tuple[Path, ...]:
+def record_choices(manifest: Manifest, components: Iterable[str] = ()) -> tuple[Path, ...]:
     """Write down what follows from the manifest and the data logs, where the configuration log does not say it yet.
 
     A component whose reservation is not known is left out: `rarms plan` tells why.
 
     Args:
-        measurements: Those beside the manifest.
+        manifest: The manifest, with its measurements beside it.
         components: Names; none: all.
 
     Returns:
@@ -49,13 +50,13 @@ def record_choices(measurements: Measurements, components: Iterable[str] = ()) -
         UseCaseError: A configuration log is damaged (negative), or held by another run (refused).
         OSError: One cannot be written.
     """
-    with hold_configuration_logs(measurements.folder):
-        return _choices(measurements, components)
+    with hold_configuration_logs(manifest.folder):
+        return _choices(manifest, components)
 
 
-def _choices(measurements: Measurements, components: Iterable[str]) -> tuple[Path, ...]:
-    system, names = measurements.system, set(components)
-    reservations = measured_reservations(measurements, {})
+def _choices(manifest: Manifest, components: Iterable[str]) -> tuple[Path, ...]:
+    system, names = manifest.system, set(components)
+    reservations = measured_reservations(manifest, {})
     paths: list[Path] = []
     for group in filter(depends_on_a_log, groups_of(system)):
         if names and names.isdisjoint(names_of(group.members)):
@@ -69,8 +70,8 @@ def _choices(measurements: Measurements, components: Iterable[str]) -> tuple[Pat
             least = reservations.least(group.members, host)
             log = reservations.log(group.members, host)
             if isinstance(sized, PlacedPartition) and isinstance(log, MeasuredTogether) and least is not None:
-                entries = _entries(measurements, group, log, sized.settings.reserve)
-                paths += [path for entry in entries if (path := _record(measurements.folder, host.platform, entry))]
+                entries = _entries(manifest, group, log, sized.settings.reserve)
+                paths += [path for entry in entries if (path := _record(manifest.folder, host.platform, entry))]
     return tuple(paths)
 
 
@@ -90,9 +91,9 @@ def describe_apt(component: Component) -> dict[str, str]:
     }
 
 
-def _entries(measurements: Measurements, group: Group, measured: MeasuredTogether, reserve: int) -> tuple[Chosen, ...]:
+def _entries(manifest: Manifest, group: Group, measured: MeasuredTogether, reserve: int) -> tuple[Chosen, ...]:
     """What was chosen for each member, with the data log that asks for it."""
-    path = measurements.folder / measured.path
+    path = manifest.folder / measured.path
     log = read_log(path)
     if log is None:
         return ()
@@ -105,7 +106,7 @@ def _entries(measurements: Measurements, group: Group, measured: MeasuredTogethe
             partition=group.name,
             reserve=reserve,
             task=member.task,
-            data_log=path.relative_to(measurements.folder).as_posix(),
+            data_log=path.relative_to(manifest.folder).as_posix(),
             identity=log.header.digest,
             setup=replace(log.header.setup, processors=measured.processors),
             platform_facts=log.header.platform_facts,
@@ -140,15 +141,15 @@ def record_tuning(hosts: Hosts, platform: str, run: TuningRun) -> None:
     """
     if run.ending == "stopped" or not run.trail:
         return
-    with hold_configuration_logs(Path(hosts.folder)), log_errors():
-        append_run(tuning_path(Path(hosts.folder), platform), run)
+    with hold_configuration_logs(hosts.folder), log_errors():
+        append_run(tuning_path(hosts.folder, platform), run)
 
 
-def tunings_of(measurements: Measurements) -> Iterator[PlatformTuning]:
+def tunings_of(manifest: Manifest) -> Iterator[PlatformTuning]:
     """Yield the last run of every platform of the manifest that has one, platforms by name.
 
     Args:
-        measurements: those beside the manifest.
+        manifest: The manifest, with its measurements beside it.
 
     Yields:
         A run a platform, with what does not hold any more.
@@ -156,26 +157,26 @@ def tunings_of(measurements: Measurements) -> Iterator[PlatformTuning]:
     Raises:
         UseCaseError: A log is damaged (negative).
     """
-    hosts = {host.platform: host for _, host in sorted(measurements.system.hosts.items(), reverse=True)}
+    hosts = {host.platform: host for _, host in sorted(manifest.system.hosts.items(), reverse=True)}
     for platform, host in sorted(hosts.items()):
         with log_errors():
-            runs = read_runs(tuning_path(measurements.folder, platform))
+            runs = read_runs(tuning_path(manifest.folder, platform))
         if runs:
-            outdated = outdated_compounds(runs[-1:], measurements, host)
+            outdated = outdated_compounds(runs[-1:], manifest, host)
             yield PlatformTuning(platform=platform, run=runs[-1], outdated=outdated)
 
 
-def outdated_compounds(runs: Sequence[TuningRun], measurements: Measurements, host: Host) -> Mapping[Names, str]:
+def outdated_compounds(runs: Sequence[TuningRun], manifest: Manifest, host: Host) -> Mapping[Names, str]:
     """Say why what was measured of compounds does not hold any more.
 
     Args:
         runs: Those whose compounds are meant.
-        measurements: Those beside the manifest.
+        manifest: The manifest, with its measurements beside it.
         host: On which the compounds were to be.
 
     Returns:
         By the sorted names of its members, a clause for each compound that is outdated.
     """
     compounds = {tuple(sorted(setting.components)) for run in runs for setting in run.trail}
-    reasons = {names: why_outdated(measurements, host, names) for names in sorted(compounds)}
+    reasons = {names: why_outdated(manifest, host, names) for names in sorted(compounds)}
     return {names: why for names, why in reasons.items() if why}

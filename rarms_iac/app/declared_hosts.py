@@ -9,7 +9,7 @@ from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from rarms_iac.app.data_logs import measured_reservations, measurements_of
+from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.manifest.checks import partitions, processors
 from rarms_iac.model.capacity import capacity_of
@@ -66,7 +66,7 @@ def declared_host_findings(manifest: Manifest, errors: Sequence[Diagnostic]) -> 
         and not _exceeds_all_hosts(system)
     ):
         return
-    source = measured_reservations(measurements_of(manifest), {}) if depends_on_logs else FixedReservations()
+    source = measured_reservations(manifest, {}) if depends_on_logs else FixedReservations()
     problem = problem_of(system, _AtLeast(source=source), {}, may_move=True)
     blamed = {error.address for error in errors}
     right = [group for group in problem.groups if not _is_about(group, blamed)]

@@ -6,7 +6,7 @@ Begin at `explain_component`; the values that it returns are in `explanation`.
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
-from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of
+from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.explained_partition import ExplainedPartition, ExplainedPlace, partition_to_explain, place_of
 from rarms_iac.app.explanation import ComponentExplanation, DataLogSummary, ExplainedIndex, Explanation, HostExplanation
 from rarms_iac.app.hosts import observe_hosts, select_hosts
@@ -70,14 +70,14 @@ def explain_component(manifest: Manifest, name: str) -> ComponentExplanation:
         homes = tuple(host for host in by_name(system.hosts) if host.name in allowed)
         return HostExplanation(subject=component, places=homes)
     hosts = select_hosts(manifest, HostSelection())
-    partition = partition_to_explain(hosts, measurements_of(manifest), group, observe_hosts(hosts, needed=()))
+    partition = partition_to_explain(hosts, group, observe_hosts(hosts, needed=()))
     return _with_measurements(_explanation(partition, place_of(partition), component))
 
 
 def _explanation(partition: ExplainedPartition, place: ExplainedPlace, component: Component) -> Explanation:
     """All but what a data log says."""
     group, host, layout = partition.group, place.host, partition.layout
-    by_log, previous = depends_on_a_log(group), previous_tuning(partition.measurements, host)
+    by_log, previous = depends_on_a_log(group), previous_tuning(partition.hosts.manifest, host)
     totals = None if layout is None else totals_by_host(partition.system, layout.partitions, partition.views)[host.name]
     chosen = ChosenPlace(
         partition=place.partition, layout=partition.layout, views=partition.views, stays=partition.why_bound
@@ -114,7 +114,7 @@ def _with_measurements(explanation: Explanation) -> Explanation:
     at = least if least is not None else max(answer.measured, default=0)
     return replace(
         explanation,
-        data_log=_data_log_summary(partition.measurements, group, answer),
+        data_log=_data_log_summary(partition.hosts.manifest, group, answer),
         least=least,
         verdicts=tuple(_at_reserve(curves, at)),
         one_less=() if least is None else tuple(_at_reserve(curves, least - 1)),
@@ -137,13 +137,13 @@ def _log_despite_fixed(partition: ExplainedPartition, host: Host) -> tuple[DataL
         for name, request in system.partitions.items()
     }
     unfixed = replace(system, components={**system.components, **measured_members}, partitions=partitions)
-    measurements = replace(partition.measurements, system=unfixed)
+    manifest = replace(partition.hosts.manifest, system=unfixed)
     members = tuple(unfixed.components[name] for name in names_of(group.members))
-    reservations = measured_reservations(measurements, partition.states)
+    reservations = measured_reservations(manifest, partition.states)
     log = reservations.log(members, host)
     if not isinstance(log, MeasuredTogether):
         return None, None
-    return _data_log_summary(measurements, group, log), reservations.least(members, host)
+    return _data_log_summary(manifest, group, log), reservations.least(members, host)
 
 
 def _wanted(partition: ExplainedPartition, host: Host) -> LogicalProcessors | None:
@@ -154,9 +154,9 @@ def _wanted(partition: ExplainedPartition, host: Host) -> LogicalProcessors | No
     return in_processors(own, host.logical_processors)
 
 
-def _data_log_summary(measurements: Measurements, group: Group, log: MeasuredTogether) -> DataLogSummary:
-    loads = measurements.system.loads_of(names_of(group.members))
-    whole = read_log(measurements.folder / log.path)
+def _data_log_summary(manifest: Manifest, group: Group, log: MeasuredTogether) -> DataLogSummary:
+    loads = manifest.system.loads_of(names_of(group.members))
+    whole = read_log(manifest.folder / log.path)
     assert isinstance(whole, DataLog), "what a reservation rests on was read a moment ago"
     platform, times = whole.header.platform_facts, sorted(recorded.provenance.when for recorded in whole.recorded)
     return DataLogSummary(

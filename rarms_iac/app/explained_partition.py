@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from rarms_iac.app.data_logs import Measurements, measured_reservations
+from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.model.host import Host
@@ -24,7 +24,6 @@ class ExplainedPartition:
 
     group: Group
     hosts: Hosts
-    measurements: Measurements
     reservations: MeasuredReservations
     states: Mapping[str, State]  # of the hosts that could be looked at
     views: Mapping[str, HostView]  # the same hosts as the planner sees them
@@ -64,26 +63,22 @@ class ExplainedPlace:
     no_host_because: str = ""  # why no host can have it
 
 
-def partition_to_explain(
-    hosts: Hosts, measurements: Measurements, group: Group, states: Mapping[str, State]
-) -> ExplainedPartition:
+def partition_to_explain(hosts: Hosts, group: Group, states: Mapping[str, State]) -> ExplainedPartition:
     """Plan the layout, and gather what is known of one of its partitions.
 
     Args:
         hosts: All hosts of the manifest.
-        measurements: Those beside the manifest.
         group: The members of the partition.
         states: Of the hosts that could be looked at, by name.
 
     Returns:
         The partition with its logs, its place and what the planner found of it.
     """
-    reservations = measured_reservations(measurements, states)
+    reservations = measured_reservations(hosts.manifest, states)
     views = {name: host_view(state, hosts.system.application.name) for name, state in states.items()}
     return ExplainedPartition(
         group=group,
         hosts=hosts,
-        measurements=measurements,
         reservations=reservations,
         states=states,
         views=views,

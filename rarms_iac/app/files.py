@@ -160,7 +160,7 @@ def plan_in(path: str, data: bytes) -> "Plan":
     return plan
 
 
-def folder_of(manifest: str) -> str:
+def folder_of(manifest: str) -> Path:
     """The folder of a manifest, as seen from here: simulated hosts and data logs lie below it.
 
     Args:
@@ -169,4 +169,4 @@ def folder_of(manifest: str) -> str:
     Returns:
         A path; `.` for the folder of this process.
     """
-    return "." if manifest == STANDARD_INPUT else str(Path(manifest_path(manifest)).parent)
+    return Path() if manifest == STANDARD_INPUT else Path(manifest_path(manifest)).parent

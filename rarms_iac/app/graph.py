@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
 
-from rarms_iac.app.data_logs import Measurements, logs_of, measured_reservations, measurements_of
+from rarms_iac.app.data_logs import logs_of, measured_reservations
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.model.diagnostics import has_errors
@@ -86,7 +86,7 @@ def graph_of_manifest(manifest: Manifest) -> LayoutGraph:
     Raises:
         UseCaseError: There is no layout (negative).
     """
-    reservations = measured_reservations(measurements_of(manifest), {})
+    reservations = measured_reservations(manifest, {})
     planning = plan_layout(manifest.system, reservations, {}, manifest.places)
     if not isinstance(planning.answer, Layout):
         raise UseCaseError(Outcome.NEGATIVE, planning.findings, manifest.sources)
@@ -159,8 +159,8 @@ def candidate_graph(manifest: Manifest, *, predict: bool) -> CandidateGraph:
 
 
 def _candidates(manifest: Manifest) -> tuple[Candidates, Predict]:
-    measurements, system = measurements_of(manifest), manifest.system
-    reservations = measured_reservations(measurements, {})
+    system = manifest.system
+    reservations = measured_reservations(manifest, {})
     problem = problem_of(system, reservations, {}, may_move=False)
     groups = [
         group for group in problem.groups if depends_on_a_log(group) and all(member.apt for member in group.members)
@@ -180,17 +180,17 @@ def _candidates(manifest: Manifest) -> tuple[Candidates, Predict]:
         return may_share(*{group_of[name].name: group_of[name] for name in names}.values())
 
     candidates = candidates_of(cois, may_all_share, most=WHOLE)
-    informed_candidates = informed(candidates, recorded_answers(measurements, host, candidates, {}))
+    informed_candidates = informed(candidates, recorded_answers(manifest, host, candidates, {}))
     return informed_candidates, predictor_of(alone_in(groups, reservations, host))
 
 
 def recorded_answers(
-    measurements: Measurements, host: Host, candidates: Candidates, states: Mapping[str, State]
+    manifest: Manifest, host: Host, candidates: Candidates, states: Mapping[str, State]
 ) -> tuple[Answer, ...]:
     """Return what the valid data logs of compounds say, by the rule of a plan.
 
     Args:
-        measurements: Those beside the manifest.
+        manifest: The manifest, with its measurements beside it.
         host: On which they are to hold.
         candidates: The compounds.
         states: Of hosts that were looked at: what was seen is compared with the logs, too.
@@ -199,14 +199,14 @@ def recorded_answers(
         An answer for each setting of each compound, logs in the order of the compounds' names.
     """
     compounds = [candidate.coi.members for candidate in candidates.by_mask.values()]
-    return tuple(answer for names in compounds for answer in _answers(measurements, host, names, states))
+    return tuple(answer for names in compounds for answer in _answers(manifest, host, names, states))
 
 
-def _answers(measurements: Measurements, host: Host, names: Members, states: Mapping[str, State]) -> Iterator[Answer]:
-    if not all(path.is_file() for path in logs_of(measurements, host, names)):
+def _answers(manifest: Manifest, host: Host, names: Members, states: Mapping[str, State]) -> Iterator[Answer]:
+    if not all(path.is_file() for path in logs_of(manifest, host, names)):
         return
-    system = _together(measurements.system, names)
-    reservations = measured_reservations(replace(measurements, system=system), states)
+    system = _together(manifest.system, names)
+    reservations = measured_reservations(replace(manifest, system=system), states)
     group = next(group for group in groups_of(system) if set(names) == set(names_of(group.members)))
     log, least = reservations.log(group.members, host), reservations.least(group.members, host)
     if isinstance(log, NotMeasured):

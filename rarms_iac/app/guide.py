@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from rarms_iac.app.data_logs import measured_reservations, measurements_of
+from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.decision_logs import describe_apt
 from rarms_iac.app.explain_component import find_component
 from rarms_iac.app.manifests import Manifest
@@ -65,7 +65,7 @@ def guide_facts(manifest: Manifest, name: str) -> GuideFacts:
         raise RequestError(
             f"{name} runs on the host itself: it has no partition, and no share of the processors to set up."
         )
-    reservations = measured_reservations(measurements_of(manifest), {})
+    reservations = measured_reservations(manifest, {})
     group = next(group for group in groups_of(system) if name in names_of(group.members))
     for _, host in sorted(system.hosts.items()):
         partition = size(group, host, reservations)

@@ -51,7 +51,7 @@ class Hosts:
         return tuple(sorted(self.selection.hosts or self.system.hosts, key=natural_order))
 
     @property
-    def folder(self) -> str:
+    def folder(self) -> Path:
         """The manifest's folder."""
         return self.manifest.folder
 

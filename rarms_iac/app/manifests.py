@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
@@ -34,9 +35,9 @@ class Manifest:
         return self.loaded.sources
 
     @property
-    def folder(self) -> str:
+    def folder(self) -> Path:
         """The folder that the manifest's paths are relative to."""
-        return self.loaded.folder
+        return Path(self.loaded.folder)
 
 
 def load_manifest(source: ManifestSource) -> Manifest:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from rarms_iac.app.data_logs import measured_reservations, measurements_of
+from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.hosts import Hosts, last_run, observe_hosts, refuse_unfinished
 from rarms_iac.app.plan_key import plan_key
 from rarms_iac.app.requests import HostSelection, PlanLimits
@@ -103,7 +103,7 @@ def with_reservations(hosts: Hosts, request: PlanRequest, states: Mapping[str, S
     """The request with the reservations of data logs, where a layout is wanted."""
     if request.purpose is not Purpose.APPLY:
         return request
-    return replace(request, reservations=measured_reservations(measurements_of(hosts.manifest), states))
+    return replace(request, reservations=measured_reservations(hosts.manifest, states))
 
 
 def hosts_with_machine(hosts: Hosts, machine: str) -> Hosts:

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from rarms_iac.app.data_logs import Measurements
 from rarms_iac.app.decision_logs import outdated_compounds
+from rarms_iac.app.manifests import Manifest
 from rarms_iac.model.commands import command
 from rarms_iac.model.host import Host
 from rarms_iac.planner.reservations import Names
@@ -77,21 +77,21 @@ class PreviousTuning:
             )
 
 
-def previous_tuning(measurements: Measurements, host: Host) -> PreviousTuning:
+def previous_tuning(manifest: Manifest, host: Host) -> PreviousTuning:
     """Read the log of tuning of a host's platform.
 
     Args:
-        measurements: those beside the manifest; what tuning measured is compared with them.
+        manifest: The manifest, with its measurements beside it; what tuning measured is compared with them.
         host: of the manifest.
 
     Returns:
         The recorded runs; a log that cannot be read gives a message in `unreadable`, and no error.
     """
-    folder = measurements.folder
+    folder = manifest.folder
     path = tuning_path(folder, host.platform)
     try:
         runs = read_runs(path)
-        return PreviousTuning(runs=runs, outdated=outdated_compounds(runs, measurements, host))
+        return PreviousTuning(runs=runs, outdated=outdated_compounds(runs, manifest, host))
     except LogUnreadable as problem:
         place = f"{path.relative_to(folder).as_posix()}, line {problem.line}"
         return PreviousTuning(unreadable=f"{place}: {problem.message}")

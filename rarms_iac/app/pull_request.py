@@ -7,7 +7,7 @@ from math import inf
 from pathlib import Path
 from typing import Literal
 
-from rarms_iac.app.data_logs import measured_reservations, measurements_of
+from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import Manifest, load_manifest
 from rarms_iac.app.planning import plan, plan_request
@@ -73,7 +73,7 @@ def review_plan(hosts: Hosts, made: Plan, limits: PlanLimits, base: str | None) 
     Returns:
         The plan with what changed against the base, as far as that has a manifest and a plan.
     """
-    reservations = measured_reservations(measurements_of(hosts.manifest), {})
+    reservations = measured_reservations(hosts.manifest, {})
     headrooms = sorted(
         _headrooms(hosts, made, reservations), key=lambda headroom: (headroom.share, headroom.component, headroom.index)
     )
@@ -164,14 +164,14 @@ _UNUSED: tuple[LogUse, str] = ("not used", "")
 
 def _logs_of(manifest: Manifest) -> dict[str, tuple[LogUse, str]]:
     """What follows from each data log that the manifest's partitions rest on, and the digest of the log."""
-    reservations = measured_reservations(measurements_of(manifest), {})
+    reservations = measured_reservations(manifest, {})
     found: dict[str, tuple[LogUse, str]] = {}
     for group in filter(depends_on_a_log, groups_of(manifest.system)):
         for host in manifest.system.hosts.values():
             log = reservations.log(group.members, host)
             if not isinstance(log, NotMeasured):
                 least = reservations.least(group.members, host)
-                digest = file_digest(Path(manifest.folder) / log.path)
+                digest = file_digest(manifest.folder / log.path)
                 found[log.path] = ("not enough" if least is None else least, digest)
     return found
 

@@ -4,14 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.data_logs import (
-    compare_log,
-    measured_reservations,
-    measurements_of,
-    observed_platform,
-    subject_of,
-    used_processors,
-)
+from rarms_iac.app.data_logs import compare_log, measured_reservations, observed_platform, subject_of, used_processors
 from rarms_iac.app.decision_logs import tunings_of
 from rarms_iac.app.drift import drift_of_hosts
 from rarms_iac.app.experiments.measure_request import refuse_unknown
@@ -133,7 +126,7 @@ def _report(
     report = report_of(manifest.system, logs, proofs_of(manifest, components), totals_at_hand(manifest))
     return replace(
         report,
-        tunings=tuple(tunings_of(measurements_of(manifest))),
+        tunings=tuple(tunings_of(manifest)),
         candidates=_candidates(manifest) if with_candidates else (),
     )
 
@@ -158,7 +151,7 @@ def _nothing(components: Sequence[str]) -> Diagnostic:
 
 def _logs_of(manifest: Manifest, components: Sequence[str]) -> tuple[ReportedLog, ...]:
     refuse_unknown(components, manifest.system.components, "component")
-    logs = tuple(_read_logs(manifest.system, Path(manifest.folder)))
+    logs = tuple(_read_logs(manifest.system, manifest.folder))
     return tuple(log for log in logs if not components or set(log.log.header.setup.members) & set(components))
 
 
@@ -211,8 +204,8 @@ def proofs_of(manifest: Manifest, components: Sequence[str] = ()) -> tuple[Compo
 
 
 def _proofs(manifest: Manifest, components: Sequence[str]) -> Iterator[ComponentProof]:
-    system, folder = manifest.system, Path(manifest.folder)
-    reservations = measured_reservations(measurements_of(manifest), {})
+    system, folder = manifest.system, manifest.folder
+    reservations = measured_reservations(manifest, {})
     for platform in sorted({host.platform for host in system.hosts.values()}):
         for name in sorted(components or system.components, key=natural_order):
             entries = _entries(configuration_path(folder, platform, name))

@@ -93,7 +93,7 @@ def report_of(
         planned: What the hosts promise; None: by these logs alone, on hosts as the manifest has them.
 
     Returns:
-        Measurements by platform, falling criticality and name, the load that decides first; amounts in LPs.
+        Manifest by platform, falling criticality and name, the load that decides first; amounts in LPs.
     """
     current = [log for log in logs if all(name in system.components for name in log.log.header.setup.members)]
     measurements = _in_order(tuple(_resting(system, [_measurement(system, logged) for logged in current])))

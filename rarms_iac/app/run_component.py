@@ -104,7 +104,7 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
         RequestError: Nothing has a name that was given.
     """
     system, chosen = manifest.system, _chosen(manifest, request)
-    base = Path(manifest.folder).resolve()
+    base = manifest.folder.resolve()
     results: list[ComponentRunResult] = []
     listener = reporter or SampleReporter()
     places = {component.name: place_of(manifest, component, listener.place_chosen) for component, _ in chosen}
@@ -143,9 +143,7 @@ def become_component(manifest: Manifest, name: str, reporter: SampleReporter) ->
     ((component, run),) = _chosen(manifest, RunRequest(components=(name,)))
     if sys.platform == "win32" or isinstance(run.start, Call):
         raise RequestError(f"--exec is for commands on Linux and the like: run {name} without it.")
-    context = StartContext(
-        base=Path(manifest.folder).resolve(), inside=place_of(manifest, component, reporter.place_chosen)
-    )
+    context = StartContext(base=manifest.folder.resolve(), inside=place_of(manifest, component, reporter.place_chosen))
     try:
         become(order_of(name, run, context))
     except CannotStart as problem:

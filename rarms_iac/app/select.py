@@ -6,7 +6,7 @@ from fractions import Fraction
 from math import ceil, floor, isfinite
 from typing import Literal
 
-from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of
+from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.decision_logs import record_choices
 from rarms_iac.app.manifest_edits import FileEdit, edit_levels, write_edits
 from rarms_iac.app.manifests import Manifest
@@ -99,7 +99,7 @@ class LevelProposal:
 
     selections: tuple[Selection, ...]  # what follows from all of them, a level each
     edits: tuple[FileEdit, ...]  # what writing them changes, a file of the manifest each
-    measurements: Measurements  # with the levels in the manifest
+    changed: Manifest  # with the levels
 
 
 class BeyondMeasured(UseCaseError):
@@ -265,10 +265,10 @@ def propose_levels(manifest: Manifest, requests: Sequence[SelectRequest]) -> Lev
     system = manifest.system
     for choice in choices:
         system = _with_level(system, choice)
-    changed = replace(measurements_of(manifest), system=system)
+    changed = replace(manifest, system=system)
     edits = edit_levels(manifest, [(choice.component, choice.index, choice.text) for choice in choices])
-    selections = tuple(_selection(manifest, changed, choice) for choice in choices)
-    return LevelProposal(selections=selections, edits=edits, measurements=changed)
+    selections = tuple(_selection(changed, choice) for choice in choices)
+    return LevelProposal(selections=selections, edits=edits, changed=changed)
 
 
 def write_levels(proposal: LevelProposal) -> None:
@@ -283,7 +283,7 @@ def write_levels(proposal: LevelProposal) -> None:
     """
     write_edits(proposal.edits)
     names = dict.fromkeys(selection.component for selection in proposal.selections)
-    record_choices(proposal.measurements, tuple(names))
+    record_choices(proposal.changed, tuple(names))
 
 
 def _choice_of(system: System, name: str, at: str, index: str | None) -> _Choice:
@@ -323,11 +323,11 @@ def _fits(index: PerformanceIndex, at: str) -> bool:
     return True
 
 
-def _selection(manifest: Manifest, changed: Measurements, choice: _Choice) -> Selection:
-    """Work out what follows from the choice; `changed`: the measurements with the level in the manifest."""
-    system, name = changed.system, choice.component.name
+def _selection(manifest: Manifest, choice: _Choice) -> Selection:
+    """Work out what follows from the choice, with the level in the manifest."""
+    system, name = manifest.system, choice.component.name
     states = states_at_hand(manifest)
-    reservations = measured_reservations(changed, states)
+    reservations = measured_reservations(manifest, states)
     views = {host: host_view(state, system.application.name) for host, state in states.items()}
     group = next((group for group in groups_of(system) if name in names_of(group.members)), None)
     logs = () if group is None else tuple(_logs(group, system, reservations))

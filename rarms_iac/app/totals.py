@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 
-from rarms_iac.app.data_logs import measured_reservations, measurements_of
+from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.hosts import observe_host, select_hosts
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import HostSelection
@@ -46,7 +46,7 @@ def totals_at_hand(manifest: Manifest) -> PlannedTotals:
         The totals of every host; those that cannot be looked at for nothing count as the manifest has them.
     """
     states = states_at_hand(manifest)
-    reservations = measured_reservations(measurements_of(manifest), states)
+    reservations = measured_reservations(manifest, states)
     views = {name: host_view(state, manifest.system.application.name) for name, state in states.items()}
     return planned_totals(manifest.system, reservations, views)
 

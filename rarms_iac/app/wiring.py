@@ -26,7 +26,7 @@ SIGNED = ".rarms/signed"
 """Scripts of this manifest's plans as they were signed, by their names."""
 
 
-def open_host(host: Host, folder: str, state_path: str, channel: CommandChannel | None = None) -> LiveHost:
+def open_host(host: Host, folder: Path, state_path: str, channel: CommandChannel | None = None) -> LiveHost:
     """Open a host of any provider.
 
     Args:
@@ -45,11 +45,11 @@ def open_host(host: Host, folder: str, state_path: str, channel: CommandChannel 
         case ProviderKind.SIMULATED:
             from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 
-            return SimulatedHostProvider(host, Path(folder) / state_path)
+            return SimulatedHostProvider(host, folder / state_path)
         case ProviderKind.HYPERV:
             from rarms_iac.providers.hyperv.provider import open_hyperv
 
-            return open_hyperv(host, Path(folder) / SIGNED, channel)
+            return open_hyperv(host, folder / SIGNED, channel)
         case ProviderKind.LINUX if channel is not None:
             from rarms_iac.providers.cgroups.remote import through_channel
 
@@ -112,7 +112,7 @@ def start_after_boot(owner: str, timeout_ms: int) -> Mapping[str, tuple[str, ...
     return started
 
 
-def open_measuring_host(system: System, name: str, folder: str, state_path: str) -> MeasuringHost | None:
+def open_measuring_host(system: System, name: str, folder: Path, state_path: str) -> MeasuringHost | None:
     """Open a host to measure on.
 
     Args:
@@ -130,11 +130,11 @@ def open_measuring_host(system: System, name: str, folder: str, state_path: str)
             from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
             from rarms_iac.providers.simulated.scheduling.simulation import simulate
 
-            return SimulatedMeasuringHost(host, Path(folder) / state_path, simulate)
+            return SimulatedMeasuringHost(host, folder / state_path, simulate)
         case ProviderKind.LINUX if host.connect is None:
             from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
 
-            return LinuxMeasuringHost(host, Path(folder).resolve())
+            return LinuxMeasuringHost(host, folder.resolve())
         case ProviderKind.HYPERV:
             from rarms_iac.providers.hyperv.measuring import HypervMeasuringHost
             from rarms_iac.providers.hyperv.provider import transport_to
@@ -143,9 +143,7 @@ def open_measuring_host(system: System, name: str, folder: str, state_path: str)
             credentials = {name: credential for name, credential in named.items() if credential}
             if not credentials and not (isinstance(host.settings, HypervHost) and host.settings.credential):
                 return None  # it is not said how guests are entered
-            return HypervMeasuringHost(
-                host, transport_to(host), Path(folder) / SIGNED, Path(folder).resolve(), credentials
-            )
+            return HypervMeasuringHost(host, transport_to(host), folder / SIGNED, folder.resolve(), credentials)
         case ProviderKind.LINUX:
             return None
         case _:
@@ -239,7 +237,7 @@ def transport_scripts() -> dict[str, str]:
     return {name: text.decode("ascii").replace("\r\n", "\n") for name, text in texts.items()}
 
 
-def state_path(host: str, folder: str, overlays: Sequence[str]) -> str:
+def state_path(host: str, folder: Path, overlays: Sequence[str]) -> str:
     """Return where a simulated host's file lies: one for each host name and set of overlays, as each is a machine.
 
     Args:
@@ -259,7 +257,7 @@ def state_path(host: str, folder: str, overlays: Sequence[str]) -> str:
     return f"{HOSTS}/{'+'.join([*readable, digest])}/{host}.json"
 
 
-def unfinished_simulated_hosts(folder: str) -> tuple[LiveHost, ...]:
+def unfinished_simulated_hosts(folder: Path) -> tuple[LiveHost, ...]:
     """Find the simulated hosts below this folder whose last run did not end.
 
     Args:
@@ -273,7 +271,7 @@ def unfinished_simulated_hosts(folder: str) -> tuple[LiveHost, ...]:
     from rarms_iac.providers.journaled import LocalFiles, journal_in
 
     found: list[LiveHost] = []
-    for path in sorted((Path(folder) / HOSTS).rglob("*.journal.jsonl")):
+    for path in sorted((folder / HOSTS).rglob("*.journal.jsonl")):
         try:
             journal = journal_in(LocalFiles().content(path), path)
         except (Damaged, NotDecodable, OSError):
@@ -284,7 +282,7 @@ def unfinished_simulated_hosts(folder: str) -> tuple[LiveHost, ...]:
     return tuple(found)
 
 
-def _below(path: str, folder: str) -> str:
+def _below(path: str, folder: Path) -> str:
     """The path as seen from the folder, so that it is the same from any folder."""
     try:
         return Path(os.path.relpath(path, folder)).as_posix()

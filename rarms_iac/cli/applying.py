@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from rarms_iac.app.applying import apply, finish_runs
 from rarms_iac.app.files import write_plan_file
@@ -110,7 +111,7 @@ def _without_unused(plan: Plan) -> Plan:
     return replace(plan, findings=tuple(each for each in plan.findings if each.code != UNUSED_INTERFERENCE.code))
 
 
-def run(session: Session, plan: Plan, folder: str | None, how: RunOptions) -> RunReport:
+def run(session: Session, plan: Plan, folder: Path | None, how: RunOptions) -> RunReport:
     """Do what the plan says; the first signal stops after the running step."""
     with TerminalReporter(session, steps_as_json=session.as_json) as reporter:
         return apply(plan, folder=folder, waits=how.waits, reporter=reporter, stop=session.interrupts)

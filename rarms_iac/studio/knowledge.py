@@ -59,7 +59,7 @@ def files_version(source: ManifestSource, folders: Sequence[Path]) -> str:
 
 def _files(source: ManifestSource, more: Sequence[Path]) -> Iterator[Path]:
     yield from (Path(manifest_path(source.manifest)), *map(Path, source.overlays))
-    own = Path(folder_of(source.manifest))
+    own = folder_of(source.manifest)
     for root in (own / MEASUREMENTS, own / HOSTS, *more):
         for folder, folders, files in os.walk(root):
             folders.sort()

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,9 @@ from typing import Any
 import jsonschema
 import pytest
 
-from rarms_iac.app.data_logs import Measurements, measured_reservations
+from rarms_iac.app.data_logs import measured_reservations
+from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.requests import ManifestSource
 from rarms_iac.applying.execute import apply_plan
 from rarms_iac.applying.make_plan import PlanningResult, make_plan
 from rarms_iac.applying.plan_request import PlanRequest
@@ -124,13 +127,15 @@ def _prepared(result: Loaded, hosts: dict[str, SimulatedHostProvider], folder: P
     """A plan that rests on the data logs below the folder."""
     assert result.system is not None
     states = {name: host.observe() for name, host in hosts.items()}
+    loaded = replace(result, folder=str(folder))
+    beside = Manifest(source=ManifestSource(), system=result.system, loaded=loaded)
     request = PlanRequest(
         system=result.system,
         places=result.places,
         manifest="rarms.yaml",
         manifest_digest=result.digest,
         today=TODAY,
-        reservations=measured_reservations(Measurements(system=result.system, folder=folder), states),
+        reservations=measured_reservations(beside, states),
     )
     return make_plan(request, states)
 

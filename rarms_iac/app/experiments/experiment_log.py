@@ -103,14 +103,14 @@ def data_log_path(hosts: Hosts, experiment: Experiment) -> Path:
         A path that need not exist.
     """
     setup = experiment.setup
-    return log_path(Path(hosts.folder), experiment.host.platform, setup.members, setup.interference)
+    return log_path(hosts.folder, experiment.host.platform, setup.members, setup.interference)
 
 
 def _header(session: MeasuringSession, experiment: Experiment) -> Header:
     """What the data log of this experiment begins with, as everything is now."""
     system, setup = session.hosts.system, experiment.setup
     subject = subject_of(system, experiment.host, setup.members, setup.interference)
-    files = Files(Path(session.hosts.folder), most_bytes=None)
+    files = Files(session.hosts.folder, most_bytes=None)
     interpreters = files.interpreters(subject) if _runs_here(experiment.host) else {}
     identity, subject = identity_of(subject, files.of(subject), interpreters), replace(subject, setup=setup)
     if files.cut:
@@ -161,7 +161,7 @@ def end_remeasurements(session: MeasuringSession, complete: Mapping[Path, Remeas
     """
     for path, remeasurement in complete.items():
         if not remeasurement.ended:
-            with hold_data_log(Path(session.hosts.folder), path, session.lock_timeout_ms):
+            with hold_data_log(session.hosts.folder, path, session.lock_timeout_ms):
                 append_remeasurement(path, replace(remeasurement, ended=True))
 
 
@@ -180,7 +180,7 @@ def _of_that_command(log: ExperimentLog, asked: str, begun: str | None) -> Remea
 
 def _begin(session: MeasuringSession, log: ExperimentLog, asked: str, begun: str) -> Remeasurement:
     begins = Remeasurement(seed=1 if log.valid is None else log.valid.highest_seed + 1, asked=asked, begun=begun)
-    with hold_data_log(Path(session.hosts.folder), log.path, session.lock_timeout_ms):
+    with hold_data_log(session.hosts.folder, log.path, session.lock_timeout_ms):
         if log.valid is None:
             begin_log(log.path, log.header)
         append_remeasurement(log.path, begins)

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Literal
 
 from rarms_iac.app.control import UNATTENDED, Control
-from rarms_iac.app.data_logs import measurements_of
 from rarms_iac.app.decision_logs import record_choices
 from rarms_iac.app.experiments.experiment_log import data_log_path, end_remeasurements, remeasurements_for
 from rarms_iac.app.experiments.level_prompt import LevelPrompt, SessionEnded, ask_levels
@@ -241,7 +240,7 @@ def record_reservations(hosts: Hosts) -> None:
         UseCaseError: One of them is damaged (negative), or held by another run (refused).
     """
     with log_errors():
-        record_choices(measurements_of(hosts.reloaded().manifest))  # a level may have been chosen meanwhile
+        record_choices(hosts.reloaded().manifest)  # a level may have been chosen meanwhile
 
 
 def measuring_scripts(hosts: Hosts, request: MeasureRequest = EVERYTHING) -> tuple[PlanScript, ...]:

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import isfinite
-from pathlib import Path
 from typing import Literal
 
 from rarms_iac.app.control import UNATTENDED, Control
@@ -131,7 +130,7 @@ def prove_layout(
         proofs = _prove_all(holding, layouts, states, loads_to_prove(hosts.system, request), listener)
     if proofs is None:
         return ProveOutcome(proofs=(), findings=(), stopped=True)
-    with hold_configuration_logs(Path(hosts.folder)):
+    with hold_configuration_logs(hosts.folder):
         _record(hosts, proofs, states)
     return ProveOutcome(
         proofs=tuple(proofs),
@@ -227,7 +226,7 @@ def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]
                 ),
             )
             platform = hosts.system.hosts[proof.host].platform
-            append_entry(configuration_path(Path(hosts.folder), platform, component.name), entry)
+            append_entry(configuration_path(hosts.folder, platform, component.name), entry)
 
 
 def _proven(verdict: IndexVerdict) -> ProvenIndex:

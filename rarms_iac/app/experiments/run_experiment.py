@@ -5,7 +5,6 @@ Begin at `run_experiment`. Which experiments there are, and in which order, is f
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from rarms_iac.app.data_logs import used_processors
 from rarms_iac.app.experiments.experiment_log import ExperimentLog, data_log_path, read_experiment_log, settings_log_of
@@ -63,7 +62,7 @@ def run_experiment(session: MeasuringSession, experiment: Experiment, method: Me
         HostError: The host did not do what was asked.
     """
     path = data_log_path(session.hosts, experiment)
-    with session.control.stop.gently(), hold_data_log(Path(session.hosts.folder), path, session.lock_timeout_ms):
+    with session.control.stop.gently(), hold_data_log(session.hosts.folder, path, session.lock_timeout_ms):
         experiment = with_observed_processors(session, experiment)
         tells_duration = not isinstance(method, ThresholdCheck)  # tuning reports its own questions
         while True:
@@ -102,7 +101,7 @@ def with_observed_processors(session: MeasuringSession, experiment: Experiment) 
     if experiment.processors_from in {ProcessorSource.MANIFEST, ProcessorSource.MEMBERS}:
         return experiment
     facts = session.host_of(experiment).platform_facts()
-    used = used_processors(session.hosts.system, experiment.host, Files(Path(session.hosts.folder)), facts)
+    used = used_processors(session.hosts.system, experiment.host, Files(session.hosts.folder), facts)
     return experiment.with_processors(
         processor_number(experiment.members, None, experiment.host.logical_processors, used)
     )

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 from rarms_iac.app.control import UNATTENDED, Control
-from rarms_iac.app.data_logs import measured_reservations, measurements_of
+from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.decision_logs import record_tuning
 from rarms_iac.app.experiments.measure import record_reservations
 from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts, starting_again
@@ -266,7 +266,7 @@ def _still_too_much(hosts: Hosts, end: TuningConclusion) -> Iterator[Diagnostic]
     manifest = hosts.reloaded().manifest
     system = manifest.system
     states = observe_hosts(hosts)
-    reservations = measured_reservations(measurements_of(manifest), states)
+    reservations = measured_reservations(manifest, states)
     views = {name: host_view(state, system.application.name) for name, state in states.items()}
     if isinstance(plan_layout(system, reservations, views, manifest.places).answer, Layout):
         return

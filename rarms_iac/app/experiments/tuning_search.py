@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from rarms_iac.app.data_logs import measurements_of
 from rarms_iac.app.experiments.tuning_subject import LayoutFit, TuningStopped, TuningSubject
 from rarms_iac.app.graph import recorded_answers
 from rarms_iac.model.diagnostics import Diagnostic
@@ -123,8 +122,9 @@ def _by_the_graph(start: TuningConclusion, inquiry: Inquiry) -> TuningConclusion
         tuning_of(subject.cois, subject.objective(layout_fit), inquiry.may_share, most=most),
         predict=subject.predict,
     )
-    measurements = measurements_of(subject.hosts.manifest)
-    recorded = recorded_answers(measurements, subject.host, tuning.candidates, {subject.host.name: subject.state})
+    recorded = recorded_answers(
+        subject.hosts.manifest, subject.host, tuning.candidates, {subject.host.name: subject.state}
+    )
     best, _ = search(tuning, inquiry, recorded=recorded)
     proved = best.proved and not layout_fit.unsure
     if not isinstance(best, Best):

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from rarms_iac.app.data_logs import measured_reservations, measurements_of
+from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.experiments.measure_request import loads_for
 from rarms_iac.app.experiments.run_experiment import run_experiment
 from rarms_iac.app.experiments.session import MeasuringSession
@@ -190,7 +190,7 @@ def subject_of_tuning(hosts: Hosts, host: Host, states: Mapping[str, State]) -> 
     """
     _refuse_several_platforms(hosts)
     system, places = hosts.system, hosts.manifest.places
-    reservations = measured_reservations(measurements_of(hosts.manifest), states)
+    reservations = measured_reservations(hosts.manifest, states)
     views = {name: host_view(state, system.application.name) for name, state in states.items()}
     problem = problem_of(system, reservations, views, may_move=False)
     if any(not problem.claims[group.name] for group in problem.groups):

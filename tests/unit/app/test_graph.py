@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.app.data_logs import measurements_of
 from rarms_iac.app.graph import recorded_answers
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource
@@ -118,6 +117,6 @@ def test_a_recorded_answer_names_the_members_that_missed(here: Path) -> None:
     ]
     candidates = candidates_of(cois, lambda _names: True, most=WHOLE)
 
-    answers = recorded_answers(measurements_of(manifest), manifest.system.hosts["onboard"], candidates, {})
+    answers = recorded_answers(manifest, manifest.system.hosts["onboard"], candidates, {})
 
     assert {answer.reserve: answer.worse for answer in answers} == {30: ("path",), 45: ()}
