@@ -3,13 +3,19 @@
 Nothing of it is a simulation. It is there for tests of reports, plots and exports, which ask for many settings.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass
 from random import Random
 
-from rarms_iac.app.report_measurements import ReportedLog
+from rarms_iac.app.report_measurements import ReportedLog, report_of
+from rarms_iac.app.report_model import Measurement, Report
+from rarms_iac.model.host import Host
+from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, ProcessorTime
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component, System
+from rarms_iac.planner.reservations import FixedReservations, NotMeasured, names_of
+from rarms_iac.planner.totals import planned_totals
 from tests.builders import a_component, a_host, a_run, a_system, at_least, at_most
 from tests.builders_measured import a_log, a_subject
 
@@ -80,3 +86,30 @@ def the_logs(system: System) -> tuple[ReportedLog, ...]:
         a_log_of(system.components["speech-recognition"], speech_recognition, (8, 12, 16, 20, 30, 60, 100)),
         a_log_of(system.components["path-planning"], path_planning, (5, 10, 40)),
     )
+
+
+def report_of_logs(system: System, logs: Sequence[ReportedLog]) -> Report:
+    """What these logs say, on hosts that promise what they show and nothing else."""
+    report = report_of(system, logs, (), planned_totals(system, FixedReservations(), {}))
+    shown = _Shown({(each.platform, each.components): each for each in report.measurements if each.decides})
+    return report_of(system, logs, (), planned_totals(system, shown, {}))
+
+
+@dataclass(frozen=True)
+class _Shown(FixedReservations):
+    """Reservations as the measurements of a report show them."""
+
+    measured: Mapping[tuple[str, tuple[str, ...]], Measurement]  # by platform and components
+
+    def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
+        measured = self.measured.get((host.platform, names_of(members)))
+        if measured is None or measured.reserved_lp is None:
+            return super().reservation(members, host)
+        return ProcessorTime(LogicalProcessors(measured.reserved_lp))
+
+    def processors(self, members: tuple[Component, ...], host: Host) -> int | None:  # type: ignore[override]  # there it is None
+        measured = self.measured.get((host.platform, names_of(members)))
+        return None if measured is None else measured.processors
+
+    def depends_on(self, host: Host) -> Hashable:
+        return host.logical_processors, host.platform

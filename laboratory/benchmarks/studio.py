@@ -15,7 +15,7 @@ from threading import Thread
 from typing import TYPE_CHECKING
 
 from laboratory.benchmarks.timing import Figure, report
-from rarms_iac.app.report_measurements import ReportedLog, report_of
+from rarms_iac.app.report_measurements import ReportedLog
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component
@@ -24,7 +24,7 @@ from rarms_iac.studio.server import StudioSettings, serve
 from tests.browser import chromium, looks
 from tests.builders import a_component, a_host, a_run, a_system, at_most
 from tests.builders_measured import a_log, a_subject
-from tests.measured_robot import RESERVES, a_measured_setting, path_planning
+from tests.measured_robot import RESERVES, a_measured_setting, path_planning, report_of_logs
 from tests.unit.studio.studio_client import Closing
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def known(count: int) -> Knowledge:
         a_measured_setting("c", reserve, path_planning, samples=SAMPLES // len(RESERVES)) for reserve in RESERVES
     ]
     logs = [_log_of(component, settings) for component in components]
-    return Knowledge(version="", report=report_of(system, logs))
+    return Knowledge(version="", report=report_of_logs(system, logs))
 
 
 def _log_of(component: Component, settings: Sequence[Setting]) -> ReportedLog:

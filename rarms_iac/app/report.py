@@ -101,12 +101,11 @@ def _is_proven(finding: Diagnostic, held: Mapping[tuple[str, str], bool]) -> boo
     return isinstance(indexes, tuple) and all(held.get((str(component), str(index)), False) for index in indexes)
 
 
-def measured_report(manifest: Manifest, components: Sequence[str] = (), *, with_candidates: bool = False) -> Report:
+def measured_report(manifest: Manifest, *, with_candidates: bool = False) -> Report:
     """Read the same of the logs alone, of which there may be none: no layout is made.
 
     Args:
         manifest: As of `report_of_manifest`.
-        components: Only logs with any of these; none: all.
         with_candidates: Whether the report has the nodes of the candidate graph, parts before the compounds that
             consist of them; without predictions, and none where a reservation is not known yet.
 
@@ -114,16 +113,15 @@ def measured_report(manifest: Manifest, components: Sequence[str] = (), *, with_
         The report without the hosts' statuses and without findings.
 
     Raises:
-        RequestError: A name is not in the manifest.
         UseCaseError: A log cannot be read (negative).
     """
-    return _report(manifest, components, _logs_of(manifest, components), with_candidates=with_candidates)
+    return _report(manifest, (), _logs_of(manifest, ()), with_candidates=with_candidates)
 
 
 def _report(
     manifest: Manifest, components: Sequence[str], logs: Sequence[ReportedLog], *, with_candidates: bool
 ) -> Report:
-    report = report_of(manifest.system, logs, proofs_of(manifest, components), totals_at_hand(manifest))
+    report = report_of(manifest.system, logs, tuple(_proofs(manifest, components)), totals_at_hand(manifest))
     return replace(
         report,
         tunings=tuple(tunings_of(manifest)),
@@ -187,23 +185,8 @@ def _reported_log(system: System, files: Files, path: Path, log: DataLog) -> Rep
     )
 
 
-def proofs_of(manifest: Manifest, components: Sequence[str] = ()) -> tuple[ComponentProof, ...]:
-    """Read what each component showed when all ran together last, beside each load, on every platform where they did.
-
-    Args:
-        manifest: Its configuration logs are read.
-        components: Only of these; none: of all.
-
-    Returns:
-        By platform, component, load and threshold.
-
-    Raises:
-        UseCaseError: A log cannot be read.
-    """
-    return tuple(_proofs(manifest, components))
-
-
 def _proofs(manifest: Manifest, components: Sequence[str]) -> Iterator[ComponentProof]:
+    """What components showed in the applied layout; of each host the last beside each load."""
     system, folder = manifest.system, manifest.folder
     reservations = measured_reservations(manifest, {})
     for platform in sorted({host.platform for host in system.hosts.values()}):

@@ -1,8 +1,7 @@
 """Data logs beside the manifest -> report model. Reads no file: the caller hands the logs down."""
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from typing import assert_never
 
 from rarms_iac.app.report_model import (
@@ -17,7 +16,6 @@ from rarms_iac.app.report_model import (
 from rarms_iac.app.totals import partitions_without_log
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index
-from rarms_iac.model.layout import Cause
 from rarms_iac.model.outcomes import (
     Met,
     Missed,
@@ -29,15 +27,7 @@ from rarms_iac.model.outcomes import (
     WithinNoise,
     verdict_word,
 )
-from rarms_iac.model.quantities import (
-    CpuAmount,
-    LogicalProcessors,
-    ProcessorTime,
-    per_virtual_processor,
-    show_bytes,
-    show_processors,
-    show_reserve,
-)
+from rarms_iac.model.quantities import per_virtual_processor, show_bytes, show_processors, show_reserve
 from rarms_iac.model.run import Run
 from rarms_iac.model.series import Series
 from rarms_iac.model.setting import Setting
@@ -45,18 +35,8 @@ from rarms_iac.model.system import Component, System, Threshold, run_of
 from rarms_iac.model.totals import sum_of
 from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.planner.reservations import (
-    FixedReservations,
-    Names,
-    NotMeasured,
-    ReservationSource,
-    depends_on_a_log,
-    fixed,
-    hardest,
-    names_of,
-    to_be_measured,
-)
-from rarms_iac.planner.totals import PlannedTotals, planned_totals
+from rarms_iac.planner.reservations import Names, depends_on_a_log, fixed, hardest, names_of, to_be_measured
+from rarms_iac.planner.totals import PlannedTotals
 from rarms_iac.statistics.curves import curve_of
 from rarms_iac.statistics.error_probability import ERROR, describe_extreme
 from rarms_iac.statistics.overload import describe_overload
@@ -81,8 +61,8 @@ class ReportedLog:
 def report_of(
     system: System,
     logs: Sequence[ReportedLog],
-    proofs: Sequence[ComponentProof] = (),
-    planned: PlannedTotals | None = None,
+    proofs: Sequence[ComponentProof],
+    planned: PlannedTotals,
 ) -> Report:
     """Make a report of data logs.
 
@@ -90,7 +70,7 @@ def report_of(
         system: What the manifest says.
         logs: In any order; what they say of components that are gone is left out.
         proofs: What components showed in the applied layout.
-        planned: What the hosts promise; None: by these logs alone, on hosts as the manifest has them.
+        planned: What the hosts promise.
 
     Returns:
         Manifest by platform, falling criticality and name, the load that decides first; amounts in LPs.
@@ -98,7 +78,6 @@ def report_of(
     current = [log for log in logs if all(name in system.components for name in log.log.header.setup.members)]
     measurements = _in_order(tuple(_resting(system, [_measurement(system, logged) for logged in current])))
     rested = {measurement.components for measurement in measurements if measurement.decides}
-    planned = planned or planned_totals(system, _shown(measurements), {})
     return Report(
         application=system.application.name,
         description=system.application.description,
@@ -210,43 +189,6 @@ def _capacity(
         unmanaged_lp=total.unmanaged_lp,
         partitions=tuple(partition.name for partition in planned.partitions if partition.host in hosts),
         missing=tuple(measurement.name for measurement in rested if measurement.wants and measurement.reserve is None),
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _ShownReservations:
-    """Reservations as the measurements of a report show them."""
-
-    amounts: Mapping[tuple[str, Names], Fraction]  # by platform and components: LPs
-    numbers: Mapping[tuple[str, Names], int]  # likewise: virtual processors
-
-    def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
-        unknown = to_be_measured(members)
-        if not unknown:
-            return FixedReservations().reservation(members, host)
-        amount = self.amounts.get((host.platform, names_of(members)))
-        return NotMeasured(components=unknown) if amount is None else ProcessorTime(LogicalProcessors(amount))
-
-    def processors(self, members: tuple[Component, ...], host: Host) -> int | None:
-        return self.numbers.get((host.platform, names_of(members)))
-
-    def depends_on(self, host: Host) -> Hashable:
-        return host.logical_processors, host.platform
-
-    def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:  # noqa: ARG002 - the protocol's
-        """None: the report has remarks of its own."""
-        return ()
-
-
-def _shown(measurements: Sequence[Measurement]) -> ReservationSource:
-    rested = [measurement for measurement in measurements if measurement.decides]
-    return _ShownReservations(
-        numbers={(each.platform, each.components): each.processors for each in rested},
-        amounts={
-            (measurement.platform, measurement.components): measurement.reserved_lp
-            for measurement in rested
-            if measurement.reserved_lp is not None
-        },
     )
 
 

@@ -9,10 +9,9 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from rarms_iac.app.report_measurements import report_of
 from rarms_iac.app.report_model import Report
 from rarms_iac.views.reports.spreadsheet import workbook
-from tests.measured_robot import a_robot, the_logs
+from tests.measured_robot import a_robot, report_of_logs, the_logs
 
 pytestmark = pytest.mark.needs("libreoffice")
 
@@ -24,7 +23,7 @@ CHART = "{urn:oasis:names:tc:opendocument:xmlns:chart:1.0}"
 def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Report]:
     """The workbook of a measured robot, and what it shows."""
     system = a_robot()
-    report = report_of(system, the_logs(system))
+    report = report_of_logs(system, the_logs(system))
     path = tmp_path_factory.mktemp("export") / "measured.xlsx"
     path.write_bytes(workbook(report))
     return path, report

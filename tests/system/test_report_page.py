@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import yaml
 
-from rarms_iac.app.report_measurements import report_of
 from rarms_iac.app.report_model import HostDifference, HostStatus, PlatformTuning
 from rarms_iac.model.changes import Address
 from rarms_iac.model.quantities import Unit, parse_quantity
@@ -22,7 +21,7 @@ from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.curves import curve_of, least_reserve
 from rarms_iac.views.reports.html import as_html
 from tests.browser import ask, chromium, looks, messages, whole_page
-from tests.measured_robot import a_robot, the_logs
+from tests.measured_robot import a_robot, report_of_logs, the_logs
 from tests.unit.storage.datalog.test_tuning import RUN
 from tests.unit.views.reports.test_html import all_of
 
@@ -42,7 +41,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator["WebDriver"]:
     folder = tmp_path_factory.mktemp("report")
     difference = HostDifference(address=Address(partition="vision"), message="gone")
     report = replace(
-        report_of(SYSTEM, the_logs(SYSTEM)),
+        report_of_logs(SYSTEM, the_logs(SYSTEM)),
         statuses=(HostStatus(host="onboard", differs=(difference,)),),
         tunings=(PlatformTuning(platform="onboard", run=RUN),),
         candidates=all_of(("path-planning", "speech-recognition", "video-streaming", "vision")),

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from fractions import Fraction
 
-from rarms_iac.app.report_measurements import ReportedLog, report_of
+from rarms_iac.app.report_measurements import ReportedLog
 from rarms_iac.app.report_model import Report
 from rarms_iac.model.system import Component, System
 from rarms_iac.statistics.curves import curves_of, least_reserve
@@ -13,7 +13,7 @@ from rarms_iac.views.reports.table import show_cell
 from rarms_iac.views.reports.tables import levels_table
 from tests.builders import a_component, a_cpu, a_host, a_partition, a_run, a_system, at_most
 from tests.builders_measured import a_log, a_series, a_setting, a_subject
-from tests.measured_robot import a_log_of, a_robot, face_detection, path_planning, the_logs
+from tests.measured_robot import a_log_of, a_robot, face_detection, path_planning, report_of_logs, the_logs
 
 
 def measured(name: str, apt_ms: int | None = 100, criticality: int = 10) -> Component:
@@ -29,7 +29,7 @@ def with_reserve(system: System, name: str, reserve: str) -> System:
 def test_a_measurement_says_what_the_planner_takes() -> None:
     system = a_robot()
 
-    report = report_of(system, the_logs(system))
+    report = report_of_logs(system, the_logs(system))
 
     for logged, name in zip(the_logs(system), ("face-detection", "speech-recognition"), strict=False):
         component = system.components[name]
@@ -57,7 +57,7 @@ def test_members_of_a_partition_are_shown_with_what_their_partition_gets() -> No
     ]
     logged = ReportedLog(path="x", log=a_log(settings, a_subject(quick, slow)))
 
-    rows = levels_in(report_of(system, [logged]))
+    rows = levels_in(report_of_logs(system, [logged]))
 
     assert [(row["Component"], row["CR"]) for row in rows] == [
         ("quick", "60 % of its 2 VPs"),
@@ -68,7 +68,7 @@ def test_members_of_a_partition_are_shown_with_what_their_partition_gets() -> No
 def test_the_total_is_of_measured_and_fixed_components_in_processors() -> None:
     system = a_robot()
 
-    [fit] = report_of(system, the_logs(system)).capacities
+    [fit] = report_of_logs(system, the_logs(system)).capacities
 
     assert fit.reserved_lp == Fraction(2 * (60 + 16), 100) + Fraction(2, 10)
     assert fit.fits
@@ -80,7 +80,7 @@ def test_the_total_is_of_measured_and_fixed_components_in_processors() -> None:
 def test_a_total_above_the_capacity_is_said_so() -> None:
     system = with_reserve(a_robot(), "video-streaming", "60 %")
 
-    [fit] = report_of(system, the_logs(system)).capacities
+    [fit] = report_of_logs(system, the_logs(system)).capacities
 
     assert not fit.fits
     assert fit_text(fit).endswith("Over onboard by 0.72 LP (36 % of onboard).")
@@ -92,7 +92,7 @@ def test_a_total_without_a_component_whose_level_is_not_achieved_is_not_known() 
     impossible = replace(component, apt={"mean_response_time": at_most(1)})
     system = replace(system, components={**system.components, component.name: impossible})
 
-    report = report_of(system, the_logs(system))
+    report = report_of_logs(system, the_logs(system))
     [fit] = report.capacities
 
     assert fit_text(fit) == (
@@ -107,7 +107,7 @@ def test_a_total_without_a_component_whose_level_is_not_achieved_is_not_known() 
 def test_what_is_kept_for_the_host_is_no_capacity() -> None:
     system = a_system(hosts=[a_host(keep_processor="10 %")], components=[measured("vision")])
 
-    [fit] = report_of(system, []).capacities
+    [fit] = report_of_logs(system, []).capacities
 
     assert fit.capacity_lp == Fraction(18, 10)
 
@@ -118,7 +118,7 @@ def test_nothing_rests_on_a_stale_log_and_it_says_what_changed() -> None:
         a_log_of(system.components["vision"], face_detection), stale=("vision.run.until.samples: 200 -> 300",)
     )
 
-    report = report_of(system, [stale])
+    report = report_of_logs(system, [stale])
 
     assert [(measurement.decides, measurement.stale) for measurement in report.measurements] == [(False, stale.stale)]
     assert report.unmeasured == (("vision",),)
@@ -130,7 +130,7 @@ def test_a_log_of_another_load_is_there_to_compare() -> None:
     header = logged.log.header
     other = replace(header, setup=replace(header.setup, interference="browsers"))
 
-    report = report_of(
+    report = report_of_logs(
         system,
         [ReportedLog(path="browsers.jsonl", log=replace(logged.log, header=other), is_expected=False), logged],
     )
@@ -147,7 +147,7 @@ def test_where_loads_ask_for_the_same_the_first_of_the_manifest_decides_as_in_a_
     header = logged.log.header
     other = replace(header, setup=replace(header.setup, interference="browsers"))
 
-    report = report_of(system, [ReportedLog(path="browsers.jsonl", log=replace(logged.log, header=other)), logged])
+    report = report_of_logs(system, [ReportedLog(path="browsers.jsonl", log=replace(logged.log, header=other)), logged])
 
     assert [each.interference for each in report.measurements if each.decides] == ["busy-loop"]
     assert show_cell(levels_table(report).rows[0][7]).endswith(" beside busy-loop")
@@ -156,7 +156,7 @@ def test_where_loads_ask_for_the_same_the_first_of_the_manifest_decides_as_in_a_
 def test_a_reserve_that_the_manifest_fixes_counts_and_its_log_does_not() -> None:
     system = with_reserve(a_robot(), "face-detection", "40 %")
 
-    report = report_of(system, the_logs(system))
+    report = report_of_logs(system, the_logs(system))
 
     shown = next(measurement for measurement in report.measurements if measurement.name == "face-detection")
     assert (shown.decides, shown.fixed) == (False, ("face-detection",))
@@ -171,7 +171,7 @@ def test_of_a_partition_that_was_measured_as_one_the_members_own_logs_do_not_cou
         a_subject(both[1], both[0]),
     )
 
-    report = report_of(
+    report = report_of_logs(
         system,
         [
             a_log_of(both[0], face_detection),
@@ -193,14 +193,14 @@ def test_of_a_partition_that_was_measured_as_one_the_members_own_logs_do_not_cou
 def test_a_log_of_a_component_that_is_gone_is_left_out() -> None:
     gone = measured("gone")
 
-    assert report_of(a_system(), [a_log_of(gone, face_detection)]).measurements == ()
+    assert report_of_logs(a_system(), [a_log_of(gone, face_detection)]).measurements == ()
 
 
 def test_a_setting_without_an_answer_is_shown_and_gives_no_point() -> None:
     vision = measured("vision")
     log = a_log([a_setting(10, a_series(responses=[None] * 5)), a_setting(50)], a_subject(vision))
 
-    [shown] = report_of(a_system(components=[vision]), [ReportedLog(path="log", log=log)]).measurements[0].indexes
+    [shown] = report_of_logs(a_system(components=[vision]), [ReportedLog(path="log", log=log)]).measurements[0].indexes
 
     assert [(point.reserve, point.value is None, point.failed) for point in shown.points] == [
         (10, True, 5),
@@ -213,7 +213,7 @@ def test_a_setting_without_an_answer_is_shown_and_gives_no_point() -> None:
 def test_the_summary_has_a_row_a_threshold_and_names_what_is_not_measured() -> None:
     system = a_robot()
 
-    rows = levels_in(report_of(system, the_logs(system)[:1]))
+    rows = levels_in(report_of_logs(system, the_logs(system)[:1]))
 
     assert [(row["Component"], row["Threshold (APT)"], row["Reserve"], row["CR"]) for row in rows] == [
         ("face-detection", "at most 100 ms", "1.2 LP", "60 % of its 2 VPs"),
@@ -229,4 +229,4 @@ def empty(report: Report) -> bool:
 
 
 def test_a_system_without_thresholds_and_logs_has_an_empty_report() -> None:
-    assert empty(report_of(a_system(), []))
+    assert empty(report_of_logs(a_system(), []))

@@ -8,7 +8,6 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import combinations
 
-from rarms_iac.app.report_measurements import report_of
 from rarms_iac.app.report_model import ComponentProof
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.indexes import find_index
@@ -16,10 +15,10 @@ from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.views.reports.html import as_html
 from rarms_iac.views.reports.tables import MOST_CANDIDATES, candidates_table
 from tests.builders import at_most
-from tests.measured_robot import a_robot, the_logs
+from tests.measured_robot import a_robot, report_of_logs, the_logs
 
 SYSTEM = a_robot()
-REPORT = report_of(SYSTEM, the_logs(SYSTEM))
+REPORT = report_of_logs(SYSTEM, the_logs(SYSTEM))
 PAGE = as_html(REPORT).decode()
 
 
@@ -113,7 +112,7 @@ def test_lone_surrogates_do_not_stop_the_page() -> None:
 
 def test_the_page_is_small_and_the_same_each_time() -> None:
     assert len(PAGE.encode()) < 200_000
-    assert as_html(report_of(SYSTEM, the_logs(SYSTEM))).decode() == PAGE
+    assert as_html(report_of_logs(SYSTEM, the_logs(SYSTEM))).decode() == PAGE
 
 
 def test_a_page_of_sixty_components_is_smaller_than_a_megabyte() -> None:
@@ -181,7 +180,7 @@ def test_what_could_share_a_partition_is_listed_measured_compounds_first() -> No
         node("a", "c", measured=True),
         node("b", "c", is_gain=False),
     )
-    report = replace(report_of(a_robot(), the_logs(a_robot())), candidates=nodes)
+    report = replace(report_of_logs(a_robot(), the_logs(a_robot())), candidates=nodes)
 
     page = as_html(report).decode()
 
@@ -195,14 +194,14 @@ def test_what_could_share_a_partition_is_listed_measured_compounds_first() -> No
 
 def test_a_long_list_of_compounds_is_cut_and_says_so() -> None:
     names = tuple("abcdef")
-    report = replace(report_of(a_robot(), the_logs(a_robot())), candidates=all_of(names))
+    report = replace(report_of_logs(a_robot(), the_logs(a_robot())), candidates=all_of(names))
 
     assert len(candidates_table(report).rows) == MOST_CANDIDATES
     assert f"{57 - MOST_CANDIDATES} more are not listed" in as_html(report).decode()
 
 
 def test_commands_in_tables_are_code() -> None:
-    page = as_html(report_of(a_robot(), the_logs(a_robot())[:1])).decode()
+    page = as_html(report_of_logs(a_robot(), the_logs(a_robot())[:1])).decode()
 
     assert '<td data-is="Verdict">not measured: run <code>rarms measure speech-recognition</code></td>' in page
 

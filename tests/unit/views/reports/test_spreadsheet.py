@@ -9,15 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.app.report_measurements import report_of
 from rarms_iac.app.report_model import Measurement, Report
 from rarms_iac.model.series import Sample
 from rarms_iac.views.reports.spreadsheet import TooManyRows, csv_text, workbook
 from rarms_iac.views.reports.tables import samples_table, settings_table
-from tests.measured_robot import a_robot, the_logs
+from tests.measured_robot import a_robot, report_of_logs, the_logs
 
 SYSTEM = a_robot()
-REPORT = report_of(SYSTEM, the_logs(SYSTEM))
+REPORT = report_of_logs(SYSTEM, the_logs(SYSTEM))
 
 SMALL = replace(
     REPORT,

@@ -5,17 +5,16 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.app.report_measurements import report_of
 from rarms_iac.app.report_model import IndexCurve
 from rarms_iac.model.indexes import find_index
 from rarms_iac.statistics.curves import curve_of
 from rarms_iac.views.console import render
 from rarms_iac.views.reports.terminal import ASCII, UNICODE, TerminalPlot, report_text
 from tests.builders import a_run, at_most
-from tests.measured_robot import a_robot, the_logs
+from tests.measured_robot import a_robot, report_of_logs, the_logs
 
 SYSTEM = a_robot()
-REPORT = report_of(SYSTEM, the_logs(SYSTEM))
+REPORT = report_of_logs(SYSTEM, the_logs(SYSTEM))
 FACES = REPORT.measurements[0].indexes[0]
 
 
