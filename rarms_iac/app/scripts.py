@@ -229,9 +229,10 @@ def write_installable_module(folder: str, receiver: str) -> tuple[str, ...]:
 
 
 def _write_module(folder: Path) -> list[str]:
+    """The module's files, and beside them what `Get-RarmsObservation` runs; a file that was signed since is left."""
     make_folder(folder.as_posix())
     paths = []
-    for name, text in shipped_module().items():
+    for name, text in {**shipped_module(), OBSERVE_NAME: observe_script()}.items():
         path = folder / name
         if not path.exists() or _read_script(path.as_posix()) != text.encode("ascii"):
             write_file(path.as_posix(), text.encode("ascii"))

@@ -330,7 +330,7 @@ def _creation_pieces(step: Step, creation: operations.CreatePartition, files: Ne
     ]
     if creation.image:
         disk = literal(files.disk(creation))
-        attach = call("Add-PartitionDisk", Path=disk)
+        attach = call("Hyper-V\\Add-VMHardDiskDrive", VM=VM, Path=disk)
         made += [
             _new_disk(f"{address}/disk", creation, disk, files),
             piece("attach the disk", {"disks": 0}, {"disks": 1}, attach),
@@ -346,7 +346,8 @@ def _creation_pieces(step: Step, creation: operations.CreatePartition, files: Ne
         )
     )
     if not creation.switch:
-        made.append(piece("no network adapter", {"adapters": 1}, {"adapters": 0}, call("Remove-NetworkAdapter")))
+        removal = call("Hyper-V\\Remove-VMNetworkAdapter", VM=VM)  # Hyper-V gives one to every new machine
+        made.append(piece("no network adapter", {"adapters": 1}, {"adapters": 0}, removal))
     if creation.generation == 2 and (creation.image or creation.secure_boot):
         made.append(piece(*_firmware(creation)))
     if creation.vm_path:

@@ -39,7 +39,7 @@ def summary_lines(pieces: Sequence[ScriptPiece]) -> tuple[str, str]:
     )
     names = Counter(name for _, name in calls)
     call_counts = ", ".join(f"{name} {number}" for name, number in sorted(names.items()))
-    return risk, f"Calls that change something, and no other: {call_counts}."
+    return risk, f"Only these calls change something (and how often): {call_counts}."
 
 
 _COLUMNS = ("machine", "processors", "reserve", "memory", "disk", "switch", "secure boot", "start")

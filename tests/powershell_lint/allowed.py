@@ -71,7 +71,7 @@ TYPES = READING_TYPES | words(
     System.IO.Directory System.IO.FileAccess System.IO.FileAttributes System.IO.FileMode System.IO.FileStream
     System.IO.Path System.IO.Stream System.Management.Automation.PSCredential
     System.StringComparer System.StringComparison
-    System.IO.FileShare System.IO.IOException
+    System.IO.BinaryReader System.IO.FileShare System.IO.IOException
     """
 )
 
@@ -115,7 +115,7 @@ MEMBERS = READING_MEMBERS | words(
     Arguments Close CreateTempSubdirectory Error FileName GetCurrentProcess IsCompleted MainModule NewGuid
     Abandon AsJson Caller Code Confirmation ExportedFunctions LockTimeout Module ModulePath NewBoundScriptBlock Preview
     ScriptPath Test WriteEntry InDesiredState module script undo
-    OpenStandardInput Out ReadAsync RedirectStandardInput StandardInput User WriteLine
+    OpenStandardInput Out ReadAsync ReadBytes RedirectStandardInput StandardInput User WriteLine
     """
 )
 
@@ -149,7 +149,7 @@ PINS = frozenset(
 )
 """Assignments to PowerShell's own variables, as written."""
 
-BLOCKS = words("$Read $read $set $fits $bound $invoke $Path")
+BLOCKS = words("$Read $read $look $set $fits $bound $invoke $Path")
 """Variables that may stand behind `&`."""
 
 SPECIAL = words(

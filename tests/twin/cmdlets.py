@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from tests.twin import guests, hyperv, modules
 from tests.twin.commands import refused
 from tests.twin.dotnet import AccessList, content
-from tests.twin.host import ADMINISTRATORS, Entry, Interrupted, Key
+from tests.twin.host import ADMINISTRATORS, READ_WRITE, Entry, Interrupted, Key
 from tests.twin.scopes import Scope
 from tests.twin.text import from_json, to_json
 from tests.twin.values import (
@@ -239,7 +239,8 @@ def remove_item(scope: Scope, given: Given) -> Value:
 def get_content(scope: Scope, given: Given) -> str:
     if not given.get("raw"):
         raise Unsupported("Get-Content by lines")
-    return content(scope, given["literalpath"]).decode("utf-8-sig", "replace")
+    # It shares the file for writing, too.
+    return content(scope, given["literalpath"], READ_WRITE).decode("utf-8-sig", "replace")
 
 
 def get_acl(scope: Scope, given: Given) -> AccessList:

@@ -191,13 +191,13 @@ def missing(path: str) -> ScriptError:
     return ScriptError(says, error_id="FileNotFoundException", kind="System.IO.FileNotFoundException")
 
 
-def content(scope: Scope, path: Value) -> bytes:
-    """What a reader gets that opens the file for reading, shares it for reading alone, and closes it."""
+def content(scope: Scope, path: Value, share: frozenset[str] = READ) -> bytes:
+    """What a reader gets that opens the file for reading, shares it, for reading alone if not told, and closes it."""
     host = scope.session.host
     found = host.file(text(path))
     if found is None or found.data is None:
         raise missing(text(path))
-    host.close(host.open(text(path), READ, READ))
+    host.close(host.open(text(path), READ, share))
     return found.data
 
 

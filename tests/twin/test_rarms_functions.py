@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 from rarms_iac.model.plan import Purpose
+from rarms_iac.powershell.render import render_observe
 from tests.twin.cell import apply, apply_script, files_of, in_one_file, scripts_of, undo
 from tests.twin.cells import Prepared, fresh
 from tests.twin.host import WindowsHost
 from tests.twin.observing import document_of
 from tests.twin.run import FOLDER, Ran, put, run
+from tests.twin.signing import signed
 from tests.twin.values import Thing, Value
 
 IMPORTED = f"""[CmdletBinding()]
@@ -82,6 +86,35 @@ def test_a_script_that_takes_something_away_asks_also_by_its_path(prepared: Prep
 def test_a_path_or_what_a_script_hands_over_must_be_given(host: WindowsHost) -> None:
     for name in ("Invoke-RarmsPlan", "Test-RarmsPlan"):
         assert "give -Path: the script of a plan" in at_prompt(host, name).says
+
+
+@pytest.mark.parametrize("data", [render_observe(), signed(render_observe())], ids=["as made", "signed"])
+def test_a_computer_is_observed_by_the_script_in_the_folder_of_the_module(host: WindowsHost, data: bytes) -> None:
+    put(host, {"Rarms/observe.ps1": data})
+
+    ran = at_prompt(host, "Get-RarmsObservation")
+
+    assert (ran.code, host.effects) == (0, []), ran.says
+    assert json.loads(ran.lines[0]) == document_of(host)
+
+
+@pytest.mark.parametrize(
+    ("files", "says"),
+    [
+        ({}, "observe.ps1 is missing: put it there as rarms wrote it"),
+        ({"Rarms/observe.ps1": render_observe() + b"Remove-Item C:\\\r\n"}, "observe.ps1 was edited"),
+        ({"Rarms/observe.ps1": signed(render_observe()) + b"Remove-Item C:\\\r\n"}, "observe.ps1 was edited"),
+        ({"Rarms/observe.ps1": render_observe().replace(b"\r\n", b"\n")}, "observe.ps1 was edited"),
+    ],
+    ids=["missing", "a line more", "a line behind the block", "line ends"],
+)
+def test_no_other_script_observes_for_the_module(host: WindowsHost, files: dict[str, bytes], says: str) -> None:
+    put(host, files)
+
+    ran = at_prompt(host, "Get-RarmsObservation")
+
+    assert (ran.code, ran.lines, host.effects) == (1, (), []), ran.says
+    assert says in ran.says
 
 
 def test_the_runs_of_a_computer_are_told_in_their_order(prepared: Prepared, host: WindowsHost) -> None:

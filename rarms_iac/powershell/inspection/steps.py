@@ -62,8 +62,10 @@ _READERS = _calls(r"""
 """)
 _SETTERS = _calls(r"""
     Hyper-V\New-VM Name Generation MemoryStartupBytes NoVHD SwitchName Path
+    Hyper-V\Add-VMHardDiskDrive VM Path
     Hyper-V\New-VHD Path ParentPath Differencing
     Hyper-V\Remove-VM VM Force
+    Hyper-V\Remove-VMNetworkAdapter VM
     Hyper-V\Rename-VM VM NewName
     Hyper-V\Set-VM VM AutomaticStartAction AutomaticStopAction CheckpointType
     Hyper-V\Set-VMFirmware VM EnableSecureBoot SecureBootTemplate FirstBootDevice
@@ -82,10 +84,8 @@ _SETTERS = _calls(r"""
     Restore-TaskClass Task Application
     Remove-DiskFile Path
     Add-Folder Path
-    Add-PartitionDisk Path
     Move-NewPartition From To
     Remove-PartitionFolder From To
-    Remove-NetworkAdapter
 """)
 # NOTE: what rarms no longer writes, and the journals of earlier versions hold.
 _FORMER_READERS = _calls(r"""
@@ -107,6 +107,8 @@ _FORMER_SETTERS = _calls(r"""
     Clear-TaskRecord Task Application
     Clear-DiskFile Path
     Clear-NetworkAdapter
+    Add-PartitionDisk Path
+    Remove-NetworkAdapter
 """)
 _FORMER_GUARDS = _calls("""
     Assert-VmHost

@@ -8,7 +8,7 @@
     CompatiblePSEditions = @('Desktop', 'Core')
     FunctionsToExport    = @(
         'Invoke-RarmsPlan', 'Test-RarmsPlan', 'Get-RarmsRun', 'Undo-RarmsRun', 'Stop-RarmsRun', 'Close-RarmsRun'
-        'Receive-RarmsPlan'
+        'Get-RarmsObservation', 'Receive-RarmsPlan'
     )
     CmdletsToExport      = @()
     VariablesToExport    = @()

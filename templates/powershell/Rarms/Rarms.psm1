@@ -23,6 +23,8 @@ $ConfirmPreference = 'None'
 $script:Ordinal = [System.StringComparer]::Ordinal  # of tables: 5.1 compares the keys of others by culture
 $script:Whole = @{ Address = 'host'; Number = 0 }  # stands for a step where an event is about none
 $script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
+# SHA-256 of observe.ps1 in this folder, to the byte before a signature.
+$script:Observe = '1901db50c3c13a0846d86f19003defb12215b4941e173b852419ec375b3c83d8'
 $script:ProfileRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 
@@ -80,6 +82,22 @@ function Test-RarmsPlan {
     if ($null -eq $Run) { return Invoke-Script -Path $Path -Test $true -AsJson $AsJson }
     $Run['Test'] = $true
     Invoke-RarmsPlan -Run $Run
+}
+
+function Get-RarmsObservation {
+    <#
+    .SYNOPSIS
+        Gives what this computer looks like as one line of JSON, which rarms takes as a snapshot; and changes nothing.
+    .EXAMPLE
+        Get-RarmsObservation | Set-Content -Path .\cell.json -Encoding Ascii
+    #>
+    [CmdletBinding(PositionalBinding = $false)]
+    param()
+    $look = [System.IO.Path]::Combine($PSScriptRoot, 'observe.ps1')
+    if (-not (Test-Path -LiteralPath $look)) { throw ('{0} is missing: put it there as rarms wrote it' -f $look) }
+    $sum = Get-UnsignedDigest -Data ([System.IO.File]::ReadAllBytes($look))
+    if ($sum -cne $script:Observe) { throw ('{0} was edited: put it there as rarms wrote it' -f $look) }
+    & $look
 }
 
 function Get-RarmsRun {
@@ -613,7 +631,10 @@ function Lock-Host {
         try {
             $script:Handle = [System.IO.FileStream]::new($script:OwnerFile, 'OpenOrCreate', 'Write', 'Read')
         } catch [System.IO.IOException] {
-            if (-not ([DateTime]::UtcNow -lt $until)) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + (Get-Holder)) }
+            # Get-Content opens it shared for writing, as its holder has it.
+            try { $holder = '' + (Get-Content -LiteralPath $script:OwnerFile -Raw) } catch { $holder = '' }
+            if (-not $holder) { $holder = 'an unknown user' }
+            if (-not ([DateTime]::UtcNow -lt $until)) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + $holder) }
             Start-Sleep -Milliseconds 500
         }
     }
@@ -621,17 +642,6 @@ function Lock-Host {
     $script:Handle.SetLength(0)
     $script:Handle.Write($data, 0, $data.Length)
     $script:Handle.Flush($true)
-}
-
-function Get-Holder {
-    # Who holds this computer. It is open for writing, so it is opened shared for that.
-    try {
-        $stream = [System.IO.FileStream]::new($script:OwnerFile, 'Open', 'Read', 'ReadWrite')
-        $data = [byte[]]::new(300)
-        try { $text = [System.Text.Encoding]::ASCII.GetString($data, 0, $stream.Read($data, 0, 300)) }
-        finally { $stream.Dispose() }
-    } catch { $text = '' }
-    if ($text) { $text } else { 'an unknown user' }
 }
 
 function Unlock-Host {
@@ -716,11 +726,10 @@ function Clear-Journal {
     $last = $script:Started
     if ($null -eq $last) { return }
     $closing = if ($script:Closing) { $script:Closing } else { $null }
-    $robot = if ($last.PSObject.Properties['robot']) { $last.robot } else { '' } # an early version wrote none
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $last.started_at; closing = $closing; robot = $robot
+        started_at = $last.started_at; closing = $closing; robot = $last.robot
     }
     $script:Touched.Clear()
     foreach ($number in @(if ($script:Plan.Run -ceq 'undo') { $script:Recorded.Keys })) {
@@ -729,6 +738,13 @@ function Clear-Journal {
     $script:Started = $null
     $script:Closing = ''
     $script:Recorded.Clear()
+}
+
+function Get-UnsignedDigest {
+    # Who signs a file adds remarks at its end; all before them was made by rarms.
+    param([byte[]] $Data)
+    $text = [System.Text.Encoding]::ASCII.GetString($Data)
+    Get-Sha256 -Data $Data -Count ($text -creplace $script:Signature, '').Length
 }
 
 function Write-FirstRecord {
@@ -740,12 +756,11 @@ function Write-FirstRecord {
         if (-not (Test-Path -LiteralPath $path)) { throw ('{0} must lie beside this script: put it there' -f $path) }
         $data = [System.IO.File]::ReadAllBytes($path)
         $undo = [System.Text.Encoding]::ASCII.GetString($data)
-        # Who signs it adds remarks at its end; all before them is the plan's.
-        $size = ($undo -creplace $script:Signature, '').Length
-        if ((Get-Sha256 -Data $data -Count $size) -cne $plan.UndoDigest) {
-            $text = ($undo -creplace '\r?\n', ('' + [char] 13 + [char] 10)) -creplace $script:Signature, ''
-            $same = (Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes($text))) -ceq $plan.UndoDigest
-            if ($same) { throw ('{0} has other line ends than it was made with: git needs "*.ps1 -text"' -f $path) }
+        if ((Get-UnsignedDigest -Data $data) -cne $plan.UndoDigest) {
+            $text = $undo -creplace '\r?\n', ('' + [char] 13 + [char] 10)
+            if ((Get-UnsignedDigest -Data ([System.Text.Encoding]::ASCII.GetBytes($text))) -ceq $plan.UndoDigest) {
+                throw ('{0} has other line ends than it was made with: git needs "*.ps1 -text"' -f $path)
+            }
             throw ('{0} was edited' -f $path)
         }
     }
@@ -1025,13 +1040,6 @@ function Get-PendingName {
     '{0}.rarms-{1}' -f $Name, $script:Plan.Plan
 }
 
-function Add-PartitionDisk {
-    # A run may have been killed right behind it.
-    param([string] $Path)
-    if (@(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm).Count) { return }
-    Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path $Path
-}
-
 function Move-NewPartition {
     # Hyper-V made a folder of the pending name, and a new name would leave it so. What is there already is not moved again.
     param([string] $From, [string] $To)
@@ -1063,11 +1071,6 @@ function Get-EmptyFolder {
         $link = [System.IO.File]::GetAttributes($one) -band [System.IO.FileAttributes]::ReparsePoint
         if (-not $link -and -not @(Get-ChildItem -LiteralPath $one -Force).Count) { $one }
     }
-}
-
-function Remove-NetworkAdapter {
-    # Hyper-V gives one to every new machine.
-    if (@(Hyper-V\Get-VMNetworkAdapter -VM $script:Vm).Count) { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
 }
 
 # === capacity: whether the host can keep what it promises, its unmanaged machines included.
@@ -1422,10 +1425,11 @@ function Receive-RarmsPlan {
     $folder = ''
     try {
         $ascii = [System.Text.Encoding]::ASCII
-        $data = [byte[]]::new(8)
-        Read-Stream -From $Source -Into $data
-        $data = [byte[]]::new([int] $ascii.GetString($data))
-        Read-Stream -From $Source -Into $data
+        # It reads no further than it is told.
+        $reader = [System.IO.BinaryReader]::new($Source)
+        $size = [int] $ascii.GetString($reader.ReadBytes(8))
+        $data = $reader.ReadBytes($size)
+        if ($size -eq 0 -or $data.Length -ne $size) { throw 'the input ended too early' }
         $table = @($ascii.GetString($data) -split '\n')
         if ($table[0] -cnotmatch '^( |-AsJson|-Force|-Abandon|-LockTimeout [0-9]{1,6})*$') { throw 'bad arguments' }
         if ($env:OS -cne 'Windows_NT') { $folder = [System.IO.Directory]::CreateTempSubdirectory('rarms-').FullName } else {
@@ -1438,8 +1442,7 @@ function Receive-RarmsPlan {
         for ($at = 1; $at -lt $table.Count; $at++) {
             $part = @($table[$at] -split ' ')
             if ($part[0] -cnotmatch '^([a-z0-9][a-z0-9.-]*\.ps1|Rarms/Rarms\.ps[dm]1)$') { throw 'bad name' }
-            $data = [byte[]]::new([int] $part[1])
-            Read-Stream -From $Source -Into $data
+            $data = $reader.ReadBytes([int] $part[1])
             if ((Get-Sha256 -Data $data) -cne $part[2]) { throw ($part[0] + ' is not what was sent') }
             $path = [System.IO.Path]::Combine($folder, $part[0])
             [void] [System.IO.Directory]::CreateDirectory([System.IO.Path]::GetDirectoryName($path))
@@ -1471,16 +1474,6 @@ function Receive-RarmsPlan {
     } finally {
         try { if ($folder) { [System.IO.Directory]::Delete($folder, $true) } }
         catch { [Console]::Error.WriteLine('rarms could not remove ' + $folder) }
-    }
-}
-
-function Read-Stream {
-    param([System.IO.Stream] $From, [byte[]] $Into)
-    $at = 0
-    while ($at -lt $Into.Length) {
-        $count = $From.Read($Into, $at, $Into.Length - $at)
-        if ($count -eq 0) { throw 'the input ended too early' }
-        $at += $count
     }
 }
 

@@ -36,9 +36,9 @@ function Add-TestMachine {
     if ($old.exists) { Remove-DiskFile -Path $disk }
     Add-Folder -Path $folder
     [void] (Hyper-V\New-VHD -Path $disk -ParentPath $Test.Image -Differencing)
-    Add-PartitionDisk -Path $disk
+    Hyper-V\Add-VMHardDiskDrive -VM $vm -Path $disk
     Hyper-V\Set-VMMemory -VM $vm -DynamicMemoryEnabled $false -StartupBytes $Test.Memory
-    Remove-NetworkAdapter
+    Hyper-V\Remove-VMNetworkAdapter -VM $vm  # Hyper-V gives one to every new machine
     Hyper-V\Set-VMProcessor -VM $vm -Count $Test.Processors -Reserve 0
     Hyper-V\Set-VMProcessor -VM $vm -Maximum $Test.Limit -RelativeWeight $Test.Weight
     Hyper-V\Set-VM -VM $vm -AutomaticStartAction 'Nothing' -AutomaticStopAction 'TurnOff' -CheckpointType 'Disabled'

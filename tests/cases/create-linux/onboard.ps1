@@ -6,7 +6,7 @@
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
     machine  processors  reserve                memory  disk                                                                          switch  secure boot                        start
     vision   2           1.6 LP (80 % of each)  1 GiB   D:\machines\vision\vision-3d799ddaf8ca.vhdx from D:\images\ubuntu-24.04.vhdx  lab     MicrosoftUEFICertificateAuthority  start
-    Calls that change something, and no other: Add-Folder 1, Add-PartitionDisk 1, Move-NewPartition 1, New-VHD 1, New-VM 1, Rename-VM 1, Set-VM 1, Set-VMFirmware 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
+    Only these calls change something (and how often): Add-Folder 1, Add-VMHardDiskDrive 1, Move-NewPartition 1, New-VHD 1, New-VM 1, Rename-VM 1, Set-VM 1, Set-VMFirmware 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
     Not undone: what was written on the disk made from D:\images\ubuntu-24.04.vhdx goes with it
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 1779455672d2, rarms 0.1.0. SHA-256: the undo cb2c3a3666581a67e36a784bc94c333186aa9ac22b04b60d6f3712b83ad5d688, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
+    Manifest 1779455672d2, rarms 0.1.0. SHA-256: the undo 0621c7598198cb8507b0e3db217ccc956b77b568bc1b12b4318f1cb381dadbe1, Rarms.psm1 5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '3d799ddaf8ca'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'cb2c3a3666581a67e36a784bc94c333186aa9ac22b04b60d6f3712b83ad5d688'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '0621c7598198cb8507b0e3db217ccc956b77b568bc1b12b4318f1cb381dadbe1'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -64,7 +64,7 @@ $plan = {
         memory = 1073741824; name = 'vision'; processors = 2; reserve = 80; secure_boot = 'MicrosoftUEFICertificateAuthority'
         set = '28cc232b41a1'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
     } -Set {
-        Add-PartitionDisk -Path 'D:\machines\vision\vision-3d799ddaf8ca.vhdx'
+        if (Test-Open -Name 'disks') { Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path 'D:\machines\vision\vision-3d799ddaf8ca.vhdx' }
         if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
         if (Test-Open -Name 'secure_boot', 'boots_from') { Hyper-V\Set-VMFirmware -VM $script:Vm -EnableSecureBoot 'On' -SecureBootTemplate 'MicrosoftUEFICertificateAuthority' -FirstBootDevice (Hyper-V\Get-VMHardDiskDrive -VM $script:Vm) }
         Move-NewPartition -From 'D:\machines\vision.rarms-3d799ddaf8ca' -To 'D:\machines\vision'
@@ -81,8 +81,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = 'C24E07F66A1EA82813AA8B63860E0802A95AA97B19C5E011F6815A3026FD5BE2'
-    'Rarms.psm1' = '189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84'
+    'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
+    'Rarms.psm1' = '5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

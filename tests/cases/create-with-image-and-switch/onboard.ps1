@@ -6,7 +6,7 @@
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
     machine  processors  reserve                memory  disk                                                                  switch  secure boot       start
     vision   2           1.6 LP (80 % of each)  1 GiB   D:\machines\vision\vision-9bd8a48c1959.vhdx from D:\images\base.vhdx  lab     MicrosoftWindows  start
-    Calls that change something, and no other: Add-Folder 1, Add-PartitionDisk 1, Move-NewPartition 1, New-VHD 1, New-VM 1, Rename-VM 1, Set-VM 1, Set-VMFirmware 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
+    Only these calls change something (and how often): Add-Folder 1, Add-VMHardDiskDrive 1, Move-NewPartition 1, New-VHD 1, New-VM 1, Rename-VM 1, Set-VM 1, Set-VMFirmware 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
     Not undone: what was written on the disk made from D:\images\base.vhdx goes with it
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo fc9c9b6d0b6ace1ae72aeb18319758748dfcef4b66f217fc5e6e0ce39edb72f5, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
+    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 25881b40706e262ab4afcebebfbf490d608802a1f788a8e702877c5f6e6c07e1, Rarms.psm1 5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '9bd8a48c1959'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'fc9c9b6d0b6ace1ae72aeb18319758748dfcef4b66f217fc5e6e0ce39edb72f5'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '25881b40706e262ab4afcebebfbf490d608802a1f788a8e702877c5f6e6c07e1'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -64,7 +64,7 @@ $plan = {
         memory = 1073741824; name = 'vision'; processors = 2; reserve = 80; secure_boot = 'MicrosoftWindows'; set = '28cc232b41a1'
         start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
     } -Set {
-        Add-PartitionDisk -Path 'D:\machines\vision\vision-9bd8a48c1959.vhdx'
+        if (Test-Open -Name 'disks') { Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path 'D:\machines\vision\vision-9bd8a48c1959.vhdx' }
         if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
         if (Test-Open -Name 'secure_boot', 'boots_from') { Hyper-V\Set-VMFirmware -VM $script:Vm -EnableSecureBoot 'On' -SecureBootTemplate 'MicrosoftWindows' -FirstBootDevice (Hyper-V\Get-VMHardDiskDrive -VM $script:Vm) }
         Move-NewPartition -From 'D:\machines\vision.rarms-9bd8a48c1959' -To 'D:\machines\vision'
@@ -81,8 +81,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = 'C24E07F66A1EA82813AA8B63860E0802A95AA97B19C5E011F6815A3026FD5BE2'
-    'Rarms.psm1' = '189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84'
+    'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
+    'Rarms.psm1' = '5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -7,7 +7,7 @@
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
     task/Games: changed (set Priority 4 -> 2; forget it: it is no longer ours)
     vision: removed, stopped (delete its disk D:\vms\vision-0123456789ab.vhdx). It is off after 120 s at the latest, and stays off
-    Calls that change something, and no other: Remove-DiskFile 1, Remove-TaskRecord 1, Remove-TaskValue 1, Remove-VM 2, Stop-Partition 2, Write-TaskValue 7.
+    Only these calls change something (and how often): Remove-DiskFile 1, Remove-TaskRecord 1, Remove-TaskValue 1, Remove-VM 2, Stop-Partition 2, Write-TaskValue 7.
     Not undone: it starts anew: what its programs had in memory is lost
     Not undone: the machine is not made again
     Not undone: what is on the disk is lost
@@ -26,7 +26,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 41a5cc4a7117004c2bcf530d78337927b14772359cbc5f00d32883516e4da0b6, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 9ef0e339ca5c86f5b6f198f514004b5f996c5d8a6217fb8560e5d54c7a630ac2, Rarms.psm1 5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3.
 #>
 
 #Requires -Version 5.1
@@ -43,7 +43,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'e02322927e52'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '41a5cc4a7117004c2bcf530d78337927b14772359cbc5f00d32883516e4da0b6'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '9ef0e339ca5c86f5b6f198f514004b5f996c5d8a6217fb8560e5d54c7a630ac2'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -104,8 +104,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = 'C24E07F66A1EA82813AA8B63860E0802A95AA97B19C5E011F6815A3026FD5BE2'
-    'Rarms.psm1' = '189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84'
+    'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
+    'Rarms.psm1' = '5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -7,7 +7,7 @@
     machine  processors  reserve                memory   disk  switch  secure boot  start
     speech   1           0.4 LP (40 % of each)  512 MiB  none  none    as made      nothing
     vision   2           1.6 LP (80 % of each)  1 GiB    none  none    as made      start
-    Calls that change something, and no other: New-VM 2, Remove-NetworkAdapter 2, Rename-VM 2, Set-VM 2, Set-VMMemory 2, Set-VMProcessor 2, Start-VM 1, Write-Mark 2.
+    Only these calls change something (and how often): New-VM 2, Remove-VMNetworkAdapter 2, Rename-VM 2, Set-VM 2, Set-VMMemory 2, Set-VMProcessor 2, Start-VM 1, Write-Mark 2.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
 .PARAMETER LockTimeout
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e325b8ae00e7, rarms 0.1.0. SHA-256: the undo 40351e77feb4f7bfb2a7d38ec99b2b67820b06320c291d917cbf0a96f801ceb8, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
+    Manifest e325b8ae00e7, rarms 0.1.0. SHA-256: the undo 12a9a9efb81b2f30b7c7a7d89b1c011bf7a78d5a29d8a92abf6de5099ae74066, Rarms.psm1 5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ae29dab6d115'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '40351e77feb4f7bfb2a7d38ec99b2b67820b06320c291d917cbf0a96f801ceb8'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '12a9a9efb81b2f30b7c7a7d89b1c011bf7a78d5a29d8a92abf6de5099ae74066'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -55,7 +55,7 @@ $plan = {
         stop_action = 'shut_down'; weight = 100
     } -Set {
         if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912 }
-        Remove-NetworkAdapter
+        if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
         if (Test-Open -Name 'mark', 'set') { Write-Mark }
         if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 1 -Reserve 40 -Maximum 100 -RelativeWeight 100 }
         if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Nothing' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
@@ -73,7 +73,7 @@ $plan = {
         stop_action = 'shut_down'; weight = 200
     } -Set {
         if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
-        Remove-NetworkAdapter
+        if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
         if (Test-Open -Name 'mark', 'set') { Write-Mark }
         if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 2 -Reserve 80 -Maximum 100 -RelativeWeight 200 }
         if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
@@ -87,8 +87,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = 'C24E07F66A1EA82813AA8B63860E0802A95AA97B19C5E011F6815A3026FD5BE2'
-    'Rarms.psm1' = '189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84'
+    'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
+    'Rarms.psm1' = '5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

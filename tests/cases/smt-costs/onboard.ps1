@@ -8,7 +8,7 @@
     mapping  1           0.5 LP (50 % of each)   1 GiB   none  none    as made      start
     speech   3           2.85 LP (95 % of each)  1 GiB   none  none    as made      start
     vision   2           1.9 LP (95 % of each)   1 GiB   none  none    as made      start
-    Calls that change something, and no other: New-VM 3, Remove-NetworkAdapter 3, Rename-VM 3, Set-VM 3, Set-VMMemory 3, Set-VMProcessor 3, Start-VM 3, Write-Mark 3.
+    Only these calls change something (and how often): New-VM 3, Remove-VMNetworkAdapter 3, Rename-VM 3, Set-VM 3, Set-VMMemory 3, Set-VMProcessor 3, Start-VM 3, Write-Mark 3.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
 .PARAMETER LockTimeout
@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 7957a9359e45915c255df9087ae6e863174afaeb861dfaaf548a711a12f86dcc, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
+    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo e8f02f78bf43ec639c13e66a787dadadfc4ffbd887c55007f6ffd7c095f9c857, Rarms.psm1 5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3.
 #>
 
 #Requires -Version 5.1
@@ -41,7 +41,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '91988e6a8f9d'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '7957a9359e45915c255df9087ae6e863174afaeb861dfaaf548a711a12f86dcc'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'e8f02f78bf43ec639c13e66a787dadadfc4ffbd887c55007f6ffd7c095f9c857'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 8; Cores = 4; ThreadsPerCore = 2; Percent = 800; Memory = 17179869184; AcceptScheduler = $false
     }
@@ -56,7 +56,7 @@ $plan = {
         stop_action = 'shut_down'; weight = 100
     } -Set {
         if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
-        Remove-NetworkAdapter
+        if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
         if (Test-Open -Name 'mark', 'set') { Write-Mark }
         if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 1 -Reserve 50 -Maximum 100 -RelativeWeight 100 }
         if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
@@ -74,7 +74,7 @@ $plan = {
         stop_action = 'shut_down'; weight = 200
     } -Set {
         if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
-        Remove-NetworkAdapter
+        if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
         if (Test-Open -Name 'mark', 'set') { Write-Mark }
         if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 3 -Reserve 95 -Maximum 100 -RelativeWeight 200 }
         if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
@@ -92,7 +92,7 @@ $plan = {
         stop_action = 'shut_down'; weight = 300
     } -Set {
         if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
-        Remove-NetworkAdapter
+        if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
         if (Test-Open -Name 'mark', 'set') { Write-Mark }
         if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 2 -Reserve 95 -Maximum 100 -RelativeWeight 300 }
         if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
@@ -116,8 +116,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = 'C24E07F66A1EA82813AA8B63860E0802A95AA97B19C5E011F6815A3026FD5BE2'
-    'Rarms.psm1' = '189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84'
+    'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
+    'Rarms.psm1' = '5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

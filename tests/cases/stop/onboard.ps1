@@ -6,7 +6,7 @@
     0 machines added, 2 changed, 2 stopped, 0 removed; nothing deleted.
     speech: stopped. It is off after 120 s at the latest, and stays off
     vision: stopped. It is off after 120 s at the latest, and stays off
-    Calls that change something, and no other: Stop-Partition 2, Write-Mark 2.
+    Only these calls change something (and how often): Stop-Partition 2, Write-Mark 2.
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo dffac0be5765b76cbca7ce00fb71c330bc2bdd165abd9c0595d0bde5257664f0, Rarms.psm1 189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo d707d95fb86f9b9ded3f3a08a080a891386ec21e7016cf4056e6784ef7f8354e, Rarms.psm1 5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '99b39b22c1b6'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'dffac0be5765b76cbca7ce00fb71c330bc2bdd165abd9c0595d0bde5257664f0'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'd707d95fb86f9b9ded3f3a08a080a891386ec21e7016cf4056e6784ef7f8354e'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -63,8 +63,8 @@ $plan = {
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = 'C24E07F66A1EA82813AA8B63860E0802A95AA97B19C5E011F6815A3026FD5BE2'
-    'Rarms.psm1' = '189DD8D72EFB7B973F9AF79ED6BAA67AF487F5A7FCB964FC21256C50C54EEF84'
+    'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
+    'Rarms.psm1' = '5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -66,14 +66,14 @@ def test_numbers_are_those_of_the_file_and_the_module_is_left_out(
 
 def test_the_module_lies_beside_the_scripts_that_do_not_hold_it(plan: str, folder: Path, single: Path) -> None:
     files = {path.name: path for path in (folder / "Rarms").iterdir()}
-    assert sorted(files) == ["Rarms.psd1", "Rarms.psm1"]
+    assert sorted(files) == ["Rarms.psd1", "Rarms.psm1", "observe.ps1"]
     assert not (single / "Rarms").exists()
-    module = files["Rarms.psm1"].read_bytes()
-
-    for there, kept in ((signed(module), signed(module)), (module + b"# more\r\n", module)):
-        files["Rarms.psm1"].write_bytes(there)
-        assert rarms("show", "--script", plan, "--out", str(folder)).code == 0
-        assert files["Rarms.psm1"].read_bytes() == kept
+    for name in ("Rarms.psm1", "observe.ps1"):
+        data = files[name].read_bytes()
+        for there, kept in ((signed(data), signed(data)), (data + b"# more\r\n", data)):
+            files[name].write_bytes(there)
+            assert rarms("show", "--script", plan, "--out", str(folder)).code == 0
+            assert files[name].read_bytes() == kept
 
 
 @pytest.mark.parametrize("name", ["cell.ps1", "cell.guest.torch-motion.undo.ps1"])
@@ -197,7 +197,8 @@ def test_the_module_is_written_as_it_lies_on_a_host(tmp_path: Path) -> None:
 
     written = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
     version = tmp_path / "Rarms" / __version__
-    assert written == {"Rarms/receive.ps1", *(f"Rarms/{__version__}/Rarms.ps{kind}1" for kind in "dm")}
+    module = {f"Rarms/{__version__}/{name}" for name in ("Rarms.psd1", "Rarms.psm1", "observe.ps1")}
+    assert written == {"Rarms/receive.ps1", *module}
     assert f"ModuleVersion        = '{__version__}'" in (version / "Rarms.psd1").read_text(encoding="ascii")
     assert b"\r\n" in (tmp_path / "Rarms" / "receive.ps1").read_bytes()
 

@@ -20,7 +20,7 @@ def test_a_changed_reserve_stops_removes_and_deletes_nothing() -> None:
     for script in scripts.values():
         text = script.decode("ascii")
         assert "    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.\r\n" in text
-        assert "    Calls that change something, and no other: Set-VMProcessor 1, Write-Mark 1.\r\n" in text
+        assert "    Only these calls change something (and how often): Set-VMProcessor 1, Write-Mark 1.\r\n" in text
 
 
 def test_everything_is_counted_and_the_undo_counts_the_other_way() -> None:
@@ -50,7 +50,7 @@ def test_the_head_says_the_digests_of_undo_and_module() -> None:
 
 @pytest.mark.parametrize("name", sorted(SCRIPTS))
 def test_every_call_of_the_steps_stands_in_the_head(name: str) -> None:
-    (line,) = (line for line in SCRIPTS[name].split("\r\n") if "Calls that change something" in line)
+    (line,) = (line for line in SCRIPTS[name].split("\r\n") if "Only these calls change something" in line)
     told = {word.split()[0] for word in line.partition(": ")[2].rstrip(".").split(", ")}
 
     steps = outline(SCRIPTS[name].encode("ascii")).steps

@@ -1,12 +1,13 @@
 """The module that scripts call: its two files, and how a script finds or holds it."""
 
+import hashlib
 import re
 
 import pytest
 
 from rarms_iac.model.version import __version__
 from rarms_iac.powershell.inspection.layout import split_script, without_fixed
-from rarms_iac.powershell.render import render_scripts
+from rarms_iac.powershell.render import render_observe, render_scripts
 from rarms_iac.powershell.templates import (
     MODULE_FILES,
     ScriptForm,
@@ -54,6 +55,12 @@ def test_the_manifest_of_the_module_names_its_version_and_what_it_exports() -> N
     assert exported is not None
     for name in re.findall("'([^']+)'", exported[1]):
         assert f"\nfunction {name} {{\n    <#\n    .SYNOPSIS\n" in MODULE
+
+
+def test_the_module_holds_the_digest_of_the_script_that_observes() -> None:
+    digest = hashlib.sha256(render_observe()).hexdigest()
+
+    assert f"$script:Observe = '{digest}'\n" in MODULE, f"write this digest there: {digest}"
 
 
 def test_a_signature_does_not_count_in_the_digest_of_a_file_of_the_module() -> None:
