@@ -1,7 +1,7 @@
 """What use cases write into the manifest, comments kept: a level of performance, and partitions of compounds."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from rarms_iac.app.files import write_file
 from rarms_iac.app.manifests import Manifest
@@ -13,23 +13,6 @@ from rarms_iac.model.system import Component, System
 from rarms_iac.planner.combining.oracle import Coi
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.storage.reading import read_file
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartitionEdits:
-    """What is to be changed in the files of a manifest."""
-
-    texts: Mapping[str, str] = field(default_factory=dict)  # the new text of each file that changes, by its path
-    removed: tuple[str, ...] = ()  # entries of partitions whose members are elsewhere now
-
-    def write(self) -> None:
-        """Write the files.
-
-        Raises:
-            UseCaseError: One cannot be written (failed).
-        """
-        for file, text in self.texts.items():
-            write_file(file, text.encode("utf-8"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +66,7 @@ def edit_levels(manifest: Manifest, levels: Sequence[tuple[Component, Performanc
     return tuple(FileEdit(file=file, before=before[file], after=text) for file, text in sorted(texts.items()))
 
 
-def edit_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> PartitionEdits:
+def edit_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> tuple[FileEdit, ...]:
     """Make each compound a partition of its name; entries of partitions that are left without members go.
 
     What comments said of these stands above the entry of the compound that has their members.
@@ -93,7 +76,7 @@ def edit_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> PartitionEd
         compounds: Those that are new.
 
     Returns:
-        The files that were changed, sorted, and the entries that went.
+        What each file is to hold, by its name.
 
     Raises:
         CannotFormat: The text is no manifest.
@@ -101,20 +84,26 @@ def edit_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> PartitionEd
     texts: dict[str, str] = {}
     before: dict[str, str] = {}
     system = manifest.system
-    removed = _emptied_partitions(system, compounds)
     for compound in compounds:
         file = _file(manifest, compound.name)
         members = [each.name for each in most_critical_first(system.components[name] for name in compound.members)]
         texts[file] = set_value(_text(texts, before, file), ("partitions", compound.name, "components"), members)
-    for name, heir in removed.items():
+    for name, heir in emptied_partitions(system, compounds).items():
         file = manifest.places.key("partitions", name).file
         texts[file] = remove_value(_text(texts, before, file), ("partitions", name), ("partitions", heir))
-    changed = {file: text for file, text in sorted(texts.items()) if text != before[file]}
-    return PartitionEdits(texts=changed, removed=tuple(removed))
+    return tuple(FileEdit(file=file, before=before[file], after=text) for file, text in sorted(texts.items()))
 
 
-def _emptied_partitions(system: System, compounds: Sequence[Coi]) -> Mapping[str, str]:
-    """Entries of partitions that lose their members to a compound of another name, by name; with that name."""
+def emptied_partitions(system: System, compounds: Sequence[Coi]) -> Mapping[str, str]:
+    """List the entries of partitions that lose their members to a compound of another name.
+
+    Args:
+        system: Before that.
+        compounds: Those that are new.
+
+    Returns:
+        The name of that compound, by the name of the entry, sorted.
+    """
     home = {member: compound.name for compound in compounds for member in compound.members}
     heirs_of = {}
     for name, request in sorted(system.partitions.items()):

@@ -1,6 +1,6 @@
 """Tuning: components are combined into partitions, so that less is reserved."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
@@ -13,7 +13,7 @@ from rarms_iac.app.experiments.stopping import stopped_to_measure
 from rarms_iac.app.experiments.tuning_search import TuningConclusion, search_combinations
 from rarms_iac.app.experiments.tuning_subject import Experiments, TuningSubject, subject_of_tuning, tuning_host
 from rarms_iac.app.hosts import Hosts, observe_hosts
-from rarms_iac.app.manifest_edits import PartitionEdits, edit_partitions
+from rarms_iac.app.manifest_edits import FileEdit, edit_partitions, emptied_partitions, write_edits
 from rarms_iac.app.measurement_files import now
 from rarms_iac.app.options import busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.app.use_case_errors import RequestError
@@ -133,34 +133,34 @@ def tune_components(
         lock_timeout_ms=request.lock_timeout_ms,
     )
     end = _search_held(session, request, prompt)
-    edits = PartitionEdits()
+    edits: Sequence[FileEdit] = ()
     is_wanted = bool(end.compounds) and not request.dry_run
     if is_wanted and prompt.confirms(_result(hosts, end, request, edits)):
         edits = edit_partitions(hosts.manifest, end.compounds)
     # NOTE: the manifest is written when the run is recorded, and what follows from it is always recorded: killed in
     # between, the same command finds the manifest as tuned, has nothing to do, and could not tell the run any more.
-    record_tuning(hosts, end.subject.host.platform, tuning_run(end, request.strategy, written=bool(edits.texts)))
-    edits.write()
+    record_tuning(hosts, end.subject.host.platform, tuning_run(end, request.strategy, written=bool(edits)))
+    write_edits(edits)
     if not request.dry_run:
         record_reservations(hosts)
     return _result(hosts, end, request, edits)
 
 
-def _result(hosts: Hosts, end: TuningConclusion, request: TuneRequest, edits: PartitionEdits) -> TuningResult:
+def _result(hosts: Hosts, end: TuningConclusion, request: TuneRequest, edits: Sequence[FileEdit]) -> TuningResult:
     places, host = hosts.manifest.places, end.subject.host
     started = () if host.provider is ProviderKind.SIMULATED else end.subject.cois
     findings = (
         *short_secrets([hosts.system.components[name] for coi in started for name in coi.members], places),
         *tuning_findings(end, places),
-        *(_still_too_much(hosts, end) if edits.texts else ()),
+        *(_still_too_much(hosts, end) if edits else ()),
     )
     return TuningResult(
         platform=end.subject.host.platform,
         hosts=tuple(sorted(hosts.chosen)),
-        run=tuning_run(end, request.strategy, written=bool(edits.texts)),
+        run=tuning_run(end, request.strategy, written=bool(edits)),
         findings=findings,
-        removed=edits.removed,
-        files=tuple(edits.texts),
+        removed=tuple(emptied_partitions(hosts.system, end.compounds)) if edits else (),
+        files=tuple(edit.file for edit in edits),
     )
 
 

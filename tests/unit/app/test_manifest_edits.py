@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.app.manifest_edits import FileEdit, PartitionEdits, edit_partitions, write_edits
+from rarms_iac.app.manifest_edits import FileEdit, edit_partitions, emptied_partitions, write_edits
 from rarms_iac.app.manifests import Manifest, load_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.use_case_errors import RequestError
@@ -53,17 +53,18 @@ def write(folder: Path, text: str, name: str = "rarms.yaml") -> None:
     (folder / name).write_text(text, encoding="utf-8", newline="\n")
 
 
-def write_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> PartitionEdits:
+def write_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> tuple[list[str], list[str]]:
+    """The files that are written, and the entries that go."""
     edits = edit_partitions(manifest, compounds)
-    edits.write()
-    return edits
+    write_edits(edits)
+    return [edit.file for edit in edits], list(emptied_partitions(manifest.system, compounds))
 
 
 def test_a_section_is_made_where_there_is_none(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST)
-    done = write_partitions(manifest(tmp_path), [compound("paths", "video", "paths")])
+    files, removed = write_partitions(manifest(tmp_path), [compound("paths", "video", "paths")])
 
-    assert done.removed == ()
+    assert (files, removed) == ([(tmp_path / "rarms.yaml").as_posix()], [])
     text = (tmp_path / "rarms.yaml").read_text(encoding="utf-8")
     assert text == MANIFEST + "\npartitions:\n  paths:\n    components: [paths, video]\n"
     assert manifest(tmp_path).system.partitions["paths"].components == ("paths", "video")
@@ -71,10 +72,9 @@ def test_a_section_is_made_where_there_is_none(tmp_path: Path) -> None:
 
 def test_a_partition_that_is_there_is_extended_and_an_emptied_one_goes(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST + PARTITIONS)
-    done = write_partitions(manifest(tmp_path), [compound("front", "video", "vision")])
+    files, removed = write_partitions(manifest(tmp_path), [compound("front", "video", "vision")])
 
-    assert list(done.texts) == [(tmp_path / "rarms.yaml").as_posix()]
-    assert done.removed == ("video",)
+    assert (files, removed) == ([(tmp_path / "rarms.yaml").as_posix()], ["video"])
     text = (tmp_path / "rarms.yaml").read_text(encoding="utf-8")
     assert text.endswith(
         "partitions: # by hand\n  front: # the camera's\n    components: [vision, video]\n    start: manual\n"
@@ -86,9 +86,9 @@ def test_what_comments_said_of_an_entry_that_goes_stands_above_the_compounds(tmp
         "\n# by hand\npartitions: # top\n  # plays films\n  video: # of the kiosk\n    start: manual # not at night\n"
     )
     write(tmp_path, text)
-    done = write_partitions(manifest(tmp_path), [compound("paths", "video", "paths")])
+    files, removed = write_partitions(manifest(tmp_path), [compound("paths", "video", "paths")])
 
-    assert done.removed == ("video",)
+    assert (files, removed) == ([(tmp_path / "rarms.yaml").as_posix()], ["video"])
     assert (tmp_path / "rarms.yaml").read_text(encoding="utf-8") == MANIFEST + (
         "\n# by hand\npartitions: # top\n  # plays films\n  # of the kiosk\n  # not at night\n"
         "  paths:\n    components: [paths, video]\n"
@@ -117,7 +117,7 @@ def test_what_an_overlay_says_is_changed_there(tmp_path: Path) -> None:
 
 def test_nothing_new_writes_nothing(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST + PARTITIONS)
-    assert write_partitions(manifest(tmp_path), []) == PartitionEdits()
+    assert write_partitions(manifest(tmp_path), []) == ([], [])
 
 
 def test_what_was_changed_since_it_was_read_is_not_written_over(tmp_path: Path) -> None:
