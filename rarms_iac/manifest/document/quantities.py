@@ -153,31 +153,18 @@ Reserve = Annotated[
 ]
 
 
-def _at_most_one_hour(value: Milliseconds) -> Milliseconds:
-    if value > LONGEST_WAIT:
-        raise PydanticCustomError("rarms_too_long", "longer than one hour")
-    return value
+def _limit(fits: Callable[[Any], bool]) -> AfterValidator:
+    def check(value: Any) -> Any:
+        if not fits(value):
+            raise PydanticCustomError("rarms_too_much", "more than is allowed here")
+        return value
+
+    return AfterValidator(check)
 
 
-Wait = Annotated[Time, AfterValidator(_at_most_one_hour)]
-
-
-def _at_most_the_host(value: CpuAmount) -> CpuAmount:
-    if isinstance(value, ShareOfHost) and value.percent > 100:
-        raise PydanticCustomError("rarms_too_much", "more than 100 %")
-    return value
-
-
-AmountOfHost = Annotated[Amount, AfterValidator(_at_most_the_host)]
-
-
-def _at_most_whole(value: Percent) -> Percent:
-    if value > 100:
-        raise PydanticCustomError("rarms_too_much", "more than 100 %")
-    return value
-
-
-Duty = Annotated[Percent, Quantity(Unit.SHARE, make=_same, positive=True), AfterValidator(_at_most_whole)]
+Wait = Annotated[Time, _limit(lambda time: time <= LONGEST_WAIT)]
+AmountOfHost = Annotated[Amount, _limit(lambda amount: not isinstance(amount, ShareOfHost) or amount.percent <= 100)]
+Duty = Annotated[Percent, Quantity(Unit.SHARE, make=_same, positive=True), _limit(lambda percent: percent <= 100)]
 
 
 _DIRECTIONS = ("at_most", "at_least")
