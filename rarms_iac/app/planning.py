@@ -6,7 +6,7 @@ from dataclasses import replace
 from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.hosts import Hosts, last_run, observe_hosts, refuse_unfinished
 from rarms_iac.app.plan_key import plan_key
-from rarms_iac.app.requests import HostSelection, PlanLimits
+from rarms_iac.app.requests import PlanLimits
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.applying.make_plan import make_plan
 from rarms_iac.applying.plan_request import PlanRequest
@@ -133,7 +133,7 @@ def hosts_with_machine(hosts: Hosts, machine: str) -> Hosts:
         raise RequestError(
             f"{len(names) or 'None'} of the hosts {chosen} has a machine {machine}: name one with --host."
         )
-    return replace(hosts, selection=HostSelection(hosts=tuple(names)))
+    return hosts.only(*names)
 
 
 def hosts_with_partition(hosts: Hosts, partition: str) -> Hosts:
@@ -161,7 +161,7 @@ def hosts_with_partition(hosts: Hosts, partition: str) -> Hosts:
     ]
     if len(names) > 1:
         raise RequestError(f"{partition} is on {in_a_row(names)}: name one of them with --host.")
-    return replace(hosts, selection=HostSelection(hosts=tuple(names))) if names else hosts
+    return hosts.only(*names) if names else hosts
 
 
 def refuse_unknown_partitions(hosts: Hosts, names: Sequence[str]) -> None:

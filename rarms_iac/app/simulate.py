@@ -1,13 +1,12 @@
 """Another tool at a simulated host: changes a partition there as a person with Hyper-V's own tools would."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 from rarms_iac.app.hosts import Hosts, hold_hosts, host_errors
 from rarms_iac.app.options import argument, flag, option
 from rarms_iac.app.planning import hosts_with_partition, refuse_unknown_partitions
-from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.host import ProviderKind
@@ -67,7 +66,7 @@ def _simulated(hosts: Hosts) -> Hosts:
         raise RequestError(
             f"No chosen host is simulated ({', '.join(hosts.chosen)}): a real host is changed with its own tools."
         )
-    return replace(hosts, selection=HostSelection(hosts=tuple(names)))
+    return hosts.only(*names)
 
 
 def _operations(change: IntruderChange, now: PartitionSettings) -> Iterator[Operation]:

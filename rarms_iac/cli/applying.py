@@ -76,7 +76,10 @@ def finish_first(
 def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: RunOptions) -> ExitCode:
     """Plan, then write the plan (`how.out`), or show it, ask, and do it."""
     if how.out is not None:
-        return _write_only(session, make_plan(hosts, request), how.out, hosts.manifest.sources)
+        plan = make_plan(hosts, request)
+        show_plan(session, plan, hosts.manifest.sources)
+        write_and_advise(session, how.out, plan)
+        return ExitCode.DONE
     own = {hosts.system.application.name} if request.purpose is Purpose.APPLY else set()
     live, needs_key = tuple(hosts.open(name) for name in hosts.chosen), hosts.system.policy.signed_plans
     finished = finish_first(session, live, how, lambda whose: whose == own, needs_key=needs_key)
@@ -94,7 +97,9 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
                 ".",
             ),
         )
-    text = plan_text(_without_unused(plan), sources=hosts.manifest.sources)
+    # What the manifest does not use is told by `validate` and `plan`, not before a question.
+    findings = tuple(each for each in plan.findings if each.code != UNUSED_INTERFERENCE.code)
+    text = plan_text(replace(plan, findings=findings), sources=hosts.manifest.sources)
     if session.as_json:
         session.terminal.talk(text)
     else:
@@ -104,11 +109,6 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
     if not how.auto_approve:
         ask(session, "Do this?")
     return report_end(session, run(session, plan, hosts.folder, how))
-
-
-def _without_unused(plan: Plan) -> Plan:
-    """The plan without notes on what the manifest does not use: `validate` and `plan` tell them, before a question."""
-    return replace(plan, findings=tuple(each for each in plan.findings if each.code != UNUSED_INTERFERENCE.code))
 
 
 def run(session: Session, plan: Plan, folder: Path | None, how: RunOptions) -> RunReport:
@@ -159,9 +159,3 @@ def code_of(session: Session, ending: RunEnding) -> ExitCode:
             return ExitCode.FAILED
         case RunEnding.INTERRUPTED:
             return session.interrupts.exit_code or ExitCode.INTERRUPTED
-
-
-def _write_only(session: Session, plan: Plan, out: str, sources: Sources) -> ExitCode:
-    show_plan(session, plan, sources)
-    write_and_advise(session, out, plan)
-    return ExitCode.DONE

@@ -16,7 +16,7 @@ from rarms_iac.measuring.evidence import is_weak
 from rarms_iac.measuring.partitions import partition_name
 from rarms_iac.measuring.settings_log import SettingsLog
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.model.host import Host, ProviderKind
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.state import Partition
 from rarms_iac.model.version import __version__
 from rarms_iac.storage.datalog.files import append_remeasurement, begin_log, log_path, read_log
@@ -111,7 +111,8 @@ def _header(session: MeasuringSession, experiment: Experiment) -> Header:
     system, setup = session.hosts.system, experiment.setup
     subject = subject_of(system, experiment.host, setup.members, setup.interference)
     files = Files(session.hosts.folder, most_bytes=None)
-    interpreters = files.interpreters(subject) if _runs_here(experiment.host) else {}
+    runs_here = experiment.host.connect is None and experiment.host.provider is ProviderKind.LINUX
+    interpreters = files.interpreters(subject) if runs_here else {}
     identity, subject = identity_of(subject, files.of(subject), interpreters), replace(subject, setup=setup)
     if files.cut:
         names = " and ".join(setup.members)
@@ -185,8 +186,3 @@ def _begin(session: MeasuringSession, log: ExperimentLog, asked: str, begun: str
             begin_log(log.path, log.header)
         append_remeasurement(log.path, begins)
     return begins
-
-
-def _runs_here(host: Host) -> bool:
-    """Whether programs of this computer run on the host."""
-    return host.connect is None and host.provider is ProviderKind.LINUX

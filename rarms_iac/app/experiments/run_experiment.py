@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from rarms_iac.app.data_logs import used_processors
-from rarms_iac.app.experiments.experiment_log import ExperimentLog, data_log_path, read_experiment_log, settings_log_of
+from rarms_iac.app.experiments.experiment_log import data_log_path, read_experiment_log, settings_log_of
 from rarms_iac.app.experiments.measure_request import USUAL_SEED, ExperimentResult
 from rarms_iac.app.experiments.session import MeasuringSession, refuse_what_cannot_run, stop_own_partitions
 from rarms_iac.app.experiments.stopping import stopped_to_measure
@@ -132,7 +132,8 @@ def _run_with_processors(
     log = read_experiment_log(session, experiment)
     settings_log = settings_log_of(log, experiment, session.seed if session.remeasures else None, available.running)
     if log.changed:
-        session.control.reporter.message(_describe_stale(log))
+        changes = "; ".join(map(str, log.changed))
+        session.control.reporter.message(f"{log.path.as_posix()} is stale and is begun anew: {changes}.")
 
     recorded_runs = [run for run in settings_log.runs() if settings_log.remeasure_seed in (None, run.seed)]
     shows_processors = experiment.processors_from is ProcessorSource.HOST
@@ -222,13 +223,6 @@ def _refuse_without_threshold(hosts: Hosts, experiment: Experiment, method: Meth
             )
 
 
-def _refuse_what_cannot_run(session: MeasuringSession, experiment: Experiment) -> None:
-    """Refuse a member or a load that the host cannot run (`refuse_what_cannot_run`)."""
-    members = {member.name: member for member in experiment.members}
-    loads = {experiment.setup.interference: experiment.load}
-    refuse_what_cannot_run(session, session.host_of(experiment), components=members, loads=loads)
-
-
 def _stop_what_is_in_the_way(
     session: MeasuringSession, experiment: Experiment, method: Method, available: _Availability
 ) -> None:
@@ -237,10 +231,12 @@ def _stop_what_is_in_the_way(
     `run_experiment` calls it only where the data log does not hold every setting already.
 
     Raises:
-        UseCaseError: As `_refuse_what_cannot_run` and `_refuse_host`; partitions of the application run, and may not be
+        UseCaseError: As `refuse_what_cannot_run` and `_refuse_host`; partitions of the application run, and may not be
             stopped (refused).
     """
-    _refuse_what_cannot_run(session, experiment)
+    members = {member.name: member for member in experiment.members}
+    loads = {experiment.setup.interference: experiment.load}
+    refuse_what_cannot_run(session, session.host_of(experiment), components=members, loads=loads)
     _refuse_host(session, experiment, method, available)
     if session.on_busy_host:
         return
@@ -357,11 +353,6 @@ def _work_of_others(hosts: Hosts, running: Sequence[Partition]) -> Iterator[Part
                 if member.simulation is not None
             )
             yield PartitionWork(partition=group.name, components=members)
-
-
-def _describe_stale(log: ExperimentLog) -> str:
-    changes = "; ".join(map(str, log.changed))
-    return f"{log.path.as_posix()} is stale and is begun anew: {changes}."
 
 
 def _busy_warning(experiment: Experiment, running: Sequence[Partition]) -> Diagnostic:

@@ -22,7 +22,7 @@ from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.wall_times import WallTimes
 from rarms_iac.model.commands import START, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts
-from rarms_iac.model.host import Host, SimulatedHost
+from rarms_iac.model.host import SimulatedHost
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.system import Component
 from rarms_iac.model.wording import in_a_row
@@ -59,10 +59,6 @@ UNMODELLED_SMT = (
 )
 
 
-def _has_unmodelled_smt(host: Host) -> bool:
-    return isinstance(host.settings, SimulatedHost) and host.settings.smt
-
-
 @contextmanager
 def hold_hosts(session: MeasuringSession, names: Iterable[str]) -> Iterator[MeasuringSession]:
     """Hold hosts that are measured on, and remove what a killed measurement left there.
@@ -94,7 +90,8 @@ def hold_hosts(session: MeasuringSession, names: Iterable[str]) -> Iterator[Meas
                 )
                 session.control.reporter.findings([finding])
             held[name] = host
-            if _has_unmodelled_smt(session.hosts.system.hosts[name]):
+            settings = session.hosts.system.hosts[name].settings
+            if isinstance(settings, SimulatedHost) and settings.smt:
                 session.control.reporter.message(f"{name}: {UNMODELLED_SMT}")
         yield replace(session, held_hosts=held)
 

@@ -340,14 +340,10 @@ class Experiments:
             case _:
                 pass
         worse = worse_on_the_curve(experiment, result.settings, reserve)
-        if worse and not _shown_to_miss(experiment, result.settings, reserve):
+        # What was shown to be missed at a higher CR is shown here, too.
+        if worse and reserve > highest_missed(curves_of(result.settings, experiment.runs, experiment.apts)):
             self._unresolved.add((members, reserve))
         return worse
-
-
-def _shown_to_miss(experiment: Experiment, settings: Sequence[Setting], reserve: ReservePercent) -> bool:
-    """Whether a threshold was shown to be missed at this CR or a higher one, which is then too little, too."""
-    return reserve <= highest_missed(curves_of(settings, experiment.runs, experiment.apts))
 
 
 def worse_on_the_curve(experiment: Experiment, settings: Sequence[Setting], reserve: ReservePercent) -> frozenset[str]:
