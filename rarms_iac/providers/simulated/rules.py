@@ -54,31 +54,19 @@ def _first_fit(items: list[int], processors: int) -> bool:
 
 
 def _search(items: list[int], processors: int) -> bool:
-    """Every way of placing the largest first, equal gaps tried once, as far as `TRIES` go."""
-    free = [CAPACITY] * processors
-    choices: list[list[int]] = [_places(free, items[0])]  # of the item at this depth, those not tried yet
-    places: list[int] = []
+    """Every way of placing the largest first, amounts of room tried once, as far as `TRIES` go; the fullest first."""
+    untried = [(0, (CAPACITY,) * processors)]  # the next item, and the room on each processor
     for _ in range(TRIES):
-        if not choices[-1]:
-            choices.pop()
-            if not places:
-                return False
-            free[places[-1]] += items[len(places) - 1]
-            places.pop()
-            continue
-        at = choices[-1].pop()
-        free[at] -= items[len(places)]
-        places.append(at)
-        if len(places) == len(items):
+        if not untried:
+            return False
+        number, free = untried.pop()
+        if number == len(items):
             return True
-        choices.append(_places(free, items[len(places)]))
+        by_room = {room: at for at, room in enumerate(free) if room >= items[number]}
+        for room in sorted(by_room, reverse=True):
+            at = by_room[room]
+            untried.append((number + 1, (*free[:at], room - items[number], *free[at + 1 :])))
     return True
-
-
-def _places(free: list[int], size: int) -> list[int]:
-    """One processor of each amount of room that is enough; the fullest comes last, and so is tried first."""
-    by_room = {room: at for at, room in enumerate(free) if room >= size}
-    return [by_room[room] for room in sorted(by_room, reverse=True)]
 
 
 SERVER_2016, WINDOWS_10 = 14393, 10240

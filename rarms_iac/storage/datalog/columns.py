@@ -6,10 +6,10 @@ Times are kept to a tenth of a microsecond. What is usual is left out: a success
 import re
 from array import array
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from math import isnan, nan
 from types import NoneType
-from typing import cast
+from typing import Any, cast
 
 from rarms_iac.model.series import LARGEST_SAMPLE, SampleColumns, Series, columns_of
 from rarms_iac.model.setting import Setting, SettingEvidence
@@ -118,20 +118,17 @@ def setting_in(line: Mapping[str, Json]) -> Recorded:
 
 
 def _rounded_evidence(evidence: SettingEvidence) -> SettingEvidence:
-    return replace(
-        evidence,
-        elapsed_ms=round(evidence.elapsed_ms, DIGITS),
-        cpu_ms=_rounded_times(evidence.cpu_ms),
-        throttled_ms=_rounded_times(evidence.throttled_ms),
-        stolen_ms=round(evidence.stolen_ms, DIGITS),
-        waiting_ms=None if evidence.waiting_ms is None else round(evidence.waiting_ms, DIGITS),
-        dispatch_wait_ns=None if evidence.dispatch_wait_ns is None else _rounded_times(evidence.dispatch_wait_ns),
-        hypervisor_ms=None if evidence.hypervisor_ms is None else _rounded_times(evidence.hypervisor_ms),
-    )
+    return replace(evidence, **{part.name: _rounded_times(getattr(evidence, part.name)) for part in fields(evidence)})
 
 
-def _rounded_times(times: Mapping[str, float]) -> Mapping[str, float]:
-    return {name: round(time, DIGITS) for name, time in sorted(times.items())}
+def _rounded_times(times: Any) -> Any:
+    match times:
+        case float():
+            return round(times, DIGITS)
+        case Mapping():
+            return {name: round(time, DIGITS) for name, time in sorted(times.items())}
+        case _:
+            return times
 
 
 def _rounded_series(series: Series) -> Series:

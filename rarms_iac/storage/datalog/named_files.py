@@ -10,7 +10,7 @@ import os
 import re
 import shutil
 import time
-from collections.abc import Iterator, MutableMapping, Sequence
+from collections.abc import Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -68,18 +68,8 @@ class Files:
         Raises:
             OSError: one of them cannot be read.
         """
-        found: dict[str, str | None] = {}
-        counted = 0
-        for path in sorted(set(self._all(subject))):
-            size = path.stat().st_size  # whether it is in the cache or not: everywhere the same files count by content
-            if counted + size > MOST_MEASURED_BYTES:
-                found[self._named(path)] = f"size {size}"
-                self.cut = f"only the size of {self._named(path)} counts, since its files have more than 4 GiB"
-            else:
-                counted += size
-                found[self._named(path)] = self._digest(path)
-        self._cache.save()
-        return {name: value for name, value in found.items() if value is not None}
+        files = {self._named(path): path for path in sorted(set(self._all(subject)))}
+        return self._digests(files, MOST_MEASURED_BYTES, "its files have more than 4 GiB")
 
     def interpreters(self, subject: LogSubject) -> dict[str, str]:
         """The digest of every program outside the folder that the subject's commands begin with, by their word.
@@ -94,21 +84,25 @@ class Files:
         Raises:
             OSError: one of them cannot be read.
         """
+        found = {word: shutil.which(word) for word in _first_words(subject)}
+        paths = {word: Path(program).resolve() for word, program in found.items() if program is not None}
+        programs = {word: path for word, path in paths.items() if not self._is_below(path)}
+        return self._digests(programs, MOST_PROGRAM_BYTES, "the programs of the commands have more than 256 MiB")
+
+    def _digests(self, paths: Mapping[str, Path], most_bytes: int, reason: str) -> dict[str, str]:
+        """The digest of each file; its size instead, where all until then have more than so many bytes."""
         found: dict[str, str | None] = {}
         counted = 0
-        for word in dict.fromkeys(_first_words(subject)):
-            program = shutil.which(word)
-            if program is None or self._is_below(path := Path(program).resolve()):
-                continue
-            size = path.stat().st_size
-            if counted + size > MOST_PROGRAM_BYTES:
-                found[word] = f"size {size}"
-                self.cut = f"only the size of {word} counts, since the programs of the commands have more than 256 MiB"
+        for name, path in paths.items():
+            size = path.stat().st_size  # whether it is in the cache or not: everywhere the same files count by content
+            if counted + size > most_bytes:
+                found[name] = f"size {size}"
+                self.cut = f"only the size of {name} counts, since {reason}"
             else:
                 counted += size
-                found[word] = self._digest(path)
+                found[name] = self._digest(path)
         self._cache.save()
-        return {word: value for word, value in found.items() if value is not None}
+        return {name: value for name, value in found.items() if value is not None}
 
     def _all(self, subject: LogSubject) -> Iterator[Path]:
         for component in subject.components:
