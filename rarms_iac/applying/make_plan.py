@@ -5,12 +5,11 @@ Observed states come from live hosts or from snapshots; nothing here knows which
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import assert_never
 
 from rarms_iac.applying.desired_hosts import budget_of, context_of, desired_hosts, rules_of, threads_of
 from rarms_iac.applying.doctor import DOCTOR_ONLY_CODES
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.applying.requested_changes import adoption, releasing, start_changes, stop_changes
+from rarms_iac.applying.requested_changes import requested_changes
 from rarms_iac.applying.review import review_plan
 from rarms_iac.applying.scripts import guest_scripts_by_hand, guest_task, of_the_host_itself, with_scripts
 from rarms_iac.applying.shared_machines import hosts_of_one_machine
@@ -24,7 +23,6 @@ from rarms_iac.diff.order import Deadlock, order
 from rarms_iac.diff.steps import plan_changes
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
-from rarms_iac.model.changes import Adopt, Change, Release
 from rarms_iac.model.diagnostics import Diagnostic, has_errors, in_order
 from rarms_iac.model.plan import GuestTask, HostPlan, Plan, Purpose, Step, UnusedPartition
 from rarms_iac.model.plan_basis import HostContext, PlanBasis
@@ -210,29 +208,10 @@ def _staying_stopped(request: PlanRequest, desired: Desired) -> tuple[str, ...]:
 
 def _difference(request: PlanRequest, desired: Desired, context: HostContext, rules: ManifestRules) -> Difference:
     """The changes of the host for this purpose."""
-    observed, locate = desired.observed, rules.locate
-    match request.purpose:
-        case Purpose.APPLY | Purpose.DESTROY:
-            return compare(desired.state, observed, request.application, context, rules)
-        case Purpose.IMPORT:
-            return _single_change(adoption(observed, request, locate))
-        case Purpose.RELEASE:
-            return _single_change(releasing(observed, request, locate))
-        case Purpose.STOP:
-            return _difference_of(*stop_changes(observed, request, locate))
-        case Purpose.START:
-            return _difference_of(*start_changes(observed, request, locate))
-        case _:
-            assert_never(request.purpose)
-
-
-def _difference_of(changes: tuple[Change, ...], findings: tuple[Diagnostic, ...]) -> Difference:
-    return Difference(changes=changes, unchanged=0, unused=(), findings=findings)
-
-
-def _single_change(change: Adopt | Release | Diagnostic | None) -> Difference:
-    if change is None:
-        return Difference(changes=(), unchanged=1, unused=(), findings=())
-    if isinstance(change, Diagnostic):
-        return Difference(changes=(), unchanged=0, unused=(), findings=(change,))
-    return Difference(changes=(change,), unchanged=0, unused=(), findings=())
+    if request.purpose in {Purpose.APPLY, Purpose.DESTROY}:
+        return compare(desired.state, desired.observed, request.application, context, rules)
+    found = tuple(requested_changes(desired.observed, request, rules.locate))
+    findings = tuple(finding for finding in found if isinstance(finding, Diagnostic))
+    changes = tuple(change for change in found if not isinstance(change, Diagnostic))
+    is_so = not found and request.purpose in {Purpose.IMPORT, Purpose.RELEASE}
+    return Difference(changes=changes, unchanged=int(is_so), unused=(), findings=findings)

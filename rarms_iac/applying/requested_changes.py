@@ -6,13 +6,15 @@ that was stopped says so in its mark, so that it is no drift and no plan starts 
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import assert_never
 
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.diff.compare_partitions import neither_off_nor_running
-from rarms_iac.model.changes import Address, Adopt, Delete, Reason, Release, Update
+from rarms_iac.model.changes import Address, Adopt, Change, Delete, Reason, Release, Update
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.measurement import TEST_PARTITIONS
+from rarms_iac.model.plan import Purpose
 from rarms_iac.model.state import Mark, Partition, RunState, StartAction, State, StoppedBy
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import natural_order, quoted, suggestion
@@ -25,50 +27,47 @@ TAKEN = Finding.error("RARMS196", "The machine or the partition is taken already
 NOT_MANAGED = Finding.error("RARMS197", "This partition is not managed by this application")
 
 
-def stop_changes(
-    state: State, request: PlanRequest, locate: Locator
-) -> tuple[tuple[Update, ...], tuple[Diagnostic, ...]]:
-    """Find what has to change so that partitions of an application do not run, and no plan starts them.
+def requested_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Change | Diagnostic]:
+    """Find the changes that a command other than apply and destroy asks for.
 
     Args:
         state: the host as observed.
-        request: whose partitions, which of them, and who stops them. What runs is stopped, with any mark;
-            what does not run is only marked, where it is wanted running.
+        request: the command, whose partitions, which of them, and who stops them.
         locate: the manifest line of a partition.
 
-    Returns:
-        The changes by address, and a finding for each partition that is paused, busy or critical.
+    Yields:
+        The changes in the order of their partitions, and a finding for each that cannot be; nothing where it is so.
     """
-    changes: list[Update] = []
-    findings: list[Diagnostic] = []
+    match request.purpose:
+        case Purpose.IMPORT:
+            yield from _adoption(state, request, locate)
+        case Purpose.RELEASE:
+            yield from _releasing(state, request, locate)
+        case Purpose.STOP:
+            yield from _stop_changes(state, request, locate)
+        case Purpose.START:
+            yield from _left_test_partitions(state, request)
+            yield from _start_changes(state, request, locate)
+        case Purpose.APPLY | Purpose.DESTROY:
+            raise ValueError(f"{request.purpose} has the changes of a comparison")
+        case _:
+            assert_never(request.purpose)
+
+
+def _stop_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Update | Diagnostic]:
+    """What runs is stopped, with any mark; what does not run is only marked, where it is wanted running."""
     for address, before in _partitions(state, request):
         after = stopped_partition(before, request.stopped_by)
         if before.state in {RunState.PAUSED, RunState.BUSY, RunState.CRITICAL}:
-            findings.append(neither_off_nor_running(address, before.state, locate(address)))
+            yield neither_off_nor_running(address, before.state, locate(address))
         elif before.settings.running or (
             before.mark != after.mark and before.settings.start_action is not StartAction.NOTHING
         ):
-            changes.append(_update(address, before, after, "rarms stop", locate))
-    return tuple(changes), tuple(findings)
+            yield _update(address, before, after, "rarms stop", locate)
 
 
-def start_changes(
-    state: State, request: PlanRequest, locate: Locator
-) -> tuple[tuple[Update | Delete, ...], tuple[Diagnostic, ...]]:
-    """Find what has to change so that partitions run that rarms stopped.
-
-    Test partitions that a killed measurement left hold what these need: they are removed.
-
-    Args:
-        state: the host as observed.
-        request: whose partitions, and which of them; those that are named start also where rarms did not stop them.
-        locate: the manifest line of a partition.
-
-    Returns:
-        As `stop_changes`.
-    """
-    changes: list[Update | Delete] = list(_left_test_partitions(state, request))
-    findings: list[Diagnostic] = []
+def _start_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Update | Diagnostic]:
+    """Partitions run again that rarms stopped; those that are named also where it did not."""
     for address, before in _partitions(state, request):
         assert before.mark is not None
         stopped_by = before.mark.stopped_by
@@ -79,13 +78,13 @@ def start_changes(
         if not is_meant:
             continue
         if before.state in {RunState.BUSY, RunState.CRITICAL, RunState.PAUSED}:
-            findings.append(neither_off_nor_running(address, before.state, locate(address)))
+            yield neither_off_nor_running(address, before.state, locate(address))
         else:
-            changes.append(_update(address, before, _started(before), "rarms start", locate))
-    return tuple(changes), tuple(findings)
+            yield _update(address, before, _started(before), "rarms start", locate)
 
 
 def _left_test_partitions(state: State, request: PlanRequest) -> Iterator[Delete]:
+    """Test partitions that a killed measurement left hold what others need: they are removed."""
     for partition in state.of(request.application).partitions:
         if partition.mark is not None and partition.mark.name in TEST_PARTITIONS:
             yield Delete(
@@ -135,8 +134,8 @@ def _started(partition: Partition) -> Partition:
     )
 
 
-def adoption(state: State, request: PlanRequest, locate: Locator) -> Adopt | Diagnostic | None:
-    """The change that makes the machine of this id the manifest's partition; its settings stay. None: it is that.
+def _adoption(state: State, request: PlanRequest, locate: Locator) -> Iterator[Adopt | Diagnostic]:
+    """The change that makes the machine of this id the manifest's partition; its settings stay.
 
     The mark says what the machine has now, so that the next plan tells what the manifest wants of it.
     """
@@ -148,17 +147,19 @@ def adoption(state: State, request: PlanRequest, locate: Locator) -> Adopt | Dia
             ", ".join(f"{partition.settings.name} {partition.id}" for partition in state.partitions)
             or "it has no machines"
         )
-        return NO_SUCH_MACHINE.at(
+        yield NO_SUCH_MACHINE.at(
             place,
             f"{state.facts.name} has no machine {machine}: {known}.",
             "Give one of these ids.",
             address=address,
             values={"host": state.facts.name, "machine": machine},
         )
+        return
     if before.mark is not None and (before.mark.application, before.mark.name) == (application, name):
-        return None  # also where a run was killed after its last step, and its user gives the command again
+        return  # also where a run was killed after its last step, and its user gives the command again
     if taken := _taken(state, application, name, before):
-        return replace(taken, place=place, address=address)
+        yield replace(taken, place=place, address=address)
+        return
     mark = Mark(
         application=application,
         robot=request.system.application.robot,
@@ -166,7 +167,7 @@ def adoption(state: State, request: PlanRequest, locate: Locator) -> Adopt | Dia
         machine=before.id[:8],
         set=set_of_settings(replace(before.settings, secure_boot=None)),
     )
-    return Adopt(
+    yield Adopt(
         address=Address(partition=name, machine=before.id),
         before=before,
         after=replace(before, mark=mark),
@@ -191,8 +192,8 @@ def _taken(state: State, application: str, name: str, machine: Partition) -> Dia
     return TAKEN.at(None, problem, advice, values={"partition": name, "machine": holder.id})
 
 
-def releasing(state: State, request: PlanRequest, locate: Locator) -> Release | Diagnostic | None:
-    """The change that takes our mark off this partition; the machine and its settings stay. None: it has no mark."""
+def _releasing(state: State, request: PlanRequest, locate: Locator) -> Iterator[Release | Diagnostic]:
+    """The change that takes our mark off this partition; the machine and its settings stay."""
     (name,), application = request.partitions, request.application
     place = locate(Address(partition=name))
     managed: dict[str, Partition] = {
@@ -201,10 +202,10 @@ def releasing(state: State, request: PlanRequest, locate: Locator) -> Release | 
     before = managed.get(name)
     unmarked = {partition.settings.name for partition in state.partitions if partition.mark is None}
     if before is None and name in unmarked:
-        return None  # also where a run was killed after its last step, and its user gives the command again
+        return  # also where a run was killed after its last step, and its user gives the command again
     if before is None:
         known = ", ".join(sorted(managed, key=natural_order)) or "none"
-        return NOT_MANAGED.at(
+        yield NOT_MANAGED.at(
             place,
             f"On {state.facts.name} no partition {quoted(name)} carries a mark of {quoted(application)}; "
             f"these do: {known}.{suggestion(name, managed)}",
@@ -217,7 +218,8 @@ def releasing(state: State, request: PlanRequest, locate: Locator) -> Release | 
                 "managed": tuple(sorted(managed)),
             },
         )
-    return Release(
+        return
+    yield Release(
         address=Address(partition=name, machine=before.id),
         before=before,
         after=replace(before, mark=None),
