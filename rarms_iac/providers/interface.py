@@ -54,9 +54,8 @@ class HostTakenOver(HostLocked):
     """Another run took the host over while this one held it; this one changes nothing any more."""
 
 
-@runtime_checkable
-class StepwiseHost(Protocol):
-    """A host that is changed one operation at a time, with lock and journal on the host itself."""
+class ReadableHost(Protocol):
+    """A host that can be observed."""
 
     @property
     def name(self) -> str:
@@ -72,6 +71,11 @@ class StepwiseHost(Protocol):
             HostDamaged: what was kept cannot be read.
             HostError: the host cannot be reached or read.
         """
+
+
+@runtime_checkable
+class StepwiseHost(ReadableHost, Protocol):
+    """A host that is changed one operation at a time, with lock and journal on the host itself."""
 
     def lock(self, owner: str, timeout_ms: int = 0) -> AbstractContextManager[None]:
         """Hold the host; released when the context ends or the process dies.
@@ -255,19 +259,8 @@ class EventListener(Protocol):
 
 
 @runtime_checkable
-class ScriptedHost(Protocol):
+class ScriptedHost(ReadableHost, Protocol):
     """A host that runs whole scripts, which hold the lock, keep the journal and guard every step themselves."""
-
-    @property
-    def name(self) -> str:
-        """The host's name in the manifest."""
-
-    def observe(self) -> State:
-        """Observe what is there now; the contract is that of `StepwiseHost.observe`.
-
-        Returns:
-            One moment's state.
-        """
 
     def journal(self) -> ScriptRun | None:
         """The last run on this host, None where there was none.

@@ -14,10 +14,9 @@ from rarms_iac.model.measurement import PlatformFacts
 from rarms_iac.model.run import Elapsed, SampleCount
 from rarms_iac.model.series import Sample
 from rarms_iac.model.setting import SettingEvidence
-from rarms_iac.model.state import State
 from rarms_iac.model.system import Component
 from rarms_iac.planner.task_classes import ClassValues
-from rarms_iac.providers.interface import ScriptedHost, StepwiseHost
+from rarms_iac.providers.interface import ReadableHost, ScriptedHost, StepwiseHost
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +152,7 @@ class PartitionShape:
     weight: int
 
 
-class WorkHost(Protocol):
+class WorkHost(ReadableHost, Protocol):
     """A host on which components can be run and looked at.
 
     What is measured must hold in service, where nothing but the reservation is promised. So P1 gets exactly CR as soon
@@ -163,13 +162,6 @@ class WorkHost(Protocol):
     keeps to what they say: reserves first, then weights over the whole host. One that cannot must bring the same about
     otherwise, and change that part for its logs.
     """
-
-    @property
-    def name(self) -> str:
-        """The host's name in the manifest."""
-
-    def observe(self) -> State:
-        """Observe what is there now; the contract is that of `StepwiseHost.observe`."""
 
     def platform_facts(self) -> PlatformFacts:
         """Describe what of this machine can change what is measured on it, equal as long as that is equal.
