@@ -30,7 +30,7 @@ class HostFiles(Protocol):
         """Add a record to a log, durably, in a folder that is made."""
 
     def hold(self, lock: Path, owner: str, timeout_ms: int) -> AbstractContextManager[None]:
-        """Hold the host while the context lasts. Raises Locked."""
+        """Hold the host while the context lasts; what killed writers left is gone then. Raises Locked, HostLocked."""
 
     def holder(self, lock: Path) -> str:
         """Return the owner of the run that holds the host now; empty: none that can be seen from here."""

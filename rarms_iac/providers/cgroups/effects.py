@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Protocol
 
 from rarms_iac.providers.interface import HostDamaged
-from rarms_iac.providers.journaled import LocalFiles
+from rarms_iac.providers.journaled import HostFiles, LocalFiles
 from rarms_iac.storage import disk
 from rarms_iac.storage.append import Record
 from rarms_iac.storage.lock import Locked
@@ -33,14 +33,11 @@ _RUN_SECONDS = 120.0
 """More than systemd lets any unit take by itself (DefaultTimeoutStopSec)."""
 
 
-class LinuxEffects(Protocol):
-    """A Linux host. An OSError is the answer of its kernel; paths are those of the host."""
+class LinuxEffects(HostFiles, Protocol):
+    """A Linux host with its files of rarms. An OSError is the answer of its kernel; paths are those of the host."""
 
     def look(self) -> None:
         """Look at the host as it is now, not as it was seen before."""
-
-    def content(self, path: Path) -> bytes | None:
-        """Return the bytes of a file that rarms keeps; None: there is none. Raises OSError."""
 
     def read(self, path: Path) -> str:
         """Return the text of a file of the kernel without its line end. Raises FileNotFoundError."""
@@ -65,18 +62,6 @@ class LinuxEffects(Protocol):
 
     def processes(self) -> Callable[[Path], str]:
         """Return a reader of the processes' `stat` and `cmdline`; it answers with an empty text where one is gone."""
-
-    def hold(self, lock: Path, owner: str, timeout_ms: int) -> AbstractContextManager[None]:
-        """Hold the host, and remove what killed writers left beside the lock. Raises Locked, HostLocked, OSError."""
-
-    def holder(self, lock: Path) -> str:
-        """Return the owner of the run that holds the host now; empty: none that can be seen from here."""
-
-    def replace(self, path: Path, data: bytes) -> None:
-        """Make a file exactly these bytes, durably, in a folder that is made. Raises OSError."""
-
-    def append(self, path: Path, record: Record) -> None:
-        """Add a record to a log, durably. Raises OSError."""
 
     def delete(self, path: Path) -> None:
         """Remove a file, durably; it may be gone. Raises OSError."""

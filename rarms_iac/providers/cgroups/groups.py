@@ -61,9 +61,24 @@ class GroupTree(ABC):
     def read(self, name: str) -> GroupValues:
         """Read the values as they are in the kernel now. Raises FileNotFoundError where the group is not there."""
 
-    @abstractmethod
     def as_kernel_shows(self, values: GroupValues) -> GroupValues:
         """Return what `read` answers once these values are written: the kernel rounds, and has its bounds."""
+        quota, period = values.quota_percent, values.period_us
+        return replace(
+            values,
+            shares_percent=self._shown_shares(values),
+            quota_percent=None if quota is None else self._quota_us(quota, period) * 100 / period,
+            period_us=USUAL_PERIOD_US if quota is None else period,
+            memory=whole_pages(values.memory),
+        )
+
+    def _quota_us(self, percent: float, period_us: int) -> int:
+        """Return a quota in whole microseconds of each period."""
+        return round(percent * period_us / 100)
+
+    @abstractmethod
+    def _shown_shares(self, values: GroupValues) -> float:
+        """Return the shares that the kernel shows."""
 
     @abstractmethod
     def cpu_ms(self, name: str) -> float:

@@ -7,7 +7,6 @@ kernel holds is read from its own files, as everywhere.
 import json
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 
 from rarms_iac.providers.cgroups.effects import LinuxEffects
@@ -79,11 +78,11 @@ class GroupTreeSystemd(GroupTreeV2):
         self._set(name, f"CPUWeight={weight}", *quota, limit, f"AllowedCPUs={processors}")
         self._await(name, "cpu.weight", str(weight))
         self._await(name, "memory.max", "max" if shown is None else str(shown))
-        self._await(name, "cpu.max", _shown_quota(values.quota_percent, values.period_us))
+        self._await_quota(name, values.quota_percent, values.period_us)
 
-    def as_kernel_shows(self, values: GroupValues) -> GroupValues:
-        quota = _rounded_down(values.quota_percent, values.period_us)
-        return replace(super().as_kernel_shows(values), quota_percent=quota)
+    def _quota_us(self, percent: float, period_us: int) -> int:
+        """Systemd rounds down."""
+        return int(percent * period_us) // 100
 
     def remove(self, name: str) -> None:
         self._effects.end_processes(self._groups(name))
@@ -101,7 +100,11 @@ class GroupTreeSystemd(GroupTreeV2):
 
     def _write_quota(self, name: str, percent: float | None, period_us: int) -> None:
         self._set(name or self._slice, *_quota(percent, period_us))
-        self._await(name, "cpu.max", _shown_quota(percent, period_us))
+        self._await_quota(name, percent, period_us)
+
+    def _await_quota(self, name: str, percent: float | None, period_us: int) -> None:
+        shown = "max *" if percent is None else f"{self._quota_us(percent, period_us)} {period_us}"
+        self._await(name, "cpu.max", shown)
 
     def _await(self, name: str, file: str, pattern: str) -> None:
         """Wait until the kernel has what systemd was told: systemd answers before."""
@@ -129,13 +132,3 @@ class GroupTreeSystemd(GroupTreeV2):
 def _quota(percent: float | None, period_us: int) -> Iterator[str]:
     yield "CPUQuota=" if percent is None else f"CPUQuota={percent:.2f}%"
     yield f"CPUQuotaPeriodSec={period_us}us"
-
-
-def _rounded_down(percent: float | None, period_us: int) -> float | None:
-    """Return what systemd makes of a quota: whole microseconds in each period."""
-    return None if percent is None else int(percent * period_us) // 100 * 100 / period_us
-
-
-def _shown_quota(percent: float | None, period_us: int) -> str:
-    """Return what `cpu.max` shows of a quota."""
-    return "max *" if percent is None else f"{int(percent * period_us) // 100} {period_us}"

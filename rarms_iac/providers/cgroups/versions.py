@@ -1,10 +1,9 @@
 """Control groups of version 1 and of version 2: what each setting is in the kernel's files."""
 
 import errno
-from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupTree, GroupValues, entry_of, numbers, whole_pages
+from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupTree, GroupValues, entry_of, numbers
 
 CONTROLLERS_V2 = ("cpuset", "memory", "cpu")
 _MOST_SHARES_V1, MOST_WEIGHT_V2 = 262_144, 10_000
@@ -40,14 +39,8 @@ class GroupTreeV1(GroupTree):
             memory=None if memory >= _NO_MEMORY_LIMIT_V1 else memory,
         )
 
-    def as_kernel_shows(self, values: GroupValues) -> GroupValues:
-        return replace(
-            values,
-            shares_percent=_shares(values) / 10,
-            quota_percent=_rounded_quota(values),
-            period_us=USUAL_PERIOD_US if values.quota_percent is None else values.period_us,
-            memory=whole_pages(values.memory),
-        )
+    def _shown_shares(self, values: GroupValues) -> float:
+        return _shares(values) / 10
 
     def cpu_ms(self, name: str) -> float:
         return int(self._read("cpuacct", name, "cpuacct.usage")) / 1e6
@@ -64,7 +57,7 @@ class GroupTreeV1(GroupTree):
         self._write("cpu", name, "cpu.cfs_quota_us", "-1")  # the old quota may be more than the new period allows
         if percent is not None:
             self._write("cpu", name, "cpu.cfs_period_us", str(period_us))
-            self._write("cpu", name, "cpu.cfs_quota_us", str(round(percent * period_us / 100)))
+            self._write("cpu", name, "cpu.cfs_quota_us", str(self._quota_us(percent, period_us)))
 
     def _prepare_slice(self) -> None:
         for folder in self._folders:
@@ -108,14 +101,8 @@ class GroupTreeV2(GroupTree):
             memory=None if memory == "max" else int(memory),
         )
 
-    def as_kernel_shows(self, values: GroupValues) -> GroupValues:
-        return replace(
-            values,
-            shares_percent=float(weight_v2(values)),
-            quota_percent=_rounded_quota(values),
-            period_us=USUAL_PERIOD_US if values.quota_percent is None else values.period_us,
-            memory=whole_pages(values.memory),
-        )
+    def _shown_shares(self, values: GroupValues) -> float:
+        return float(weight_v2(values))
 
     def _refuse_used_memory(self, name: str, memory: int | None) -> None:
         used = entry_of(self._read_if_there(self._file("memory", name, "memory.stat")), "anon")
@@ -134,7 +121,7 @@ class GroupTreeV2(GroupTree):
         return len(numbers(next(filter(None, map(self._read_if_there, files)))))
 
     def _write_quota(self, name: str, percent: float | None, period_us: int) -> None:
-        quota = "max" if percent is None else str(round(percent * period_us / 100))
+        quota = "max" if percent is None else str(self._quota_us(percent, period_us))
         self._write("cpu", name, "cpu.max", f"{quota} {period_us}")
 
     def _prepare_slice(self) -> None:
@@ -155,12 +142,6 @@ def _shares(values: GroupValues) -> int:
 def weight_v2(values: GroupValues) -> int:
     """The weight of version 2 for these values."""
     return min(max(1, round(values.shares_percent)), MOST_WEIGHT_V2)
-
-
-def _rounded_quota(values: GroupValues) -> float | None:
-    if values.quota_percent is None:
-        return None
-    return round(values.quota_percent * values.period_us / 100) * 100 / values.period_us
 
 
 def _list(values: GroupValues) -> str:
