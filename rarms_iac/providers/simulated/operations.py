@@ -97,16 +97,13 @@ def with_new_disk(
     return content.with_disk(disk)
 
 
-def refuse_disk_removal(content: Content, operation: operations.RemoveDisk) -> Refusal | None:
-    """Why this disk cannot be deleted, None where it can."""
+def refuse_disk_removal(content: Content, operation: operations.RemoveDisk) -> None:
+    """Refuse to delete a disk that is not there or in use."""
     live = disk_readings(content.disks, operation.path)
     if not live["exists"]:
-        return Refusal(
-            message=f"there is no disk {operation.path}", advice=prose("Look at the host again: ", PLAN, ".")
-        )
+        raise Refusal(f"there is no disk {operation.path}", prose("Look at the host again: ", PLAN, "."))
     if live["used"]:
-        return Refusal(message=f"{operation.path} is in use", advice="Remove what has it first.")
-    return None
+        raise Refusal(f"{operation.path} is in use", "Remove what has it first.")
 
 
 def change_machine(content: Content, machine: SimulatedMachine, operation: operations.MachineOperation) -> Content:
@@ -127,24 +124,22 @@ def change_machine(content: Content, machine: SimulatedMachine, operation: opera
     return content.with_machine(changed)
 
 
-def refuse_task_change(registry: Registry, operation: operations.TaskOperation) -> Refusal | None:
-    """Why this cannot be done to the registry, None where it can."""
+def refuse_task_change(registry: Registry, operation: operations.TaskOperation) -> None:
+    """Refuse what cannot be done to the registry."""
     task = operation.task
     values, record = _in_registry(registry, task)
     match operation:
         case operations.WriteTaskClass(values=wanted):
-            problem = _impossible_key(task) or _impossible_values(wanted)
-            return Refusal(message=f"{_described(task)}: {problem}", advice="Correct it.") if problem else None
+            if problem := _impossible_key(task) or _impossible_values(wanted):
+                raise Refusal(f"{_described(task)}: {problem}", "Correct it.")
         case operations.RemoveTaskClass() if values is None:
-            return Refusal(
-                message=f"there is no {_described(task)}", advice=prose("Look at the host again: ", PLAN, ".")
-            )
+            raise Refusal(f"there is no {_described(task)}", prose("Look at the host again: ", PLAN, "."))
         case operations.WriteTaskRecord(record=TaskRecord(application=application)):
-            return _refuse_record_of_others(task, record, application)
+            _refuse_record_of_others(task, record, application)
         case operations.EraseTaskRecord(application=application):
-            return _refuse_record_of_others(task, record, application)
+            _refuse_record_of_others(task, record, application)
         case _:
-            return None
+            pass
 
 
 def change_registry(registry: Registry, operation: operations.TaskOperation) -> Registry:
@@ -194,13 +189,12 @@ def _described(task: str) -> str:
     return task if task == SYSTEM_RESPONSIVENESS else f"task class {task}"
 
 
-def _refuse_record_of_others(task: str, record: TaskRecord | None, application: str) -> Refusal | None:
-    if record is None or record.application == application:
-        return None
-    return Refusal(
-        message=f"{_described(task)} belongs to the application {record.application}",
-        advice="Take it out of one of the two manifests.",
-    )
+def _refuse_record_of_others(task: str, record: TaskRecord | None, application: str) -> None:
+    if record is not None and record.application != application:
+        raise Refusal(
+            f"{_described(task)} belongs to the application {record.application}",
+            "Take it out of one of the two manifests.",
+        )
 
 
 def _impossible_key(task: str) -> str:

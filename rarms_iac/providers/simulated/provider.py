@@ -20,7 +20,7 @@ from rarms_iac.model.operations import (
 from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import Rights, State
 from rarms_iac.providers.interface import HostFailed, HostRefused
-from rarms_iac.providers.journaled import JournaledHost, LocalFiles, report_damage
+from rarms_iac.providers.journaled import JournaledHost, LocalFiles, report_damage, report_failure
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine, empty, next_id
 from rarms_iac.providers.simulated.content_file import read_content, write_content
 from rarms_iac.providers.simulated.observation import (
@@ -88,7 +88,10 @@ class SimulatedHostProvider(JournaledHost):
         """Faults that the manifest asks for strike here."""
         # What the host itself would refuse comes before any fault. LATE and FAIL_AFTER do the operation first.
         before = self.load()
-        after = self._after(before, operation, scope)
+        try:
+            after = self._after(before, operation, scope)
+        except Refusal as refusal:
+            raise HostRefused(self.name, refusal.message, refusal.advice) from None
         fault = self._fault(before, operation)
         if fault is None:
             self.save(after)
@@ -128,14 +131,8 @@ class SimulatedHostProvider(JournaledHost):
             HostFailed: the file cannot be written; what was there before still is.
         """
         data = write_content(content)
-        try:
+        with report_failure(self.name, self._path):
             self._files.replace(self._path, data)
-        except OSError as problem:
-            raise HostFailed(
-                self.name,
-                f"{self._path} cannot be written: {problem.strerror or problem}",
-                "Make room, or mend its rights.",
-            ) from None
         self._last_content = (data, content)
 
     def _machines(self, content: Content) -> State:
@@ -148,18 +145,16 @@ class SimulatedHostProvider(JournaledHost):
 
     def _after(self, content: Content, operation: Operation, scope: Scope) -> Content:
         state = self._machines(content)
-        if state.facts.rights is not Rights.PROVEN:
-            raise self._refused(refuse_without_rights(state.facts))
+        refuse_without_rights(state.facts)
         match operation:
             case CreatePartition():
                 return self._after_creation(content, state, operation, scope)
             case RestorePartition():
                 if operation.machine in content.machines or resolve(state.partitions, operation.partition, scope):
-                    raise HostRefused(self.name, f"there is a partition {operation.partition} already", PARTITION_AGAIN)
+                    raise Refusal(f"there is a partition {operation.partition} already", PARTITION_AGAIN)
                 return with_restored_machine(content, operation)
             case RemoveDisk():
-                if refusal := refuse_disk_removal(content, operation):
-                    raise self._refused(refusal)
+                refuse_disk_removal(content, operation)
                 return content.without_disk(operation.path)
             case _ if isinstance(operation, TaskOperation):
                 return self._after_task(content, state, operation, scope)
@@ -169,23 +164,20 @@ class SimulatedHostProvider(JournaledHost):
     def _after_task(self, content: Content, state: State, operation: TaskOperation, scope: Scope) -> Content:
         machine = self._only(content, state, address_of(operation), scope).id if operation.inside else ""
         registry = content.registry(machine)
-        if refusal := refuse_task_change(registry, operation):
-            raise self._refused(refusal)
+        refuse_task_change(registry, operation)
         return content.with_registry(machine, change_registry(registry, operation))
 
     def _after_machine(self, content: Content, state: State, operation: MachineOperation, scope: Scope) -> Content:
         machine = self._only(content, state, address_of(operation), scope)
         guest_build = description(self._host).guest_windows_build
-        if refusal := refuse_change(operation, machine, content, state.facts, guest_build):
-            raise self._refused(refusal)
+        refuse_change(operation, machine, content, state.facts, guest_build)
         return change_machine(content, machine, operation)
 
     def _after_creation(self, content: Content, state: State, operation: CreatePartition, scope: Scope) -> Content:
         if resolve(state.partitions, operation.partition, scope):
-            raise HostRefused(self.name, f"there is a partition {operation.partition} already", PARTITION_AGAIN)
+            raise Refusal(f"there is a partition {operation.partition} already", PARTITION_AGAIN)
         settings = new_settings(operation, scope)
-        if refusal := refuse_creation(operation, settings):
-            raise self._refused(refusal)
+        refuse_creation(operation, settings)
         after = with_new_machine(content, settings)
         if not operation.image:
             return after
@@ -196,7 +188,7 @@ class SimulatedHostProvider(JournaledHost):
         machines = resolve(state.partitions, address.partition, scope, address.machine)
         if len(machines) != 1:
             count = f"{len(machines)} machines are" if machines else "no machine is"
-            raise HostRefused(self.name, f"{count} managed as the partition {address.partition}", PARTITION_AGAIN)
+            raise Refusal(f"{count} managed as the partition {address.partition}", PARTITION_AGAIN)
         return content.machines[machines[0].id]
 
     def _fault(self, content: Content, operation: Operation) -> tuple[str, Fault] | None:
@@ -206,9 +198,6 @@ class SimulatedHostProvider(JournaledHost):
             if fault.operation == operation.kind and fault.at.lower() in {"*", address} and not spent:
                 return name, fault
         return None
-
-    def _refused(self, refusal: Refusal) -> HostRefused:
-        return HostRefused(self.name, refusal.message, refusal.advice)
 
 
 def _with_strike(content: Content, fault: str) -> Content:

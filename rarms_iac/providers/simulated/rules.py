@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from rarms_iac.model.commands import Wording
 from rarms_iac.model.host import SchedulerType
@@ -21,7 +20,7 @@ from rarms_iac.model.operations import (
     StopPartition,
 )
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, show_bytes, write_bytes
-from rarms_iac.model.state import HostFacts, PartitionSettings, RunState
+from rarms_iac.model.state import HostFacts, PartitionSettings, Rights, RunState
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine
 
 LONGEST_NAME = 100
@@ -73,93 +72,92 @@ SERVER_2016, WINDOWS_10 = 14393, 10240
 """Builds from which static memory changes while the machine runs: of a server and of a client (windows.md 3)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Refusal:
-    """Why an operation is refused, and what would help."""
+class Refusal(Exception):
+    """An operation is refused: why, and what would help."""
 
-    message: str
-    advice: Wording
-
-
-def refuse_without_rights(facts: HostFacts) -> Refusal:
-    """The answer to everything where the rights are missing."""
-    return Refusal(
-        message=f"access to {facts.computer_name} is denied",
-        advice="Run as an administrator of the host (simulated.administrator: true).",
-    )
+    def __init__(self, message: str, advice: Wording) -> None:
+        super().__init__(message)
+        self.message = message
+        self.advice = advice
 
 
-def refuse_creation(operation: CreatePartition, settings: PartitionSettings) -> Refusal | None:
-    """Why this machine cannot be made."""
-    problem = out_of_range(settings)
-    return (
-        Refusal(message=f"{operation.partition} cannot be made: {problem}", advice="Correct it.") if problem else None
-    )
+def refuse_without_rights(facts: HostFacts) -> None:
+    """Refuse everything where the rights are missing."""
+    if facts.rights is not Rights.PROVEN:
+        raise Refusal(
+            f"access to {facts.computer_name} is denied",
+            "Run as an administrator of the host (simulated.administrator: true).",
+        )
+
+
+def refuse_creation(operation: CreatePartition, settings: PartitionSettings) -> None:
+    """Refuse a machine that cannot be made."""
+    if problem := out_of_range(settings):
+        raise Refusal(f"{operation.partition} cannot be made: {problem}", "Correct it.")
 
 
 def refuse_change(
     operation: Operation, machine: SimulatedMachine, content: Content, facts: HostFacts, guest_build: int
-) -> Refusal | None:
-    """Why this cannot be done to this machine now, None where it can."""
+) -> None:
+    """Refuse what cannot be done to this machine now."""
     match operation:
         case SetProcessors():
-            after = applied(machine.settings, operation)
-            return _refuse_running(machine, "its processor count") or _refuse_settings(after)
+            _refuse_running(machine, "its processor count")
+            _refuse_settings(applied(machine.settings, operation))
         case SetCpu() if machine.state is RunState.SAVED:
-            return _refuse_running(machine, "its reserve")
+            _refuse_running(machine, "its reserve")
         case SetCpu() | RenamePartition():
-            return _refuse_settings(applied(machine.settings, operation))
+            _refuse_settings(applied(machine.settings, operation))
         case SetMemory():
-            return _refuse_memory(operation, machine, content, facts, guest_build)
+            _refuse_memory(operation, machine, content, facts, guest_build)
         case SetActions(stop=stop) if stop:
-            return _refuse_running(machine, "what the host does with it when it stops")
+            _refuse_running(machine, "what the host does with it when it stops")
         case SetSecureBoot() if machine.settings.generation == 1:
             name = machine.settings.name
-            return Refusal(message=f"{name} is of generation 1, which has no secure boot", advice="Make it again.")
+            raise Refusal(f"{name} is of generation 1, which has no secure boot", "Make it again.")
         case SetSecureBoot():
-            return _refuse_running(machine, "secure boot")
+            _refuse_running(machine, "secure boot")
         case StartPartition():
-            return _refuse_start(machine, content, facts)
+            _refuse_start(machine, content, facts)
         case StopPartition() if machine.state is RunState.BUSY:
-            return Refusal(message=f"{machine.settings.name} is changing its state", advice="Try again in a moment.")
+            raise Refusal(f"{machine.settings.name} is changing its state", "Try again in a moment.")
         case RemovePartition() if machine.state not in {RunState.OFF, RunState.SAVED}:
             state = f"{machine.settings.name} is {machine.state.value}"
-            return Refusal(message=f"{state}, and only a machine that is off can be removed", advice="Stop it first.")
+            raise Refusal(f"{state}, and only a machine that is off can be removed", "Stop it first.")
         case _:
-            return None
+            pass
 
 
-def _refuse_running(machine: SimulatedMachine, setting: str) -> Refusal | None:
+def _refuse_running(machine: SimulatedMachine, setting: str) -> None:
     if machine.state is RunState.OFF:
-        return None
-    return Refusal(
-        message=f"{machine.settings.name} is {machine.state.value}, and {setting} can only change while it is off",
-        advice="Stop it first.",
+        return
+    raise Refusal(
+        f"{machine.settings.name} is {machine.state.value}, and {setting} can only change while it is off",
+        "Stop it first.",
     )
 
 
-def _refuse_settings(settings: PartitionSettings) -> Refusal | None:
-    problem = out_of_range(settings)
-    return Refusal(message=f"{settings.name}: {problem}", advice="Correct it.") if problem else None
+def _refuse_settings(settings: PartitionSettings) -> None:
+    if problem := out_of_range(settings):
+        raise Refusal(f"{settings.name}: {problem}", "Correct it.")
 
 
 def _refuse_memory(
     operation: SetMemory, machine: SimulatedMachine, content: Content, facts: HostFacts, guest_build: int
-) -> Refusal | None:
+) -> None:
     settings = machine.settings
     wanted = applied(settings, operation)
     if wanted == settings:
-        return None
-    if problem := _refuse_settings(wanted):
-        return problem
+        return
+    _refuse_settings(wanted)
     if operation.dynamic != settings.dynamic_memory:
-        return _refuse_running(machine, "switching between static and dynamic memory")
-    if settings.dynamic_memory:
-        return _refuse_running(machine, "the startup memory of a dynamic machine")
-    if machine.state is RunState.RUNNING and _resizes_while_running(facts, guest_build):
-        grows = wanted.memory > settings.memory
-        return _refuse_lack_of_memory(wanted, machine, content, facts) if grows else None
-    return _refuse_running(machine, "its memory")
+        _refuse_running(machine, "switching between static and dynamic memory")
+    elif settings.dynamic_memory:
+        _refuse_running(machine, "the startup memory of a dynamic machine")
+    elif machine.state is not RunState.RUNNING or not _resizes_while_running(facts, guest_build):
+        _refuse_running(machine, "its memory")
+    elif wanted.memory > settings.memory:
+        _refuse_lack_of_memory(wanted, machine, content, facts)
 
 
 def _resizes_while_running(facts: HostFacts, guest_build: int) -> bool:
@@ -167,44 +165,39 @@ def _resizes_while_running(facts: HostFacts, guest_build: int) -> bool:
     return facts.os_build >= host_needs and guest_build >= WINDOWS_10
 
 
-def _refuse_start(machine: SimulatedMachine, content: Content, facts: HostFacts) -> Refusal | None:
+def _refuse_start(machine: SimulatedMachine, content: Content, facts: HostFacts) -> None:
     if machine.state is RunState.RUNNING:
-        return None
+        return
     if machine.state in {RunState.BUSY, RunState.CRITICAL}:
-        return Refusal(message=f"{machine.settings.name} is {machine.state.value}", advice="Look at the host.")
-    return _refuse_lack_of_memory(machine.settings, machine, content, facts) or _refuse_lack_of_reserve(
-        machine, content, facts
-    )
+        raise Refusal(f"{machine.settings.name} is {machine.state.value}", "Look at the host.")
+    _refuse_lack_of_memory(machine.settings, machine, content, facts)
+    _refuse_lack_of_reserve(machine, content, facts)
 
 
 def _refuse_lack_of_memory(
     wanted: PartitionSettings, machine: SimulatedMachine, content: Content, facts: HostFacts
-) -> Refusal | None:
+) -> None:
     taken = sum(other.settings.memory for other in _others_with_resources(machine, content))
     if taken + wanted.memory <= facts.memory:
-        return None
+        return
     free = max(0, facts.memory - taken)
-    return Refusal(
-        message=(
-            f"{wanted.name} needs {show_bytes(wanted.memory, free)}, and of {show_bytes(facts.memory)} "
-            f"{show_bytes(free, wanted.memory)} are free"
-        ),
-        advice="Stop another machine, or give it less memory.",
+    raise Refusal(
+        f"{wanted.name} needs {show_bytes(wanted.memory, free)}, and of {show_bytes(facts.memory)} "
+        f"{show_bytes(free, wanted.memory)} are free",
+        "Stop another machine, or give it less memory.",
     )
 
 
-def _refuse_lack_of_reserve(machine: SimulatedMachine, content: Content, facts: HostFacts) -> Refusal | None:
+def _refuse_lack_of_reserve(machine: SimulatedMachine, content: Content, facts: HostFacts) -> None:
     """It is checked at the start and not before; under the root scheduler reserves mean nothing (windows.md 1.2, 2)."""
     settings = machine.settings
     if settings.reserve == 0 or facts.scheduler in {SchedulerType.ROOT, SchedulerType.NONE}:
-        return None
+        return
     if settings.processors > facts.logical_processors:
-        return Refusal(
-            message=(
-                f"{settings.name} has {settings.processors} virtual processors with a reserve, "
-                f"and there are {facts.logical_processors} logical ones"
-            ),
-            advice="Give it fewer processors, or no reserve.",
+        raise Refusal(
+            f"{settings.name} has {settings.processors} virtual processors with a reserve, "
+            f"and there are {facts.logical_processors} logical ones",
+            "Give it fewer processors, or no reserve.",
         )
     # Under the core scheduler two threads of a core never run two machines (windows.md 2).
     threads = 2 if facts.smt and facts.scheduler is SchedulerType.CORE else 1
@@ -212,13 +205,11 @@ def _refuse_lack_of_reserve(machine: SimulatedMachine, content: Content, facts: 
     for running in (machine, *_others_with_resources(machine, content)):
         sizes[running.settings.reserve] += -(-running.settings.processors // threads)
     if packs(sizes, facts.logical_processors // threads):
-        return None
-    return Refusal(
-        message=(
-            f"the reserve of {settings.name}, {settings.reserve} % of each of {settings.processors} processors, "
-            f"does not fit {facts.logical_processors} logical processors beside what runs"
-        ),
-        advice="Lower a reserve, or stop another machine.",
+        return
+    raise Refusal(
+        f"the reserve of {settings.name}, {settings.reserve} % of each of {settings.processors} processors, "
+        f"does not fit {facts.logical_processors} logical processors beside what runs",
+        "Lower a reserve, or stop another machine.",
     )
 
 
