@@ -261,6 +261,29 @@ def test_no_text_of_a_log_or_journal_reaches_a_terminal_raw(
     check(replace(answer, err=re.sub("\x1b\\[[0-9;?]*[a-zA-Z]", "", answer.err)))
 
 
+IMPOSSIBLE: list[tuple[str, int, tuple[Any, ...], Any, list[str]]] = [
+    ("measurements/onboard/tuning.jsonl", 0, ("trail", 1, "components"), [], ["report", "--out", "report.html"]),
+    ("measurements/onboard/paths.configuration.jsonl", -1, ("indexes", 0, "index"), "mean", ["report"]),
+]
+"""Values of the right type that no rarms writes: a file, its record, the field, the value, a command."""
+
+
+@pytest.mark.parametrize(("file", "record", "path", "new", "words"), IMPOSSIBLE)
+def test_a_value_that_no_rarms_writes_makes_the_log_unreadable(
+    cell: Path, tmp_path: Path, file: str, record: int, path: tuple[Any, ...], new: Any, words: list[str]
+) -> None:
+    folder = tmp_path / "files"
+    copy_files(cell, folder)
+    damage(folder, file, record, lambda _: path, new)
+
+    with chdir(folder), in_time():
+        answer = rarms(*words)
+
+    assert "Traceback" not in answer.err
+    assert Path(file).name in answer.err
+    assert "RARMS199" not in answer.err
+
+
 def make_pipe(path: Path) -> None:
     os.mkfifo(path)
 

@@ -12,11 +12,13 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Literal
 
+from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import EnvironmentSetup, PlatformFacts
 from rarms_iac.model.outcomes import VerdictWord
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.system import Threshold
-from rarms_iac.storage.codec import Json, decode, decode_union
+from rarms_iac.model.wording import quoted
+from rarms_iac.storage.codec import Json, NotDecodable, decode, decode_union
 from rarms_iac.storage.datalog.files import append_to_log, decoded_records
 from rarms_iac.storage.disk import MEASUREMENTS
 
@@ -108,6 +110,9 @@ def read_entries(path: Path) -> tuple[Entry, ...]:
 
 def _entry_in(record: dict[str, Json]) -> Entry:
     entry: Entry = decode_union(Entry, record)
+    for number, proven in enumerate(entry.indexes if isinstance(entry, Proven) else ()):
+        if find_index(proven.index) is None:
+            raise NotDecodable(f"indexes[{number}].index", f"rarms has no index {quoted(proven.index)}")
     return entry
 
 
@@ -272,4 +277,7 @@ def read_runs(path: Path) -> tuple[TuningRun, ...]:
 
 
 def _run_in(record: dict[str, Json]) -> TuningRun:
-    return decode(TuningRun, record)
+    run = decode(TuningRun, record)
+    if not all(each.components for each in (*run.partitions, *run.trail, *run.doubts)):
+        raise NotDecodable("", "a compound or a partition has no component")
+    return run
