@@ -77,7 +77,8 @@ def abandon(host: LiveHost, waits: WaitLimits = NO_WAITING) -> RunReport:
     try:
         match host:
             case StepwiseHost():
-                if host.unfinished() is None:
+                journal = host.journal()  # read whole: one that is damaged anywhere tells of no run that ended
+                if journal is None or not journal.unfinished:
                     return RunReport(ending=RunEnding.NOTHING)
                 host.record(RunClosed(closing=Closing.ABANDONED))
                 return RunReport(ending=RunEnding.DONE)

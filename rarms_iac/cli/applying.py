@@ -13,6 +13,7 @@ from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.requests import RunOptions
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.applying.plan_request import PlanRequest
+from rarms_iac.applying.refusals import UNFINISHED
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.cli.ending import ExitCode, Interrupted
 from rarms_iac.cli.messages import TerminalReporter, tell
@@ -76,16 +77,18 @@ def finish_first(
 def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: RunOptions) -> ExitCode:
     """Plan, then write the plan (`how.out`), or show it, ask, and do it."""
     if how.out is not None:
-        plan = make_plan(hosts, request)
-        show_plan(session, plan, hosts.manifest.sources)
-        write_and_advise(session, how.out, plan)
+        written = make_plan(hosts, request)
+        show_plan(session, written, hosts.manifest.sources)
+        write_and_advise(session, how.out, written)
         return ExitCode.DONE
     own = {hosts.system.application.name} if request.purpose is Purpose.APPLY else set()
     live, needs_key = tuple(hosts.open(name) for name in hosts.chosen), hosts.system.policy.signed_plans
-    finished = finish_first(session, live, how, lambda whose: whose == own, needs_key=needs_key)
-    if finished is not None:
-        return finished
-    plan = make_plan(hosts, request)
+    plan = None
+    while plan is None:
+        finished = finish_first(session, live, how, lambda whose: whose == own, needs_key=needs_key)
+        if finished is not None:
+            return finished
+        plan = _plan_or_wait(hosts, request, how)
     if not (how.auto_approve or session.terminal.answers):
         raise RequestError(
             "There is no terminal to ask at.",
@@ -109,6 +112,16 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
     if not how.auto_approve:
         ask(session, "Do this?")
     return report_end(session, run(session, plan, hosts.folder, how))
+
+
+def _plan_or_wait(hosts: Hosts, request: PlanRequest, how: RunOptions) -> Plan | None:
+    """The plan; None where another run began since the hosts were free, and this one is to wait for such runs."""
+    try:
+        return make_plan(hosts, request)
+    except UseCaseError as refusal:
+        if how.lock_timeout_ms and any(finding.code == UNFINISHED.code for finding in refusal.findings):
+            return None
+        raise
 
 
 def run(session: Session, plan: Plan, folder: Path | None, how: RunOptions) -> RunReport:

@@ -72,7 +72,7 @@ def test_after_a_restart_of_the_machine_an_apply_or_its_line_starts_what_is_off(
         assert f"Started below {slice_of(folder)}: eyes." in run(folder, "start", "--boot")
         assert run(folder, "plan") != ""
     else:
-        run(folder, "apply", "--auto-approve")
+        run(folder, "apply", "--auto-approve", "--lock-timeout", "60s")  # other tests hold this machine, too
 
     assert groups_of(folder).names() == ("eyes",)
     assert "starts what is off" not in run(folder, "doctor")

@@ -1,14 +1,21 @@
 import io
 import sys
+from contextlib import chdir
+from pathlib import Path
 
 import pytest
 
+from rarms_iac.app.hosts import select_hosts
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.planning import plan_request
+from rarms_iac.app.requests import HostSelection, ManifestSource, RunOptions
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.run_report import RunEnding
-from rarms_iac.cli.applying import ask, code_of
+from rarms_iac.cli.applying import _plan_or_wait, ask, code_of
 from rarms_iac.cli.ending import ExitCode, Interrupted
 from rarms_iac.cli.session import Session
 from rarms_iac.views.terminal import Terminal
+from tests.unit.cli.running import rarms
 
 
 def a_session() -> Session:
@@ -82,3 +89,47 @@ def test_a_terminated_run_says_which_signal_it_was() -> None:
     session.interrupts.exit_code = ExitCode.TERMINATED
 
     assert code_of(session, RunEnding.INTERRUPTED) is ExitCode.TERMINATED
+
+
+UNFINISHED_RUN = """\
+schema: rarms/v1
+application: { name: robot }
+hosts:
+  onboard:
+    logical_processors: 2
+    memory: 4 GiB
+    simulated: { faults: { broken: { operation: start_partition, at: "*", effect: refuse, times: 1 } } }
+components:
+  vision: { criticality: 1, memory: 512 MiB, cpu: { reserve: 20 % } }
+"""
+
+
+def test_a_run_that_began_before_the_plan_was_made_is_waited_for_where_that_is_asked_for(tmp_path: Path) -> None:
+    (tmp_path / "rarms.yaml").write_text(UNFINISHED_RUN, encoding="utf-8")
+    with chdir(tmp_path):
+        assert rarms("apply", "--auto-approve").code == 1
+        hosts = select_hosts(load_manifest(ManifestSource()), HostSelection())
+
+        with pytest.raises(UseCaseError) as refused:
+            _plan_or_wait(hosts, plan_request(hosts), RunOptions())
+        assert [finding.code for finding in refused.value.findings] == ["RARMS183"]
+        assert _plan_or_wait(hosts, plan_request(hosts), RunOptions(lock_timeout_ms=1)) is None
+
+        assert rarms("apply", "--lock-timeout", "1s").code == 0
+        assert _plan_or_wait(hosts, plan_request(hosts), RunOptions(lock_timeout_ms=1)) is not None
+
+
+@pytest.mark.parametrize("words", [["apply", "--abandon"], ["undo", "--auto-approve"], ["apply", "--auto-approve"]])
+def test_a_journal_that_is_damaged_in_its_first_record_is_no_run_that_ended(tmp_path: Path, words: list[str]) -> None:
+    (tmp_path / "rarms.yaml").write_text(UNFINISHED_RUN, encoding="utf-8")
+    with chdir(tmp_path):
+        assert rarms("apply", "--auto-approve").code == 1
+        assert rarms("apply").code == 0
+        journal = Path(".rarms/hosts/onboard.journal.jsonl")
+        journal.write_bytes(journal.read_bytes().replace(b"vision", b"wision", 1))
+
+        answer = rarms(*words)
+
+    assert answer.code == 1
+    assert "error[RARMS190]" in answer.err
+    assert journal.name in answer.err
