@@ -12,7 +12,7 @@ from tests.lab import Countdown, Lab, a_lab, without_serials
 from tests.strategies import Strangers, strangers, systems
 
 FEW = settings(
-    max_examples=examples(25), deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much]
+    max_examples=examples(8), deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much]
 )
 
 

@@ -329,7 +329,7 @@ IRREGULAR_FILES = [
 ]
 LOCKS = {
     ".rarms/hosts/onboard.lock": [["apply", "--auto-approve"], ["plan"]],
-    ".rarms/locks/configuration.lock": [["prove", "--load-host"]],
+    ".rarms/locks/configuration.lock": [["select", "paths", "--at", "70 ms"]],
     ".rarms/locks/onboard/vision/busy-loop.jsonl.lock": [["measure", "vision", "--samples", "70"]],
     ".rarms/.gitignore": [["measure", "vision", "--samples", "70"]],
 }

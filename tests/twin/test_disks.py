@@ -62,7 +62,7 @@ def test_a_removal_that_was_killed_or_failed_anywhere_is_finished_by_the_next(fa
     prepared = with_a_disk()
     undisturbed = prepared.copy()
     apply(undisturbed, prepared.plan)
-    for number in every_few(len(undisturbed.effects), 8, first=len(fault)):
+    for number in every_few(len(undisturbed.effects), 4, first=len(fault)):
         host = prepared.copy(**{fault: number})
         apply(host, prepared.plan)
         where = f"{fault} {number}: {host.effects[-1]}"
@@ -170,7 +170,7 @@ def test_machine_and_disk_lie_in_one_folder_of_the_final_name_and_an_undo_leaves
     prepared = fresh()
     whole = _effects(prepared)
     made: set[str] = set()
-    for number in (*every_few(len(whole), 6), len(whole)):
+    for number in (*every_few(len(whole), 3), len(whole)):
         host = prepared.copy(kill_after=number)
         apply(host, prepared.plan)
         made = below(host)

@@ -188,7 +188,7 @@ def test_a_run_that_was_killed_anywhere_is_finished_by_the_next(fault: str) -> N
     done = classes(calm)
     assert calls() > 20
 
-    for number in every_few(calls(), 6, first=len(fault)):
+    for number in every_few(calls(), 3, first=len(fault)):
         guest = a_guest().copy(**{fault: number})
         assert run(guest, SCRIPT).code != 0, f"{fault} {number}"
         guest = guest.copy()
@@ -207,7 +207,7 @@ def test_an_undo_that_was_killed_anywhere_is_finished_by_the_next() -> None:
     calm = done.copy()
     assert run(calm, UNDO).code == 0
 
-    for number in every_few(len(calm.effects), 6):
+    for number in every_few(len(calm.effects), 3):
         guest = done.copy(kill_after=number)
         run(guest, UNDO)
         guest = guest.copy()

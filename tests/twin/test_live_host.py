@@ -174,7 +174,7 @@ def test_a_signed_run_that_is_killed_anywhere_is_finished_by_the_signed_text_in_
     assert live(whole, signatures=tmp_path).run_script(own, NO_WAITING, Heard()) == ScriptExited(code=0)
     wanted, effects = live(whole, signatures=tmp_path).observe(), len(whole.effects)
 
-    for number in every_few(effects, 8, first=kill == "kill_after"):
+    for number in every_few(effects, 4, first=kill == "kill_after"):
         host = prepared.copy(all_signed=True, **{kill: number})
         live(host, signatures=tmp_path).run_script(own, NO_WAITING, Heard())
         tried(Attempt.SIGNED)

@@ -19,7 +19,7 @@ from tests.twin.cells import a_stranger, a_windows
 from tests.twin.host import Vm, WindowsHost
 
 FEW = settings(
-    max_examples=examples(6), deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much]
+    max_examples=examples(3), deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much]
 )
 
 

@@ -165,7 +165,7 @@ def test_a_run_that_was_killed_or_failed_anywhere_is_finished_by_the_next(cell: 
     prepared = cell()
     undisturbed = prepared.copy()
     apply(undisturbed, prepared.plan)
-    for number in numbers(prepared, fault, 8):
+    for number in numbers(prepared, fault, 4):
         faults: dict[str, object] = {"kill_after" if fault == "torn" else fault: number, "tear": fault == "torn"}
         host = prepared.copy(**faults)
 
@@ -190,7 +190,7 @@ KEPT = {FOLDER.lower(), JOURNAL.lower(), JOURNAL.lower() + ".old"}
 @pytest.mark.parametrize("fault", ["kill_before", "kill_after", "fail_at"])
 def test_undo_brings_back_what_was_observed_from_each_point_that_the_run_got_to(cell: Make, fault: str) -> None:
     prepared = cell()
-    for number in [*numbers(prepared, fault, 6), 10**9]:
+    for number in [*numbers(prepared, fault, 3), 10**9]:
         host = prepared.copy(**{fault: number})
         apply(host, prepared.plan)
         where = f"{fault} {number}: {host.effects[-1]}"
@@ -215,7 +215,7 @@ def test_an_undo_that_was_killed_anywhere_is_finished_by_the_next(cell: Make) ->
     apply(done, prepared.plan)
     whole = done.copy()
     undo(whole, prepared.plan)
-    for number in every_few(len(whole.effects), 6):
+    for number in every_few(len(whole.effects), 3):
         host = done.copy(kill_after=number)
         undo(host, prepared.plan)
         where = host.effects[-1]

@@ -278,6 +278,7 @@ def read_runs(path: Path) -> tuple[TuningRun, ...]:
 
 def _run_in(record: dict[str, Json]) -> TuningRun:
     run = decode(TuningRun, record)
-    if not all(each.components for each in (*run.partitions, *run.trail, *run.doubts)):
+    groups = [each.components for kind in (run.partitions, run.trail, run.doubts) for each in kind]
+    if not all(groups):
         raise NotDecodable("", "a compound or a partition has no component")
     return run

@@ -64,7 +64,7 @@ class Endless:
 
 
 @given(asked=st.permutations(range(10, 101, 5)), most=st.integers(1, 6))
-@settings(max_examples=examples(20), deadline=None)
+@settings(max_examples=examples(8), deadline=None)
 def test_no_search_takes_more_settings_than_there_may_be_and_the_answer_is_what_a_plan_reserves(
     asked: list[int], most: int
 ) -> None:

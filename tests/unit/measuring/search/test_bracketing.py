@@ -15,7 +15,7 @@ from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Threshold
 from tests.builders import a_run, at_least, at_most
-from tests.effort import examples
+from tests.effort import LONG, examples
 
 JOBS = 2400
 INDEXES: dict[str, Threshold] = {
@@ -87,7 +87,7 @@ def test_settings_that_were_asked_for_before_do_not_lead_a_search_astray(before:
     assert least <= step.reserve < least + WIDTH
 
 
-@settings(max_examples=examples(20), deadline=None)
+@settings(max_examples=examples(8), deadline=None)
 @given(index=st.sampled_from(["mean_response_time", "throughput"]), levels=falling_levels, cpu=st.floats(0.01, 1e3))
 def test_no_monotone_curve_takes_more_than_one_setting_more_than_bisection(
     index: str, levels: list[float], cpu: float
@@ -100,8 +100,11 @@ def test_no_monotone_curve_takes_more_than_one_setting_more_than_bisection(
     assert is_within_the_resolution(end, measured("bisection", goal, levels, cpu)[1])
 
 
+EDGES = [1, 2, 3, 14, 22, 44, 46, 47, 62, 88, 99, 100, 101]
+
+
 @pytest.mark.parametrize("index", ["mean_response_time", "maximum_response_time"])
-@pytest.mark.parametrize("edge", [1, 2, 3, 14, 22, 44, 46, 47, 62, 88, 99, 100, 101])
+@pytest.mark.parametrize("edge", EDGES if LONG else EDGES[::2])
 @pytest.mark.parametrize("good", [99.0, 30.0])
 def test_a_flat_curve_with_a_cliff_takes_no_more_either(index: str, edge: int, good: float) -> None:
     levels = [good if reserve >= edge else 2000.0 for reserve in range(1, 101)]
