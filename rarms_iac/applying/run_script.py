@@ -46,8 +46,7 @@ def apply_job(plan: str, part: HostPlan) -> ScriptJob:
     """The plan's own bytes: the script that does it, and beside it the one that takes it back."""
     name, undo = script_name(part), script_name(part, undo=True)
     files = {name: part.scripts[name], undo: part.scripts[undo], **_module_files(shipped_module())}
-    script = ScriptBundle(runs=name, files=files)
-    return ScriptJob(run=RunKind.APPLY, plan=plan, script=script, earlier={})
+    return ScriptJob(run=RunKind.APPLY, plan=plan, script=_bundle(name, files), earlier={})
 
 
 def finish_job(host: str, journal: ScriptRun) -> ScriptJob:
@@ -83,7 +82,17 @@ def _recorded_script(host: str, name: str, text: str, module: Mapping[str, str])
         line = f"line {problem.place.line}, " if problem.place else ""
         message = f"{name} in its journal is no script of rarms: {line}{problem.detail}"
         raise HostDamaged(host, message, "look at what the last run did, then remove the journal")
-    return ScriptBundle(runs=name, files={name: text, **_module_files(module)})
+    return _bundle(name, {name: text, **_module_files(module)})
+
+
+def _bundle(name: str, files: Mapping[str, str]) -> ScriptBundle:
+    """The script of this name with what lies beside it, and the longest wait among the calls of its steps."""
+    from rarms_iac.powershell.outline import outline
+
+    steps = outline(without_signature(files[name]).encode("ascii")).steps
+    graces = [call.parameters.get("GraceMs") for step in steps for call in step.calls]
+    longest = max((grace for grace in graces if isinstance(grace, int)), default=0)
+    return ScriptBundle(runs=name, files=files, longest_grace_ms=longest)
 
 
 def _module_files(module: Mapping[str, str]) -> dict[str, str]:

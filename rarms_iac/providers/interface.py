@@ -162,6 +162,7 @@ class ScriptBundle:
 
     runs: str  # file name, one of `files`
     files: Mapping[str, str]  # name -> text, to the byte
+    longest_grace_ms: int = 0  # it may wait so long for one guest to shut down, and say nothing
 
 
 class EventKind(StrEnum):

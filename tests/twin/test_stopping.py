@@ -1,17 +1,25 @@
 """Stopping on the twin: a guest is asked for as long as the manifest says, and only a machine that runs is stopped."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
+from typing import ClassVar
 
 import pytest
 
+from rarms_iac.applying.run_report import RunReporter
+from rarms_iac.applying.run_script import apply_job, run_job
 from rarms_iac.model.plan import Purpose
 from rarms_iac.model.quantities import Milliseconds
-from tests.builders import a_component, a_partition
+from rarms_iac.providers.hyperv.provider import LiveHypervHost
+from rarms_iac.providers.hyperv.script_session import Listener
+from rarms_iac.providers.interface import ScriptBundle, ScriptExited, ScriptLost, WaitLimits
+from tests.builders import a_component, a_host, a_partition
 from tests.twin.cell import Cell, apply, undo
 from tests.twin.cells import a_cell_system, a_windows
 from tests.twin.host import Vm, WindowsHost
+from tests.twin.transport import TwinTransport
 
 OTHER_STATES = ("Saved", "Paused", "Saving", "RunningCritical", "OffCritical")
 
@@ -50,11 +58,34 @@ def test_a_guest_has_the_grace_of_the_manifest_and_the_script_says_so(grace_s: i
     ran = apply(host, plan)
 
     assert ran.code == 0, ran.says
+    assert apply_job(plan.id, plan.hosts[0]).script.longest_grace_ms == grace_s * 1000, "a silence that long is no end"
     assert grace_s * 1000 <= host.clock - begun < (grace_s + 15) * 1000
     forced = {7: "3.5", 300: "150"}.get(grace_s)
     words = f"asked, after {forced} s forced, after {grace_s} s turned off" if forced else "turned off, not asked"
     assert words in script
     assert the_machine(host).state == "Running"
+
+
+class Patient(TwinTransport):
+    """Tells how long it was to wait for a line."""
+
+    silences: ClassVar[list[float]] = []
+
+    def run(
+        self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
+    ) -> ScriptExited | ScriptLost:
+        self.silences.append(silence_s)
+        return TwinTransport.run(self, script, arguments, silence_s, listener)
+
+
+def test_a_script_may_say_nothing_for_as_long_as_it_waits_for_a_guest() -> None:
+    plan = cell(2, running(), 300).plan()
+    waits = WaitLimits(lock_ms=5_000, silence_ms=60_000)
+
+    job = apply_job(plan.id, plan.hosts[0])
+    run_job(LiveHypervHost(a_host("onboard"), Patient(running())), job, RunReporter(), lambda: False, waits)
+
+    assert Patient.silences == [365.0]
 
 
 @pytest.mark.parametrize(("grace_s", "needs_s", "stops_s"), [(1200, 700, 700), (600, 30, 30), (200, 150, 150)])

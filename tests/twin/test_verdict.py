@@ -191,6 +191,26 @@ def test_a_test_as_json_is_one_object() -> None:
         jsonschema.validate(found, RESOURCE["schema"]["embedded"])
 
 
+def test_a_second_set_of_dsc_looks_again_and_a_host_that_moved_is_not_brought_back() -> None:
+    made = fresh()
+    host = made.copy()
+    put(host, files_of(made.plan))
+    script = apply_script(made.plan)
+    assert run(host, script, force=True).code == 0
+    done = len(host.effects)
+
+    again = run(host, script, force=True)
+    machines = host.copy().vms
+    for vm in host.vms.values():
+        vm.reserve = 1
+    moved = [run(host, script, force=True), run(host, script, test=True)]
+
+    assert (again.code, again.events[-1]["status"], verdict(host)["changed"]) == (0, "done", 0), again.says
+    assert [(ran.code, "is not as wanted: reserve" in ran.says) for ran in moved] == [(3, True), (3, True)]
+    assert {vm.reserve for vm in host.vms.values()} == {1} != {vm.reserve for vm in machines.values()}
+    assert not [effect for effect in host.effects[done:] if "VM" in effect]
+
+
 def test_the_resource_of_dsc_calls_scripts_with_parameters_that_they_have() -> None:
     (part,) = fresh().plan.hosts
     script = part.scripts["onboard.ps1"]

@@ -1,6 +1,5 @@
 """A Hyper-V host: looked at by `observe.ps1`, or on this computer through WMI and the registry; changed by scripts."""
 
-import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -45,8 +44,6 @@ NATIVE_BUILD = 17763
 
 LONGEST_LINE = 100_000
 """Characters of a line that is looked at; a script's own are far shorter."""
-
-_GRACE = re.compile(r"-GraceMs ([0-9]{1,9})\b")
 
 
 class LiveHypervHost:
@@ -111,7 +108,7 @@ class LiveHypervHost:
         self, script: ScriptBundle, waits: WaitLimits, listener: EventListener, *, abandoning: bool = False
     ) -> ScriptExited | ScriptLost:
         arguments = arguments_of(script.files[script.runs], waits, abandoning=abandoning)
-        silence_s = (waits.silence_ms + waits.lock_ms + _longest_grace(script)) / 1000
+        silence_s = (waits.silence_ms + waits.lock_ms + script.longest_grace_ms) / 1000
         return self._run(script, arguments, silence_s, _Events(listener))
 
     def _run(
@@ -259,11 +256,6 @@ class _Document:
 
     def should_stop(self) -> bool:
         return False
-
-
-def _longest_grace(script: ScriptBundle) -> int:
-    """How many milliseconds the script may wait for one guest to shut down, and say nothing."""
-    return max((int(grace) for grace in _GRACE.findall(script.files[script.runs])), default=0)
 
 
 def read_event(line: str) -> RunEvent | None:

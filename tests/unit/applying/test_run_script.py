@@ -204,7 +204,7 @@ def test_finishing_counts_what_an_earlier_run_changed() -> None:
 
     report, told = ran(step(EventStatus.UNCHANGED, 0, "done before"), step(EventStatus.CHANGED, 1), DONE, order=order)
 
-    assert order.script == ScriptBundle(runs="cell.ps1", files={"cell.ps1": script, **beside})
+    assert order.script == ScriptBundle(runs="cell.ps1", files={"cell.ps1": script, **beside}, longest_grace_ms=120_000)
     assert told.lines[0] == "apply on cell, 1 done"
     assert (report.hosts[0].changed, report.hosts[0].resumed) == (2, True)
     assert (
