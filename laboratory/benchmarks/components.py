@@ -15,6 +15,7 @@ from statistics import NormalDist
 
 from rarms_iac.measuring.loop import Strategy
 from rarms_iac.measuring.search.trials import Goal, Member, is_clear
+from rarms_iac.measuring.setup import Budget
 from rarms_iac.model.outcomes import Conclusion, Measure
 from rarms_iac.model.series import MOST_SAMPLES, Sample, Series
 from rarms_iac.model.setting import Setting
@@ -271,7 +272,9 @@ def goal_of(truth: Truth) -> Goal:
         member = Member(name=NAME, apt={"mean_response_time": AtMost(value=threshold)}, run=run)
     else:
         member = Member(name=NAME, apt={"success_rate": AtLeast(value=threshold)}, run=run)
-    return Goal(members=(member,), processors=PROCESSORS, budget_ms=math.inf)  # samples alone end a setting
+    return Goal(
+        members=(member,), processors=PROCESSORS, budget=Budget(most_ms=math.inf)
+    )  # samples alone end a setting
 
 
 def jobs(truth: Truth, reserve: int) -> Iterator[tuple[Sample, float]]:

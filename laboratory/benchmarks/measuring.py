@@ -2,9 +2,10 @@
 
 `python -m laboratory.benchmarks.measuring [COMPONENTS [ANSWERS]]` measures so many components (400 unless said), of 0.5
 to 500 ms, closed and periodic, beside a busy loop, by the default strategy and by bisection. Thresholds are what a long
-run shows at a random reservation, or 5 % beyond what the whole host gives. The truth is the least reservation at which
-a long run meets them. Settings that both strategies ask for are measured once. ANSWERS is a file of JSON Lines:
-components that it has are not measured again.
+run shows at a random reservation, or 5 % beyond what the whole host gives. Where two points less are hardly worse, as
+on the floor of a curve, a threshold lies near no reservation: another one below is drawn. The truth is the least
+reservation at which a long run meets the threshold. Settings that both strategies ask for are measured once. ANSWERS is
+a file of JSON Lines: components that it has are not measured again.
 """
 
 import json
@@ -28,13 +29,13 @@ from rarms_iac.measuring.partitions import host_resources
 from rarms_iac.measuring.reporter import MeasuringReporter
 from rarms_iac.measuring.setting_run import MeasuringContext
 from rarms_iac.measuring.settings_log import SettingsLog
-from rarms_iac.measuring.setup import Experiment, experiment_of
+from rarms_iac.measuring.setup import Budget, Experiment, experiment_of
 from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.outcomes import ExperimentDecision, Measure, NotAchievable, Sufficient, Swept, WithinNoise
 from rarms_iac.model.series import MOST_SAMPLES, Sample, Series, columns_of
 from rarms_iac.model.setting import Setting
-from rarms_iac.model.system import Component, MeasuringLimits, Threshold, run_of
+from rarms_iac.model.system import Component, Threshold, run_of
 from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
@@ -55,6 +56,9 @@ BUDGET = os.environ.get("BUDGET", "2 h")
 STRATEGIES = ("default", "bisection")
 HIGHEST = 97
 """Where the truth is above it, no answer is no failure: the noise of a threshold reaches beyond the host."""
+
+LESS, WORSE = 2, 1.01
+"""So many points below the reservation that a threshold is drawn at, its index is at least so many times worse."""
 
 TRUE_SEED, TRUE_STARTS = 2, 100
 SETTLED_MS, LEAST_MS = 1000.0, 500.0
@@ -154,15 +158,21 @@ class Bench:
         self.machine: ModelMachine
         self.bare, self.index, self.drawn_at = random_component(seed)
         self.long: dict[int, Series] = {}  # long runs, by CR
+        self.leave_floor(random.Random(f"floor/{seed}"))
         self.component = self.with_threshold()
         self.experiment = self.of(self.component)
         self.done: dict[Measure, Setting] = {}
+
+    def leave_floor(self, chance: random.Random) -> None:
+        """Draw another reservation below while the index is hardly worse a little below."""
+        while LESS < self.drawn_at <= 100 and self.level(self.drawn_at - LESS) < WORSE * self.level(self.drawn_at):
+            self.drawn_at = chance.randint(LESS, self.drawn_at - 1)
 
     def of(self, component: Component) -> Experiment:
         """The experiment with this component."""
         system = a_system(components=[component])
         experiment = experiment_of(system, system.hosts["onboard"], (component.name,), "busy-loop")
-        return replace(experiment, limits=MeasuringLimits(setting=milliseconds(BUDGET)))
+        return replace(experiment, budget=Budget(most_ms=float(milliseconds(BUDGET))))
 
     def measure(self, step: Measure) -> Setting:
         """The setting that a strategy asks for."""
@@ -306,7 +316,7 @@ def _answer(bench: Bench, strategy: str) -> Answer:
         truth=bench.truth(),
         processors=goal.processors,
         needs=needs,
-        is_short=needs > MOST_SAMPLES or 1000 * needs / bench.rate(min(100, bench.drawn_at)) > goal.budget_ms,
+        is_short=needs > MOST_SAMPLES or 1000 * needs / bench.rate(min(100, bench.drawn_at)) > goal.budget.most_ms,
         settings=len(done.settings),
         seconds=sum(setting.host_ms for setting in done.settings) / 1000,
     )

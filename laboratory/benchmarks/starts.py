@@ -13,7 +13,6 @@ from statistics import fmean
 
 from laboratory.benchmarks.timing import Figure, report
 from laboratory.benchmarks.verdicts import series_of
-from rarms_iac.measuring.sampling import RESTART_WINDOWS
 from rarms_iac.model.loads import BusyLoop
 from rarms_iac.model.outcomes import Met
 from rarms_iac.model.series import Series
@@ -21,6 +20,7 @@ from rarms_iac.model.system import Threshold
 from rarms_iac.providers.simulated.scheduling.machine import WINDOW_MS, JobDemand, ModelMachine, VirtualMachine
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from rarms_iac.statistics.error_probability import ERROR, PERIODIC_STARTS
+from rarms_iac.statistics.setting_time import RESTART_WINDOWS
 from rarms_iac.statistics.verdicts import judge_look
 from tests.builders import a_run, at_most
 

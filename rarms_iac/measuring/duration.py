@@ -4,19 +4,24 @@ Begin at `expected_duration`. Times are of the host's own clock: a simulated hos
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, inf
 
 from rarms_iac.measuring.methods import Method, is_of_paper, reserves_of
 from rarms_iac.measuring.search.bracketing import MOST
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import SettingCount, Sweep
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.indexes import index_named
+from rarms_iac.model.loads import Interference
 from rarms_iac.model.quantities import Unit
 from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import AtLeast, AtMost, Component, run_of
 from rarms_iac.statistics.error_probability import FIRST_LOOK, samples_needed
+from rarms_iac.statistics.setting_time import MEMORY_FACTOR, least_setting_ms
+
+_UNTIL_CLEAR = SettingCount(least=1, most=1, ends_early=True, goes_on=True)
 
 STEPS_OF_PAPER = 10
 """Settings that CMCPUR asks for at most: 10, 20, ... 100 %."""
@@ -58,8 +63,46 @@ def settings_to_run(
     return SettingCount(least=1, most=max(1, bound), ends_early=True, goes_on=not is_of_paper(method))
 
 
+def with_part_of_budget(experiment: Experiment, window_ms: float) -> Experiment:
+    """Return the experiment with its load's part of what a setting may take beside all loads that share it.
+
+    A load may take what those before it left, but for the least that a setting takes beside those after it. A budget
+    that is no longer than the least of all has parts in proportion to these.
+
+    Args:
+        experiment: What is measured; its budget is that of all its loads.
+        window_ms: The longest of its host's scheduler.
+    """
+    budget, place = experiment.budget, experiment.loads.index(experiment.load)
+    least = [least_ms(experiment, load, window_ms) for load in experiment.loads]
+    fits = min(1.0, budget.most_ms / sum(least))
+    budget = replace(budget, most_ms=budget.most_ms - fits * sum(least[place + 1 :]), least_ms=fits * least[place])
+    return replace(experiment, budget=budget)
+
+
+def least_ms(experiment: Experiment, load: Interference, window_ms: float, earlier: Sequence[Setting] = ()) -> float:
+    """Say how long a setting of a search takes at least.
+
+    Args:
+        experiment: Its components.
+        load: Beside which they run.
+        window_ms: The longest of its host's scheduler.
+        earlier: Settings of its data log, which tell how fast jobs are.
+
+    Returns:
+        Of the host's time, in ms.
+    """
+    return least_setting_ms(
+        max(_least_ms(run_of(member), member, earlier, _UNTIL_CLEAR) for member in experiment.members),
+        load,
+        window_ms,
+        is_periodic=any(isinstance(run_of(member).arrival, Periodic) for member in experiment.members),
+        begins_anew=experiment.host.provider is not ProviderKind.HYPERV,
+    )
+
+
 def expected_duration(
-    experiment: Experiment, count: SettingCount, earlier: Sequence[Setting] = (), settles_ms: float = 0.0
+    experiment: Experiment, count: SettingCount, earlier: Sequence[Setting] = (), window_ms: float = 0.0
 ) -> DurationBounds:
     """Work out how long an experiment will take that is begun or goes on.
 
@@ -67,7 +110,7 @@ def expected_duration(
         experiment: What is measured.
         count: How many settings are still to be run.
         earlier: All settings of its data log: how fast jobs were tells how fast they may be.
-        settles_ms: The least time in which the host settles, and that a setting then goes on (`Settling.least_ms`).
+        window_ms: The longest of its host's scheduler.
 
     Returns:
         Bounds of what is still to be run: by the quickest and the slowest setting whose time the log has, with all
@@ -84,16 +127,18 @@ def expected_duration(
             measured=len(spent),
         )
     # Members run together: a setting ends when each has what it needs.
+    settles_ms = MEMORY_FACTOR * window_ms
     shortest = max(_least_ms(run_of(member), member, earlier, count) for member in experiment.members)
     shortest = settles_ms + max(shortest, settles_ms)
     ends = [_ends_ms(run_of(member).ends, run_of(member), _allowed_ms(member)) for member in experiment.members]
     longest = settles_ms + max(settles_ms, *ends)
     if count.goes_on:
+        shortest = least_ms(experiment, experiment.load, window_ms, earlier)
         named = [member for member in experiment.members if run_of(member).until is not None]
         longest = max(
-            float(experiment.limits.setting),
+            experiment.budget.most_ms,
             *(settles_ms + _ends_ms(run_of(member).ends, run_of(member), _allowed_ms(member)) for member in named),
-            2 * settles_ms,
+            shortest,
         )
     return DurationBounds(
         least_settings=count.least,

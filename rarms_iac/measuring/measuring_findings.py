@@ -223,7 +223,7 @@ def _not_resolved(
         values = {**values, "samples": there}
         advice = (
             f"{show_duration(highest.host_ms)} were spent on {counted(there, 'sample')}, which do not say yet how many "
-            f"would show it. Allow more: {_setting_budget(3 * highest.host_ms)}."
+            f"would show it. Allow more: {_setting_budget(3 * highest.host_ms, experiment)}."
         )
     elif highest and end.samples is not None and end.samples <= MOST_SAMPLES and there:
         takes_ms = highest.host_ms * end.samples / there
@@ -231,7 +231,7 @@ def _not_resolved(
         advice = (
             f"{show_duration(highest.host_ms)} were spent: {counted(there, 'sample')} were taken, and about "
             f"{end.samples} would show it, in {show_duration(takes_ms)} a setting. "
-            f"Allow that: {_setting_budget(1.5 * takes_ms)}."
+            f"Allow that: {_setting_budget(1.5 * takes_ms, experiment)}."
         )
     yield NOT_RESOLVED.at(
         places.value("components", first, "apt"),
@@ -242,14 +242,15 @@ def _not_resolved(
     )
 
 
-def _setting_budget(time_ms: float) -> str:
-    return f"`policy: {{ measuring: {{ setting: {ceil(time_ms / 60_000)} min }} }}`"
+def _setting_budget(time_ms: float, experiment: Experiment) -> str:
+    """What to write so that a setting may take so long beside each of the loads that share its budget."""
+    minutes = ceil(len(experiment.loads) * time_ms / 60_000)
+    return f"`policy: {{ measuring: {{ setting: {minutes} min }} }}`"
 
 
 def _ended_early(setting: Setting | None, experiment: Experiment) -> str:
     """That the budget was not spent, where it is not."""
-    budget_ms = float(experiment.limits.setting)
-    if setting is None or setting.host_ms >= budget_ms:
+    if setting is None or setting.host_ms >= (budget_ms := experiment.budget.at(setting.reserve)):
         return ""
     took, may_take = show_duration(setting.host_ms), show_duration(budget_ms)
     return f" The setting ended after {took} of the {may_take} that it may take: the rest would hardly have shown it."
@@ -259,7 +260,7 @@ def _or_more_time(setting: Setting, experiment: Experiment) -> str:
     """More advice where the budget ended a setting before its steady state could show."""
     if max(len(series.samples) for series in setting.series) >= LONG:
         return ""
-    return f", or allow it more time: {_setting_budget(3 * float(experiment.limits.setting))}"
+    return f", or allow it more time: {_setting_budget(3 * experiment.budget.at(setting.reserve), experiment)}"
 
 
 def _unsteady(settings: Iterable[Setting]) -> list[tuple[int, str, str]]:

@@ -10,19 +10,10 @@ from rarms_iac.model.run import Periodic
 from rarms_iac.model.series import Sample, Series, columns_of
 from rarms_iac.model.system import Component
 from rarms_iac.providers.measuring import RunningWork
-from rarms_iac.statistics.error_probability import FIRST_LOOK, PERIODIC_STARTS, next_look
+from rarms_iac.statistics.error_probability import FIRST_LOOK, next_look
 from rarms_iac.statistics.samples import response_times, starts_differ
+from rarms_iac.statistics.setting_time import RESTART_WINDOWS, STARTS, least_starts
 from rarms_iac.statistics.steady_state import answered_before
-
-STARTS = 8
-"""So often at least a load that never pauses begins in a setting; `PERIODIC_STARTS` times beside periodic jobs."""
-
-RESTART_WINDOWS = 5
-"""After a further start so many of the scheduler's longest memories are left out, not the `MEMORY_FACTOR` of the first.
-
-What settles then is the load alone (`laboratory/benchmarks/starts.py`). With three a P1 of one processor beside a P2 of
-two got 24.8 % where it reserves 23.
-"""
 
 _LATER = 1.1
 """What was not enough at the limit is asked again after so many times as long."""
@@ -64,8 +55,13 @@ def watch(
     allowed = {name: run.failures if run is not None else 0 for name, run in runs.items()}
     failures: dict[str, list[str]] = {name: [] for name in allowed}
     is_periodic = any(run is not None and isinstance(run.arrival, Periodic) for run in runs.values())
-    starts = PERIODIC_STARTS if is_periodic else STARTS
-    seen = _Seen(running=running, names=sorted(allowed), settling=settling, restarts=restarts, least_starts=starts)
+    seen = _Seen(
+        running=running,
+        names=sorted(allowed),
+        settling=settling,
+        restarts=restarts,
+        least_starts=least_starts(is_periodic=is_periodic),
+    )
     looks_at = next_look(0)
     for name, sample in running.samples():
         if should_stop():

@@ -164,7 +164,7 @@ def run_setting(
     set_reserves(context.host, experiment.application, partitions.shapes, {P1: request.reserve, P2: load_reserve})
     processors = partitions.resources.capacity.logical_processors
     takes = load_reserve * processors / 100 if wants_all_processors(experiment.load, processors) else None
-    left_ms = float(experiment.limits.setting) - known.spent_ms(request.reserve, context.seed)
+    left_ms = experiment.budget.at(request.reserve) - known.spent_ms(request.reserve, context.seed)
     disturbances: list[str] = []
     spent_ms = 0.0
     while True:
@@ -220,7 +220,7 @@ def _try_setting(
     contenders = _contenders(experiment, partitions.resources, request.reserve)
     settling = Settling(scheduler_window_ms=context.host.scheduler_memory_ms, contenders=contenders)
     work = replace(_work(experiment, context, request), least_ms=settling.least_ms)
-    left_ms = goal.budget_ms - known.spent_ms(request.reserve, context.seed) - empty.host_ms
+    left_ms = goal.budget.at(request.reserve) - known.spent_ms(request.reserve, context.seed) - empty.host_ms
     with context.host.run(work) as running:
         series = watch(
             running,

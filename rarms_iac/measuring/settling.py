@@ -11,9 +11,7 @@ from dataclasses import dataclass, field
 
 from rarms_iac.model.loads import BusyLoop, Interference
 from rarms_iac.providers.measuring import RunningWork
-
-MEMORY_FACTOR = 30
-"""Samples count after this many times the scheduler's longest memory, and are then taken for at least as long again."""
+from rarms_iac.statistics.setting_time import MEMORY_FACTOR
 
 PATIENCE_FACTOR = 20
 """After this many times `Settling.least_ms`, and two jobs of each component, samples count at any consumption."""

@@ -1,7 +1,7 @@
 """What is to be measured: components together in P1, a load in P2, on one host."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from rarms_iac.model.claims import WHOLE
@@ -10,7 +10,7 @@ from rarms_iac.model.loads import Interference
 from rarms_iac.model.measurement import EnvironmentSetup
 from rarms_iac.model.output import OutputText
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource, Used, never_seen, processor_number
-from rarms_iac.model.quantities import LogicalProcessors, Milliseconds, in_processors, per_virtual_processor
+from rarms_iac.model.quantities import LogicalProcessors, ReservePercent, in_processors, per_virtual_processor
 from rarms_iac.model.run import Run, SampleCount
 from rarms_iac.model.system import (
     USUAL_WEIGHT,
@@ -25,6 +25,23 @@ from rarms_iac.model.system import (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Budget:
+    """The host's time that a setting may take beside one load, of what all loads of a reservation share."""
+
+    most_ms: float = float(MeasuringLimits().setting)
+    least_ms: float = 0.0  # however long the loads before it took
+    spent_ms: Mapping[ReservePercent, float] = field(default_factory=dict)  # beside these, by CR
+
+    def at(self, reserve: ReservePercent) -> float:
+        """Return what the loads before leave of it at a reservation, in ms.
+
+        Args:
+            reserve: the CR in per cent of P1's own processors.
+        """
+        return max(self.least_ms, self.most_ms - self.spent_ms.get(reserve, 0.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Experiment(OutputText):
     """One data log's worth of measuring."""
 
@@ -33,8 +50,9 @@ class Experiment(OutputText):
     members: tuple[Component, ...]  # by name
     load: Interference
     setup: EnvironmentSetup
+    loads: tuple[Interference, ...]  # that share the budget of a setting, its own among them
     tasks: Mapping[str, TaskRequest]  # what the manifest fixes of task classes
-    limits: MeasuringLimits = MeasuringLimits()
+    budget: Budget
     processors_from: ProcessorSource = ProcessorSource.MANIFEST  # those of the setup
 
     def __str__(self) -> str:
@@ -86,14 +104,24 @@ class Experiment(OutputText):
         setup = replace(setup, processors=found.number, limit=limit)
         return replace(self, setup=setup, processors_from=found.source)
 
-    def sharing_budget(self, loads: int) -> "Experiment":
-        """Return the experiment with an equal part of what a setting may take beside several loads together.
 
-        Args:
-            loads: how many share the budget of a setting.
-        """
-        share = Milliseconds(self.limits.setting / loads)
-        return replace(self, limits=replace(self.limits, setting=share))
+def experiments_of(
+    system: System, host: Host, members: tuple[str, ...], interferences: Sequence[str], samples: int | None = None
+) -> tuple[Experiment, ...]:
+    """List the experiments with these components together in P1, one a load; the loads share the budget of a setting.
+
+    Args:
+        system: as of `experiment_of`.
+        host: as of `experiment_of`.
+        members: as of `experiment_of`.
+        interferences: names of `interference`, each once.
+        samples: as of `experiment_of`.
+
+    Returns:
+        In the order of the loads; they differ in nothing else.
+    """
+    loads = tuple(system.interference[name] for name in interferences)
+    return tuple(replace(experiment_of(system, host, members, name, samples), loads=loads) for name in interferences)
 
 
 def experiment_of(
@@ -138,9 +166,10 @@ def experiment_of(
         host=host,
         members=tuple(_with_samples(component, samples) for component in components),
         load=system.interference[interference],
+        loads=(system.interference[interference],),
         setup=setup,
         tasks=system.tasks,
-        limits=system.policy.measuring,
+        budget=Budget(most_ms=float(system.policy.measuring.setting)),
         processors_from=found.source,
     )
 

@@ -32,8 +32,7 @@ def goal_of(experiment: Experiment) -> Goal:
     members = tuple(
         Member(name=member.name, apt=member.apt, run=experiment.runs[member.name]) for member in experiment.members
     )
-    budget_ms = float(experiment.limits.setting)
-    return Goal(members=members, processors=experiment.setup.processors, budget_ms=budget_ms)
+    return Goal(members=members, processors=experiment.setup.processors, budget=experiment.budget)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

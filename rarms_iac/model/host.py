@@ -9,6 +9,9 @@ from fractions import Fraction
 from rarms_iac.model.quantities import Bytes, CpuAmount, Milliseconds, Percent, ShareOfHost
 from rarms_iac.model.run import FromEnvironment
 
+SCHEDULER_WINDOW_MS = 100
+"""Over how many ms a scheduler gives a partition its share, on every provider (docs/scheduling-model.md)."""
+
 
 class ProviderKind(StrEnum):
     """What enforces a reservation on a host."""

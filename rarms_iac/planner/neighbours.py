@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Places
-from rarms_iac.model.host import Host, ProviderKind
+from rarms_iac.model.host import SCHEDULER_WINDOW_MS, Host, ProviderKind
 from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.loads import is_steady
@@ -22,9 +22,6 @@ from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.problem import Problem, by_name
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, depends_on_a_log
-
-SCHEDULER_WINDOW_MS = 100
-"""Over how many ms a hypervisor's scheduler gives a partition its share (docs/scheduling-model.md)."""
 
 
 def neighbour_findings(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:

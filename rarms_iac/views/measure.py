@@ -24,7 +24,7 @@ from rarms_iac.model.outcomes import (
     Swept,
     Unsteady,
 )
-from rarms_iac.model.quantities import guaranteed, share_of_processors, show_duration, show_processors
+from rarms_iac.model.quantities import ReservePercent, guaranteed, share_of_processors, show_duration, show_processors
 from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.wording import counted, in_a_row, list_names
@@ -238,7 +238,7 @@ class MeasuringProgress(MeasuringReporter):
         """Show how many samples there are, what they come to, and how long it may yet take."""
         if self._live is not None:
             values = brief(indexes_of_series(experiment.members, seen), several=len(experiment.members) > 1)
-            progress = f"{samples_of(seen)}, {values}{self._time_left(experiment, seen)}"
+            progress = f"{samples_of(seen)}, {values}{self._time_left(experiment, reserve, seen)}"
             self._live.show((_subject(experiment), _setting(experiment, reserve), progress))
 
     def setting_ended(self, experiment: Experiment, setting: Setting, remaining: RemainingSettings | None) -> None:
@@ -269,12 +269,12 @@ class MeasuringProgress(MeasuringReporter):
         if self._live is not None:
             self._live.hide()
 
-    def _time_left(self, experiment: Experiment, series: Mapping[str, Series]) -> str:
+    def _time_left(self, experiment: Experiment, reserve: ReservePercent, series: Mapping[str, Series]) -> str:
         """Of the experiment, as the command's settings took so far; with the first one, of that setting."""
         took = self._clock() - self._began
         if self._remaining is not None:
             return _describe_remaining(self._remaining, took)
-        done = share_done(experiment, series)
+        done = share_done(experiment, reserve, series)
         if not 0 < done < 1 or took < 1:
             return ""
         return f", at most {show_seconds(took * (1 - done) / done)} left"
@@ -298,9 +298,9 @@ def _describe_remaining(remaining: RemainingSettings | None, took: float = 0.0) 
     return f", {show_duration(least)} to about {show_duration(most)} left"
 
 
-def share_done(experiment: Experiment, series: Mapping[str, Series]) -> float:
+def share_done(experiment: Experiment, reserve: ReservePercent, series: Mapping[str, Series]) -> float:
     """Return how much of the longest that a setting may take is done, 1 at its end."""
-    budget_ms = float(experiment.limits.setting)
+    budget_ms = experiment.budget.at(reserve)
     return min(
         min(1.0, until_share(seen, run.ends), max(len(seen.samples) / MOST_SAMPLES, seen.elapsed_ms / budget_ms))
         for seen, run in ((series[name], run) for name, run in experiment.runs.items())

@@ -35,7 +35,7 @@ from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.methods import Method
 from rarms_iac.measuring.partitions import host_resources
 from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
-from rarms_iac.measuring.setup import Experiment, experiment_of
+from rarms_iac.measuring.setup import Experiment, experiments_of
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.outcomes import SettingFailed, Stopped
@@ -208,10 +208,8 @@ def _measure_further(
 ) -> ExperimentResult:
     """Measure these settings, or else search for the thresholds that the manifest has now; nothing is run twice."""
     fresh = session.hosts.reloaded()
-    again = [
-        experiment_of(fresh.system, before.host, before.setup.members, before.setup.interference, request.samples)
-        for before in loads
-    ]
+    names = [before.setup.interference for before in loads]
+    again = experiments_of(fresh.system, loads[0].host, loads[0].setup.members, names, request.samples)
     method = method_of(replace(request, reserves=reserves, coarse=False))
     run = partial(run_experiment, replace(session, hosts=fresh))
     return decisive(measure_with_each_load(again, method, run))

@@ -11,7 +11,7 @@ from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.methods import PAPER, USUAL_STEP, Method, Search
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
-from rarms_iac.measuring.setup import Experiment, experiment_of
+from rarms_iac.measuring.setup import Experiment, experiments_of
 from rarms_iac.measuring.strategies import Sweep
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
@@ -237,11 +237,8 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
         loads = tuple(dict.fromkeys(request.interference or loads_for(system, members, request.strategy)))
         if isinstance(method_of(request), Search) and request.strategy != PAPER:
             _refuse_weak(hosts, request, members, loads)
-        experiments += [
-            experiment_of(system, host, members, load, request.samples).sharing_budget(len(loads))
-            for host in _hosts_to_measure_on(hosts, members)
-            for load in loads
-        ]
+        for host in _hosts_to_measure_on(hosts, members):
+            experiments += experiments_of(system, host, members, loads, request.samples)
     return tuple(experiments)
 
 

@@ -15,7 +15,13 @@ from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring import measuring_findings
-from rarms_iac.measuring.duration import DurationBounds, expected_duration, least_samples, settings_to_run
+from rarms_iac.measuring.duration import (
+    DurationBounds,
+    expected_duration,
+    least_samples,
+    settings_to_run,
+    with_part_of_budget,
+)
 from rarms_iac.measuring.loop import LoopResult, ProcessorNumberChanged, measure
 from rarms_iac.measuring.methods import Method, Search, is_of_paper, strategy_of
 from rarms_iac.measuring.partitions import (
@@ -27,7 +33,6 @@ from rarms_iac.measuring.partitions import (
 )
 from rarms_iac.measuring.setting_run import MeasuringContext
 from rarms_iac.measuring.settings_log import SettingsLog
-from rarms_iac.measuring.settling import Settling
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import SettingCount, Sweep, ThresholdCheck, goal_of
 from rarms_iac.model.commands import Wording, command, prose
@@ -63,6 +68,7 @@ def run_experiment(session: MeasuringSession, experiment: Experiment, method: Me
     """
     path = data_log_path(session.hosts, experiment)
     with session.control.stop.gently(), hold_data_log(session.hosts.folder, path, session.lock_timeout_ms):
+        experiment = with_part_of_budget(experiment, session.host_of(experiment).scheduler_memory_ms)
         experiment = with_observed_processors(session, experiment)
         tells_duration = not isinstance(method, ThresholdCheck)  # tuning reports its own questions
         while True:
@@ -286,8 +292,7 @@ def _refusal(
 def _expected(
     experiment: Experiment, count: SettingCount, available: _Availability, settings_log: SettingsLog
 ) -> DurationBounds:
-    least_ms = Settling(scheduler_window_ms=available.scheduler_window_ms).least_ms
-    return expected_duration(experiment, count, settings_log.settings(), least_ms)
+    return expected_duration(experiment, count, settings_log.settings(), available.scheduler_window_ms)
 
 
 def _describe_duration(experiment: Experiment, method: Method, bounds: DurationBounds, seconds: Sequence[float]) -> str:

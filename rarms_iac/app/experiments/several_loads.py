@@ -1,5 +1,6 @@
 """Components beside several loads, one after the other: each further load confirms the answer so far, or raises it."""
 
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import groupby
@@ -10,6 +11,7 @@ from rarms_iac.measuring.methods import Method, Search
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.loads import is_steady
 from rarms_iac.model.outcomes import NotAchievable, NotResolved, SettingFailed, Stopped, Swept
+from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.planner.reservations import hardest
 
 Run = Callable[[Experiment, Method], ExperimentResult]
@@ -46,7 +48,7 @@ def measure_with_each_load(experiments: Sequence[Experiment], method: Method, ru
     results: list[ExperimentResult] = []
     while len(results) < len(experiments):
         so_far = results[-1].reserve if results else None
-        experiment = experiments[len(results)]
+        experiment = _after(results, experiments[len(results)])
         result = run(experiment, replace(method, floor=so_far or 0) if isinstance(method, Search) else method)
         if results and result.processors != results[-1].processors:
             results = []  # beside this load more processors were used at once: all loads are measured with so many
@@ -55,6 +57,14 @@ def measure_with_each_load(experiments: Sequence[Experiment], method: Method, ru
         if isinstance(result.conclusion, NotAchievable | NotResolved | SettingFailed | Stopped):
             break
     return tuple(results)
+
+
+def _after(results: Sequence[ExperimentResult], experiment: Experiment) -> Experiment:
+    """With the time that settings took beside the loads before, which share their budget with it."""
+    spent_ms: defaultdict[ReservePercent, float] = defaultdict(float)
+    for setting in (setting for result in results for setting in result.settings):
+        spent_ms[setting.reserve] += setting.host_ms
+    return replace(experiment, budget=replace(experiment.budget, spent_ms=spent_ms))
 
 
 def leave_idle(results: Sequence[ExperimentResult]) -> bool:

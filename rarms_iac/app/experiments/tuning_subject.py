@@ -11,7 +11,7 @@ from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring.measuring_findings import CANNOT_MEASURE
 from rarms_iac.measuring.partitions import highest_reserve, host_resources
-from rarms_iac.measuring.setup import Experiment, experiment_of
+from rarms_iac.measuring.setup import Experiment, experiments_of
 from rarms_iac.measuring.strategies import ThresholdCheck
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import has_errors
@@ -103,7 +103,7 @@ class TuningSubject:
         loads = loads_for(self.system, members, strategy)
         parts = [coi for coi in self.cois if set(coi.members) <= set(members)]
         number = ProcessorNumber(number=processors_of(parts), source=ProcessorSource.MEMBERS)
-        found = (experiment_of(self.system, self.host, members, load, samples) for load in loads)
+        found = experiments_of(self.system, self.host, members, loads, samples)
         return tuple(each if each.fixes_processors else each.with_processors(number) for each in found)
 
     def objective(self, layout_fit: "LayoutFit") -> Objective:

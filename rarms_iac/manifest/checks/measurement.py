@@ -7,6 +7,7 @@ from math import ceil
 from rarms_iac.manifest.checks.violation import Violation, check, component_check
 from rarms_iac.model.commands import command
 from rarms_iac.model.diagnostics import Facts, Finding
+from rarms_iac.model.host import SCHEDULER_WINDOW_MS, ProviderKind
 from rarms_iac.model.indexes import SampleValue, find_index
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
 from rarms_iac.model.quantities import show_duration, show_milliseconds, show_processors
@@ -14,9 +15,10 @@ from rarms_iac.model.run import Call, Closed, Elapsed, Periodic, Run, SampleCoun
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.model.system import AtMost, Component, Measured, System, run_of
 from rarms_iac.model.weak_loads import advice_on_weak_loads
-from rarms_iac.model.wording import Suggestions, in_a_row
+from rarms_iac.model.wording import Suggestions, counted, in_a_row
 from rarms_iac.running.reading import compile_pattern
 from rarms_iac.statistics.error_probability import samples_needed
+from rarms_iac.statistics.setting_time import least_setting_ms
 
 TOO_FEW_SAMPLES = Finding.note("RARMS074", "A threshold needs more samples than it may have")
 
@@ -184,15 +186,15 @@ def samples_not_to_be_had(system: System) -> Iterator[Violation]:
                 advice="Ask for less: a lower percentile, or a share further from all jobs.",
                 values=values,
             )
-        elif between and needed * between > budget:
+        elif needed and (takes_ms := _least_setting_ms(system, component, float(needed * between))) > budget:
+            several = f"Beside its {counted(len(system.loads_of([component.name])), 'load')} together"
             yield Violation(
                 path=(*here, "apt", index),
                 at_key=True,
-                detail=f"{subject}, which take {show_duration(float(needed * between))}. The budget of a setting is "
-                f"{show_duration(float(budget))}.",
-                advice="Allow more: `policy: { measuring: { setting: "
-                f"{ceil(2 * needed * between / 60_000)} min }} }}`.",
-                values={**values, "takes_ms": float(needed * between)},
+                detail=f"{subject}. {several} a setting then takes {show_duration(takes_ms)} at least, and its budget "
+                f"is {show_duration(float(budget))}.",
+                advice=f"Allow more: `policy: {{ measuring: {{ setting: {ceil(2 * takes_ms / 60_000)} min }} }}`.",
+                values={**values, "takes_ms": takes_ms},
             )
         elif isinstance(run.until, SampleCount) and run.until.samples < needed:
             yield Violation(
@@ -211,6 +213,23 @@ def samples_not_to_be_had(system: System) -> Iterator[Violation]:
                 advice="Lower `until`: a setting goes on until it is clear. Or raise `policy.measuring.setting`.",
                 values={"takes_ms": float(lasts), "budget_ms": float(budget)},
             )
+
+
+def _least_setting_ms(system: System, component: Component, samples_ms: float) -> float:
+    """What a setting takes at least beside all loads of a component together, on the host where that is least."""
+    homes = component.hosts or tuple(system.hosts)
+    begins_anew = all(system.hosts[name].provider is not ProviderKind.HYPERV for name in homes if name in system.hosts)
+    return sum(
+        least_setting_ms(
+            samples_ms,
+            system.interference[name],
+            SCHEDULER_WINDOW_MS,
+            is_periodic=isinstance(run_of(component).arrival, Periodic),
+            begins_anew=begins_anew,
+        )
+        for name in system.loads_of([component.name])
+        if name in system.interference
+    )
 
 
 def _least_between(component: Component) -> Fraction:

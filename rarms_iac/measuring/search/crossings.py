@@ -142,19 +142,19 @@ def _time_wanted(
 def _room(measured: Mapping[int, Series], goal: Goal, member: Member, index: str) -> float:
     """How far the bound of a time lies beyond it when a setting ends, as a part of it: it shrinks as the root."""
     rooms = []
-    for series in measured.values():
+    for reserve, series in measured.items():
         estimated = estimate(index, series, member.run)
         if isinstance(estimated, Estimate) and estimated.lower > 0.0:
             ratio = estimated.value / estimated.lower if index == "throughput" else estimated.upper / estimated.value
-            rooms.append((ratio - 1.0) * sqrt(done_share(series, member.run, series.elapsed_ms, goal)))
+            rooms.append((ratio - 1.0) * sqrt(done_share(series, reserve, member.run, series.elapsed_ms, goal)))
     return min((room for room in rooms if room < _MOST_ROOM), default=0.0)
 
 
 def _multiple(measured: Mapping[int, Series], goal: Goal, member: Member, share: float) -> float:
     """The multiple of the mean within which this share of jobs answers, or what shows it: the same at every setting."""
     worth = max(
-        effective_samples(successes(series.samples)) / done_share(series, member.run, series.elapsed_ms, goal)
-        for series in measured.values()
+        effective_samples(successes(series.samples)) / done_share(series, reserve, member.run, series.elapsed_ms, goal)
+        for reserve, series in measured.items()
     )
     shows = min(1.0, share + _DEVIATIONS * sqrt(share * (1.0 - share) / worth))
     scaled = [

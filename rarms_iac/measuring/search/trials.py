@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import ceil, inf
 
+from rarms_iac.measuring.setup import Budget
 from rarms_iac.model.outcomes import (
     Missed,
     NoEstimate,
@@ -22,7 +23,7 @@ from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.run import Periodic, Run
 from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.setting import Setting
-from rarms_iac.model.system import MeasuringLimits, Threshold
+from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.curves import curves_of, holds, least_reserve
 from rarms_iac.statistics.error_probability import FIRST_LOOK
 from rarms_iac.statistics.estimates import estimate
@@ -53,7 +54,7 @@ class Goal:
 
     members: tuple[Member, ...]
     processors: int  # VPs of P1
-    budget_ms: float = float(MeasuringLimits().setting)  # of the host's time, for a setting
+    budget: Budget = Budget()  # of a setting
     ends_at_until: bool = False  # a setting ends at `run.until` at the latest, clear or not
 
     @property
@@ -150,7 +151,7 @@ def is_clear(setting: Setting, goal: Goal, *, precision: float | None = None) ->
     """
     members = {member.name: member for member in goal.members}
     seen = [(members[series.component], series) for series in setting.series if series.component in members]
-    done = [done_share(series, member.run, setting.host_ms, goal) for member, series in seen]
+    done = [done_share(series, setting.reserve, member.run, setting.host_ms, goal) for member, series in seen]
     if min(done) >= 1.0:
         return True
     if not all(_is_begun(series, member.run, goal) for member, series in seen):
@@ -162,7 +163,7 @@ def is_clear(setting: Setting, goal: Goal, *, precision: float | None = None) ->
             member.run,
             done=part,
             members=len(goal.members),
-            most_samples=_most_samples(series, setting.host_ms, goal),
+            most_samples=_most_samples(series, setting, goal),
         )
         for (member, series), part in zip(seen, done, strict=True)
     ]
@@ -186,11 +187,12 @@ def is_finished(setting: Setting, goal: Goal) -> bool:
     return not setting.has_verdict or is_clear(setting, goal)
 
 
-def done_share(series: Series, run: Run, host_ms: float, goal: Goal) -> float:
+def done_share(series: Series, reserve: ReservePercent, run: Run, host_ms: float, goal: Goal) -> float:
     """Say how much of what it will have at its end a setting has.
 
     Args:
         series: of one member, with a sample at least.
+        reserve: the CR of the setting in per cent.
         run: the member's.
         host_ms: the host's time that the setting took so far.
         goal: says its budget, and whether it ends at `run.until`.
@@ -200,15 +202,15 @@ def done_share(series: Series, run: Run, host_ms: float, goal: Goal) -> float:
     """
     if goal.ends_at_until:
         return min(1.0, until_share(series, run.ends))
-    by_budget = max(len(series.samples) / MOST_SAMPLES, host_ms / goal.budget_ms)
+    by_budget = max(len(series.samples) / MOST_SAMPLES, host_ms / goal.budget.at(reserve))
     return min(1.0, by_budget if run.until is None else min(by_budget, until_share(series, run.until)))
 
 
-def _most_samples(series: Series, host_ms: float, goal: Goal) -> float:
+def _most_samples(series: Series, setting: Setting, goal: Goal) -> float:
     """How many samples its budget may bring, if all that is left of it brings samples as fast as before."""
     if goal.ends_at_until or series.elapsed_ms <= 0.0:
         return inf
-    return len(series.samples) * (1.0 + max(0.0, goal.budget_ms - host_ms) / series.elapsed_ms)
+    return len(series.samples) * (1.0 + max(0.0, goal.budget.at(setting.reserve) - setting.host_ms) / series.elapsed_ms)
 
 
 def _is_begun(series: Series, run: Run, goal: Goal) -> bool:

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.measuring.duration import DurationBounds, expected_duration, settings_to_run
+from rarms_iac.measuring.duration import DurationBounds, expected_duration, settings_to_run, with_part_of_budget
 from rarms_iac.measuring.methods import Method, Search
-from rarms_iac.measuring.setup import Experiment, experiment_of
+from rarms_iac.measuring.setup import Budget, Experiment, experiment_of, experiments_of
 from rarms_iac.measuring.strategies import Sweep
 from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.run import Elapsed, Run, SampleCount
@@ -123,6 +123,31 @@ def test_a_search_takes_as_many_samples_as_its_thresholds_need() -> None:
     found = bounds(an_experiment(run, apt={"p99_response_time": at_most(80)}), method=Search())
 
     assert found.least_ms == 83_300
+
+
+def beside_three_loads(run: Run, budget_ms: float) -> list[Experiment]:
+    component = a_component("loop", run=run, apt={"p95_response_time": at_most(12)}, simulation=a_simulation())
+    system = a_system(components=[component])
+    experiments = experiments_of(system, system.hosts["onboard"], ("loop",), ("busy-loop", "bursts-20", "bursts-100"))
+    return [replace(each, budget=Budget(most_ms=budget_ms)) for each in experiments]
+
+
+def test_a_load_leaves_of_the_budget_what_those_after_it_need_and_has_what_those_before_left() -> None:
+    """164 samples and, beside the busy loop, 29 further starts of 0.5 s; each settles for 3 s."""
+    busy, _, last = beside_three_loads(a_run(every="20 ms"), 40_000.0)
+    last = replace(last, budget=replace(last.budget, spent_ms={23: 30_000.0, 24: 39_000.0}))
+
+    assert with_part_of_budget(busy, 100.0).budget.at(23) == pytest.approx(40_000 - 2 * 6_280)
+    parts = with_part_of_budget(last, 100.0).budget
+    assert [parts.at(reserve) for reserve in (23, 24, 25)] == pytest.approx([10_000, 6_280, 40_000])
+    assert expected_duration(busy, settings_to_run(SEARCH, (), 100), window_ms=100.0).least_ms == 20_780
+
+
+def test_a_budget_that_is_too_short_is_shared_as_the_loads_need_it() -> None:
+    budgets = [with_part_of_budget(each, 100.0).budget for each in beside_three_loads(a_run(every="20 ms"), 16_670.0)]
+
+    assert [budget.least_ms for budget in budgets] == pytest.approx([10_390, 3_140, 3_140])
+    assert budgets[0].most_ms == pytest.approx(budgets[0].least_ms)
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from rarms_iac.measuring.settling import MEMORY_FACTOR, PATIENCE_FACTOR, Contender, Settling, wants_all_processors
+from rarms_iac.measuring.settling import PATIENCE_FACTOR, Contender, Settling, wants_all_processors
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, Browser, BusyLoop, Interference
 from rarms_iac.model.series import Sample
+from rarms_iac.statistics.setting_time import MEMORY_FACTOR
 
 LEAST = 100.0 * MEMORY_FACTOR
 P1 = Contender(components=("quick",), processors=0.5, excess_forbids_verdict=True)

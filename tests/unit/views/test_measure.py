@@ -268,4 +268,4 @@ def test_of_several_components_each_value_says_whose_it_is() -> None:
 
 
 def test_what_is_done_is_told_by_the_component_that_takes_longest() -> None:
-    assert share_done(ONE_EXPERIMENT, {"vision": series_of(50)}) == pytest.approx(5_000 / 600_000)
+    assert share_done(ONE_EXPERIMENT, 30, {"vision": series_of(50)}) == pytest.approx(5_000 / 600_000)

@@ -145,6 +145,37 @@ def test_without_the_log_of_one_load_there_is_no_plan(tmp_path: Path) -> None:
     assert both.code == 0, both.err
 
 
+CONTROL_LOOP = """\
+schema: rarms/v1
+application: { name: robot }
+hosts:
+  onboard: { logical_processors: 2, memory: 4 GiB }
+components:
+  control-loop:
+    criticality: 20
+    apt: { p95_response_time: { at_most: 12 ms } }
+    run: { command: [a], arrival: { every: 20 ms } }
+    simulation: { work: 4.4 ms, varies: 5 % }
+    processors: 2
+policy: { interference: [busy-loop, bursts-20, bursts-100], measuring: { setting: 40 s } }
+"""
+"""34 s are the least: 30 starts of the busy loop, and 164 samples beside each. With 13 s each it had no answer."""
+
+
+def test_a_budget_that_lasts_for_all_loads_finds_what_a_longer_one_finds(tmp_path: Path) -> None:
+    reserves = []
+    for name, setting in (("short", "40 s"), ("long", "10 min")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "rarms.yaml").write_text(CONTROL_LOOP.replace("40 s", setting), encoding="utf-8")
+        with chdir(tmp_path / name):
+            ran = rarms("measure", "--json")
+        assert ran.code == 0, ran.err
+        reserves.append([each["reserve"] for each in json.loads(ran.out)["experiments"]])
+
+    short, long = reserves
+    assert [abs(reserve - wanted) <= 2 for reserve, wanted in zip(short, long, strict=True)] == [True, True, True]
+
+
 LIGHT = MANIFEST.replace("logical_processors: 1", "logical_processors: 2").replace(
     "[busy-loop, bursts-100] }", "[light] }\ninterference: { light: { kind: busy_loop, threads: 1 } }"
 )
