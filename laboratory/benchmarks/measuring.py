@@ -33,6 +33,7 @@ from rarms_iac.measuring.setup import Budget, Experiment, experiment_of
 from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.outcomes import ExperimentDecision, Measure, NotAchievable, Sufficient, Swept, WithinNoise
+from rarms_iac.model.run import Periodic
 from rarms_iac.model.series import MOST_SAMPLES, Sample, Series, columns_of
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component, Threshold, run_of
@@ -165,8 +166,18 @@ class Bench:
 
     def leave_floor(self, chance: random.Random) -> None:
         """Draw another reservation below while the index is hardly worse a little below."""
-        while LESS < self.drawn_at <= 100 and self.level(self.drawn_at - LESS) < WORSE * self.level(self.drawn_at):
-            self.drawn_at = chance.randint(LESS, self.drawn_at - 1)
+        least = max(LESS + 1, self.demand())
+        while least < self.drawn_at <= 100 and self.level(self.drawn_at - LESS) < WORSE * self.level(self.drawn_at):
+            self.drawn_at = chance.randint(least, self.drawn_at - 1)
+
+    def demand(self) -> int:
+        """The least CR that what is due does not overload: below, times have no level, but grow with a run."""
+        arrival, simulation = run_of(self.bare).arrival, self.bare.simulation
+        assert simulation is not None
+        assert self.bare.processors is not None
+        if not isinstance(arrival, Periodic):
+            return 0
+        return math.ceil(100 * simulation.work / arrival.period / self.bare.processors)
 
     def of(self, component: Component) -> Experiment:
         """The experiment with this component."""
