@@ -178,7 +178,7 @@ def measured_reservations(manifest: Manifest, states: Mapping[str, State]) -> Me
     logs: dict[tuple[Hashable, Names], tuple[MeasuredTogether, ...] | NotMeasured] = {}
     for group in filter(depends_on_a_log, groups_of(system)):
         for kind, names in alike.items():
-            if _may_run_on(group, names):
+            if any(map(group.may_run_on, names)):
                 host = system.hosts[names[0]]
                 logs[kind, names_of(group.members)] = _log_of_each_load(
                     system, folder, group, host, kind.platform_facts
@@ -412,10 +412,6 @@ def _kind_of(host: Host, states: Mapping[str, State]) -> _Kind:
     state = states.get(host.name)
     platform_facts = observed_platform(host, state.facts if state else None)
     return _Kind(platform=host.platform, platform_facts=platform_facts)
-
-
-def _may_run_on(group: Group, hosts: list[str]) -> bool:
-    return any(all(member.hosts is None or host in member.hosts for member in group.members) for host in hosts)
 
 
 def _read(path: Path) -> DataLog | LogUnreadable | None:

@@ -63,7 +63,7 @@ def _choices(manifest: Manifest, components: Iterable[str]) -> tuple[Path, ...]:
             continue
         platforms: dict[str, Host] = {}
         for _, host in sorted(system.hosts.items()):
-            if all(member.hosts is None or host.name in member.hosts for member in group.members):
+            if group.may_run_on(host.name):
                 platforms.setdefault(host.platform, host)
         for host in platforms.values():
             sized = size(group, host, reservations)

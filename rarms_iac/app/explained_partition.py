@@ -107,7 +107,7 @@ def place_of(partition: ExplainedPartition) -> ExplainedPlace:
         for host in sorted(
             system.hosts.values(), key=lambda host: (host.name != partition.current_host, natural_order(host.name))
         )
-        if all(member.hosts is None or host.name in member.hosts for member in group.members)
+        if group.may_run_on(host.name)
     ]
     answers = [(host, size(group, host, partition.reservations)) for host in allowed]
     for host, answer in answers:

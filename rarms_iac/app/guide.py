@@ -69,9 +69,7 @@ def guide_facts(manifest: Manifest, name: str) -> GuideFacts:
     group = next(group for group in groups_of(system) if name in names_of(group.members))
     for _, host in sorted(system.hosts.items()):
         partition = size(group, host, reservations)
-        if isinstance(partition, PlacedPartition) and all(
-            member.hosts is None or host.name in member.hosts for member in group.members
-        ):
+        if isinstance(partition, PlacedPartition) and group.may_run_on(host.name):
             facts = _facts(group, host, partition, reservations, system.components[name])
             classes = classes_of(
                 group.members, system.tasks, group.name, manifest.places, processors=partition.settings.processors

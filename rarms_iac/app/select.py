@@ -393,9 +393,7 @@ def _levels(
     """Yield what the partition gets on each platform that it was measured for; hosts in the order of their names."""
     levels: dict[str, SelectedLevel] = {}
     for _, host in sorted(system.hosts.items()):
-        if host.platform in levels or any(
-            member.hosts is not None and host.name not in member.hosts for member in group.members
-        ):
+        if host.platform in levels or not group.may_run_on(host.name):
             continue
         sized = size(group, host, reservations)
         log = reservations.log(group.members, host)

@@ -87,6 +87,6 @@ def components_without_reservation(system: System, planned: PlannedTotals, host:
             for group in groups_of(system)
             if group.name not in placed
             for member in group.members
-            if member.hosts is None or host in member.hosts
+            if member.may_run_on(host)
         )
     )

@@ -169,6 +169,17 @@ class Component:
     interference: tuple[str, ...]  # loads; none: the policy's
     simulation: Simulation | None
 
+    def may_run_on(self, host: str) -> bool:
+        """Whether the manifest allows it on the host of this name.
+
+        Args:
+            host: a host of the manifest.
+
+        Returns:
+            True where it names no hosts, too.
+        """
+        return self.hosts is None or host in self.hosts
+
 
 def run_of(component: Component) -> Run:
     """How a component is run; on a simulated host it needs no `run`, and what that would say has its usual value."""

@@ -64,9 +64,7 @@ def elsewhere(
 
 
 def _elsewhere(group: Group, chosen: ChosenPlace, host: Host, reservations: ReservationSource) -> Elsewhere:
-    refused = next(
-        (member.name for member in group.members if member.hosts is not None and host.name not in member.hosts), ""
-    )
+    refused = next((member.name for member in group.members if not member.may_run_on(host.name)), "")
     if refused:
         return Elsewhere(host=host.name, reserved=None, message=f"{refused} may not run there (`hosts`)")
     answer = size(group, host, reservations)

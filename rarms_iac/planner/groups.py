@@ -27,6 +27,17 @@ class Group:
         """Whether a member has an APT, so that neither a cap nor a low weight may falsify what was measured."""
         return any(member.apt for member in self.members)
 
+    def may_run_on(self, host: str) -> bool:
+        """Whether the manifest allows all members on the host of this name.
+
+        Args:
+            host: a host of the manifest.
+
+        Returns:
+            True where they name no hosts, too.
+        """
+        return all(member.may_run_on(host) for member in self.members)
+
 
 def groups_of(system: System) -> tuple[Group, ...]:
     """Group the components into partitions.

@@ -145,7 +145,7 @@ def refuse_unapplied(hosts: Hosts, states: Mapping[str, State], everywhere: Mapp
 def _host_components(hosts: Hosts, name: str, measurable: tuple[str, ...]) -> Iterator[Component]:
     """Yield the components of the host's own operating system; one that is allowed on several hosts is on the first."""
     for component in hosts.system.components.values():
-        allowed = [each for each in measurable if component.hosts is None or each in component.hosts]
+        allowed = [each for each in measurable if component.may_run_on(each)]
         if component.runs_on is RunsOn.HOST and allowed[:1] == [name]:
             yield component
 

@@ -378,10 +378,7 @@ def _hosts_to_measure_on(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Hos
     allowed = [
         system.hosts[name]
         for name in hosts.chosen
-        if all(
-            system.components[member].hosts is None or name in (system.components[member].hosts or ())
-            for member in members
-        )
+        if all(system.components[member].may_run_on(name) for member in members)
     ]
     able = [host for host in allowed if hosts.open_to_measure(host.name) is not None]
     if not able:

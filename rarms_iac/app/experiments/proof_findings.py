@@ -162,11 +162,11 @@ def _ways_out(hosts: Hosts, proof: LayoutProof, verdict: IndexVerdict, free: Map
     reserved_lp = None if reserved is None else Fraction(reserved).limit_denominator(HUNDREDTHS**2)
     others = tuple(member.name for member in members if member.name != name)
     asked = None if reserved_lp is None else _asked_lp(measured, reserved_lp)
-    allowed = hosts.system.components[name].hosts
+    component = hosts.system.components[name]
     elsewhere = {
         other: free_lp
         for other, free_lp in free.items()
-        if asked is not None and other != proof.host and (allowed is None or other in allowed) and free_lp >= asked
+        if asked is not None and other != proof.host and component.may_run_on(other) and free_lp >= asked
     }
     helps = True
     if isinstance(overload := measured.overload, Overload) and reserved and not others:

@@ -149,8 +149,8 @@ class TuningSubject:
 
     def _homes(self, members: Members) -> tuple[str, ...]:
         """The chosen hosts that all of these components may run on."""
-        limits = [self.system.components[each].hosts for each in members]
-        return tuple(name for name in self.hosts.chosen if all(limit is None or name in limit for limit in limits))
+        components = [self.system.components[each] for each in members]
+        return tuple(name for name in self.hosts.chosen if all(each.may_run_on(name) for each in components))
 
 
 @dataclass(slots=True, kw_only=True)

@@ -43,7 +43,7 @@ def weak_loads(system: System) -> Iterator[Violation]:
             continue
         loads = [name for name in system.loads_of([component.name]) if name in system.interference]
         for host in system.hosts.values():
-            if component.hosts is not None and host.name not in component.hosts:
+            if not component.may_run_on(host.name):
                 continue
             if loads and not any(could_take_all(system.interference[name], host.logical_processors) for name in loads):
                 own = ("components", component.name, "interference")
