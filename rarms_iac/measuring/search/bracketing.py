@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from math import ceil, floor, log2
 
 from rarms_iac.measuring.search.crossings import crossings_of
-from rarms_iac.measuring.search.trials import Bracket, Goal, SearchTrial, bracket_of, sufficient
+from rarms_iac.measuring.search.trials import Bracket, Goal, SearchTrial, bracket_of, not_sufficient, sufficient
 from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SearchDecision
 
 MOST = 8
@@ -105,5 +105,4 @@ def walk_by_ten(history: Sequence[SearchTrial], _goal: Goal) -> SearchDecision:
             return Measure(reserve=reserve, until_clear=True)
         if own[reserve].passed:
             return sufficient([trial for trial in history if trial.reserve % WALK_STEP == 0], reserve)
-    # To the letter: what is not shown to meet the APT there has no reservation that does.
-    return NotAchievable(reserve=100)
+    return not_sufficient(own[100])

@@ -66,6 +66,13 @@ def test_the_paper_ends_where_all_of_the_platform_misses() -> None:
     assert step == NotAchievable(reserve=100)
 
 
+def test_the_paper_says_not_achievable_only_where_it_was_shown() -> None:
+    times = {reserve: noisy(reserve, 120.0 if reserve < 100 else 99.9, variation=0.1) for reserve in range(10, 101, 10)}
+    history = trials_of([Setting(reserve=each, series=(a_series(times[each]),)) for each in times], GOAL)
+
+    assert isinstance(STRATEGIES["paper"](history, GOAL), NotResolved)
+
+
 @pytest.mark.parametrize("least", [1, 2, 37, 99, 100])
 def test_halving_finds_the_least_whole_per_cent(least: int) -> None:
     settings, step = walk("bisection", least)
