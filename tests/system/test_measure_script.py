@@ -13,6 +13,7 @@ from rarms_iac.cli.main import main
 from tests.needs import CHECKOUT
 from tests.standin import powershell
 from tests.standin.remote import pwsh
+from tests.twin.host import WindowsHost
 from tests.twin.measuring import MANIFEST, a_measurable_windows
 
 __all__ = ["pwsh"]
@@ -65,8 +66,12 @@ def test_a_measurement_whose_rarms_is_killed_leaves_nothing(tmp_path: Path) -> N
     rarms.kill()
     rarms.communicate()
 
-    wait_until(lambda: powershell.load(tmp_path).vms == {})
-    assert not any("rarms-p" in path for path in powershell.load(tmp_path).files)
+    wait_until(lambda: is_empty(powershell.load(tmp_path)))
+
+
+def is_empty(host: WindowsHost) -> bool:
+    """Neither a machine nor a file of a measurement is there."""
+    return host.vms == {} and not any("rarms-p" in path for path in host.files)
 
 
 def wait_until(happened: Callable[[], bool]) -> None:
