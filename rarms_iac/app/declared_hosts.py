@@ -73,7 +73,7 @@ def declared_host_findings(manifest: Manifest, errors: Sequence[Diagnostic]) -> 
     yield from _about_logs(right, problem, source, places)
     causes = [cause for group in right for cause in problem.blocked[group.name]]
     causes += _excesses(problem, {error.address for error in errors if error.code in _TOO_LARGE})
-    yield from _as_findings(causes, system, places)
+    yield from _as_findings([cause for cause in causes if cause.address not in blamed], system, places)
 
 
 def _is_about(group: Group, addresses: Collection[str]) -> bool:

@@ -111,13 +111,14 @@ def load(
     from rarms_iac.manifest.document.validate_document import NotAManifest, validate_document
     from rarms_iac.manifest.to_system import to_system
 
+    try:
+        document = validate_document(combined.value, places)
+    except NotAManifest as problem:
+        return _loaded(texts, None, places, findings_of_structure(problem))
     robot = robot_of(overlays)
     if overlays and not is_name(robot):
         return _loaded(texts, None, places, [not_a_robot(texts[-1].source.file, robot)])
-    try:
-        system = to_system(validate_document(combined.value, places), robot)
-    except NotAManifest as problem:
-        return _loaded(texts, None, places, findings_of_structure(problem))
+    system = to_system(document, robot)
     found = list(checks(system, places, today))
     return _loaded(texts, with_acceptances_in_force(system, today), places, found)
 

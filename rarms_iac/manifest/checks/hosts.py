@@ -8,7 +8,7 @@ from rarms_iac.manifest.checks.violation import Violation, check, host_check
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host, HypervHost, ProviderKind, WinRmConnect
 from rarms_iac.model.mmcss import OFF, is_taken_as_is, taken_for
-from rarms_iac.model.quantities import in_processors, write_bytes
+from rarms_iac.model.quantities import in_processors, show_processors, write_bytes
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.wording import list_names, quoted
 
@@ -43,6 +43,26 @@ def nothing_kept_for_host(system: System) -> Iterator[Violation]:
                     "needs_memory_bytes": memory,
                 },
             )
+
+
+@host_check(Finding.error("RARMS346", "A host keeps more for itself than it has"))
+def keeps_more_than_it_has(host: Host) -> Iterator[Violation]:
+    """More processors or memory in `keep_for_host` than the host has."""
+    withheld = host.keep_for_host
+    processors = in_processors(withheld.processor, host.logical_processors)
+    if processors > host.logical_processors:
+        yield _withheld(host, "processor", show_processors(processors), show_processors(host.logical_processors))
+    if withheld.memory > host.memory:
+        yield _withheld(host, "memory", write_bytes(withheld.memory), write_bytes(host.memory))
+
+
+def _withheld(host: Host, field: str, amount: str, available: str) -> Violation:
+    return Violation(
+        path=("hosts", host.name, "keep_for_host", field),
+        detail=f'"{host.name}" has {available} and keeps {amount}: nothing is left for partitions.',
+        advice="Keep less for the host, or mend what it has.",
+        values={"keeps": amount, "has": available},
+    )
 
 
 @host_check(Finding.warning("RARMS084", "`connect` has no effect on a simulated host"))

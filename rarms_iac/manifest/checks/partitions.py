@@ -271,15 +271,17 @@ def memory_over_host(system: System) -> Iterator[Violation]:
     for section, name, memory, hosts in _memory_of_partitions(system):
         if hosts and all(memory > _memory_for_partitions(host) for host in hosts):
             largest = max(hosts, key=lambda host: (_memory_for_partitions(host), host.name))
+            if _memory_for_partitions(largest) < 0:
+                continue  # RARMS346 says so at the hosts
             yield Violation(
                 path=(section, name, "memory"),
                 detail=f'"{name}" needs {write_bytes(memory)}, but "{largest.name}" has '
-                f"{write_bytes(max(0, _memory_for_partitions(largest)))} for partitions.",
+                f"{write_bytes(_memory_for_partitions(largest))} for partitions.",
                 advice="Lower the memory, keep less for the host, or allow a larger host.",
                 values={
                     "needs_memory_bytes": memory,
                     "host": largest.name,
-                    "has_memory_bytes": max(0, _memory_for_partitions(largest)),
+                    "has_memory_bytes": _memory_for_partitions(largest),
                 },
             )
 

@@ -102,6 +102,8 @@ def reserve_over_host(system: System) -> Iterator[Violation]:
             continue
         if hosts and all(_exceeds(reserve, capacity[host.name], host) for host in hosts):
             largest = max(hosts, key=lambda host: (capacity[host.name], host.name))
+            if capacity[largest.name] < 0:
+                continue  # RARMS346 says so at the hosts
             yield Violation(
                 path=(section, name, "cpu", "reserve"),
                 detail=f'"{name}" reserves {show_amount(reserve)}, but "{largest.name}" has '
