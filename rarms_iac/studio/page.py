@@ -29,7 +29,7 @@ from rarms_iac.views.reports.html import render_page
 from rarms_iac.views.reports.page import on_page
 from rarms_iac.views.reports.table import show_cell
 from rarms_iac.views.reports.tables import RESERVE, RESERVE_LP, levels_of_component
-from rarms_iac.views.status import describe_holders, describe_partition, history_rows
+from rarms_iac.views.status import describe_beside, describe_holders, describe_partition, history_rows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -244,11 +244,8 @@ def _host(host: HostOverview) -> HostOnPage:
     free = f"{show_processors(host.free_lp)} free"
     if host.free_lp < 0:
         free = f"{show_processors(-host.free_lp)} more than may be reserved"
-    sentence = f"{show_processors(host.reserved_lp)} of {show_processors(host.capacity_lp)} reserved, {free}"
-    if host.unmanaged_lp:
-        sentence += f", {show_processors(host.unmanaged_lp)} by unmanaged machines"
-    if totals.kept_lp:
-        sentence += f", {show_processors(totals.kept_lp)} kept for the host"
+    reserved = f"{show_processors(host.reserved_lp)} of {show_processors(totals.host_lp)} reserved"
+    sentence = ", ".join([reserved, *describe_beside(host.unmanaged_lp, totals.kept_lp), free])
     return HostOnPage(
         name=host.name,
         sentence=sentence,

@@ -1,6 +1,7 @@
 """`rarms status` and `rarms history`: how an application stands, and what was done to its hosts."""
 
 from collections.abc import Iterator, Sequence
+from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import ComponentProof
@@ -74,10 +75,13 @@ def _host_overview(host: HostOverview) -> "Iterator[RenderableType]":
         yield from (paragraph(sentences(problem.detail, problem.advice), indent=2) for problem in host.problems)
         yield ""
         return
-    used = host.reserved_lp + host.unmanaged_lp
-    share = f"{show_processors(host.reserved_lp)} of {show_processors(host.capacity_lp)} reserved"
-    others = f", {show_processors(host.unmanaged_lp)} by unmanaged machines" if host.unmanaged_lp else ""
-    yield styled((f"Host {host.name}", STRONG), f"  {_bar(float(used), float(host.capacity_lp))}  {share}{others}")
+    totals = host.totals
+    assert totals is not None, "it was looked at"
+    bar = _bar(float((totals.reserved_lp + totals.unmanaged_lp) / totals.host_lp))
+    share = f"{show_processors(totals.reserved_lp)} of {show_processors(totals.host_lp)} reserved"
+    yield styled((f"Host {host.name}", STRONG), f"  {bar}  {share}")
+    if beside := describe_beside(totals.unmanaged_lp, totals.kept_lp):
+        yield paragraph(f"{', '.join(beside)}, {show_processors(totals.free_lp)} free", indent=2)
     if host.partitions:
         yield table(
             [_row(partition) for partition in sorted(host.partitions, key=lambda each: natural_order(each.name))],
@@ -93,8 +97,19 @@ def _host_overview(host: HostOverview) -> "Iterator[RenderableType]":
     yield ""
 
 
-def _bar(used: float, capacity: float) -> str:
-    filled = BAR if used >= capacity else round(BAR * used / capacity)
+def describe_beside(unmanaged_lp: Fraction, kept_lp: Fraction) -> list[str]:
+    """What is neither reserved by the application nor free: `0.3 LP by unmanaged machines`, `0.2 LP kept for the host`.
+
+    Args:
+        unmanaged_lp: LPs that machines of others reserve; what is 0 is left out.
+        kept_lp: LPs that are kept for the hosts.
+    """
+    amounts = ((unmanaged_lp, "by unmanaged machines"), (kept_lp, "kept for the host"))
+    return [f"{show_processors(amount)} {purpose}" for amount, purpose in amounts if amount]
+
+
+def _bar(share: float) -> str:
+    filled = min(BAR, round(BAR * share))
     return f"[{'#' * filled}{'.' * (BAR - filled)}]"
 
 

@@ -89,14 +89,15 @@ def _sentences(result: TuningResult) -> Sequence[str]:
     fixed = f", {show_lp_percent(run.fixed)} of it by partitions whose reserve the manifest fixes" if run.fixed else ""
     match run.ending:
         case "nothing_to_do":
-            return [f"{hosts}: nothing to do, {before} of {capacity} are reserved{fixed}."]
+            return [f"{hosts}: nothing to do, {before} are reserved{fixed}; the capacity is {capacity}."]
         case "stopped":
             return [f"{hosts}: stopped, {before} are reserved{fixed}; the capacity is {capacity}."]
         case "unable":
             doubts = describe_doubts(run)
             return [f"{hosts}: {before} must be reserved{fixed}; the capacity is {capacity}. {run.message}.", *doubts]
         case "successful":
-            return [f"{hosts}: {run.message}, {before} became {after} of {capacity}{fixed}.", *describe_proof(run)]
+            became = f"{hosts}: {run.message}, {before} became {after}{fixed}; the capacity is {capacity}."
+            return [became, *describe_proof(run)]
 
 
 def describe_proof(run: TuningRun) -> Sequence[str]:

@@ -123,8 +123,8 @@ export const showTotals = (page) => {
     const message = headroom >= 0 ? `Headroom of ${capacity.name}: ${room}` : `Over ${capacity.name} by ${unknown.length > 0 ? "at least " : ""}${share(-headroom)}`;
     const fit = element(`fit-${place + 1}`);
     const sentence = fit.querySelector(".sentence");
-    const reserved = `${unknown.length > 0 ? "At least " : ""}${inProcessors(total)} of ${inProcessors(capacity.capacity)} reserved`;
-    textOf(sentence, `${reserved} (${shareOfHost(total / capacity.processors)} % of ${capacity.name}). ${message}.`);
+    const reserved = `${unknown.length > 0 ? "At least " : ""}${inProcessors(total)} of ${capacity.processors} LP reserved`;
+    textOf(sentence, `${reserved} (${shareOfHost(total / capacity.processors)} % of ${capacity.name})${capacity.beside}. ${message}.`);
     sentence.classList.toggle("over-full", !fits);
     fit.querySelector(".used").setAttribute("width", Math.min(total / capacity.processors, 100).toFixed(3));
     fit.querySelector(".used").classList.toggle("over", !fits);

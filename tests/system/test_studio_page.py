@@ -643,13 +643,13 @@ def test_a_level_that_no_reserve_achieves_leaves_the_headroom_unknown(browser: "
     with studio(tmp_path) as served:
         opens(browser, served)
         before = waits_for(browser, "return document.querySelector('#fit-1 .sentence')?.textContent")
-        assert before.startswith("1 LP of 1.8 LP reserved"), "the manifest fixes 0.6 LP and 0.4 LP"
+        assert before.startswith("1 LP of 2 LP reserved"), "the manifest fixes 0.6 LP and 0.4 LP"
         assert "With the lines as they are now." in browser.find_element("css selector", "[data-key=summary]").text
         browser.find_element("id", "m1-1-line").send_keys("\ue011")  # Home
         assert shown(browser, "m1-reserve") == "Not achieved"
         browser.execute_async_script("requestAnimationFrame(() => setTimeout(arguments[0]))")
         sentence = browser.find_element("css selector", "#fit-1 .sentence").text
-        assert sentence.startswith("At least 1 LP of 1.8 LP reserved")
+        assert sentence.startswith("At least 1 LP of 2 LP reserved")
         assert sentence.endswith("Headroom of onboard: not known: control is not achieved.")
         assert shown(browser, "m1-headroom") == "Headroom of onboard: not known: control is not achieved."
         assert shown(browser, "m1-level").endswith("with cpu: { reserve: measured } it follows the level.")

@@ -273,7 +273,7 @@ def _still_too_much(hosts: Hosts, end: TuningConclusion) -> Iterator[Diagnostic]
     now, capacity = map(show_lp_percent, (end.after, end.subject.capacity))
     yield planning_findings.STILL_TOO_MUCH.at(
         None,
-        f"{now} are reserved now, and {capacity} are there.",
+        f"{now} are reserved now; the capacity is {capacity}.",
         prose(
             "Go on: ",
             command("tune", strategy="paper", repeat=True),

@@ -5,11 +5,14 @@ from fractions import Fraction
 from rarms_iac.app.report_model import HostStatus, PlatformCapacity, PlatformTuning
 from rarms_iac.model.commands import Wording, prose
 from rarms_iac.model.quantities import share_of_host, show_lp_percent, show_processors
+from rarms_iac.views.status import describe_beside
 from rarms_iac.views.tune import describe_proof
 
 
 def fit_text(fit: PlatformCapacity) -> str:
     """As `1.4 LP of 2 LP reserved (70 % of onboard). Headroom of onboard: 0.6 LP (30 % of onboard).`.
+
+    What is kept for the hosts and what unmanaged machines have is named where there is some.
 
     Where no measured reserve is enough for a component, what it needs and the headroom are not known.
     """
@@ -25,21 +28,26 @@ def fit_text(fit: PlatformCapacity) -> str:
     if fit.missing and headroom >= 0:
         room = f"Headroom of {hosts}: not known: {names} {'are' if len(fit.missing) > 1 else 'is'} not achieved"
     share = share_of_host(fit.reserved_lp, fit.processors, hosts)
-    reserved = f"{least}{show_processors(fit.reserved_lp)} of {show_processors(fit.capacity_lp)} reserved"
-    return f"{reserved[:1].upper()}{reserved[1:]} ({share}). {room}."
+    reserved = f"{least}{show_processors(fit.reserved_lp)} of {show_processors(fit.processors)} reserved"
+    return f"{reserved[:1].upper()}{reserved[1:]} ({share}){beside_text(fit)}. {room}."
+
+
+def beside_text(fit: PlatformCapacity) -> str:
+    """`, 0.2 LP kept for the host`: what is neither reserved by the application nor headroom."""
+    return "".join(f", {text}" for text in describe_beside(fit.unmanaged_lp, fit.processors - fit.capacity_lp))
 
 
 def tuning_text(tuning: PlatformTuning) -> str:
     """What came of it, and whether it is the best there is."""
     run = tuning.run
     before, after, capacity = (show_lp_percent(amount) for amount in (run.before, run.after, run.capacity))
-    result = f"{before} became {after} of {capacity}" if run.before != run.after else f"{before} of {capacity}"
+    result = f"{before} became {after}" if run.before != run.after else before
     proof = "".join(f" {sentence}" for sentence in describe_proof(run))
     broken = f" Nothing is proved: {'; '.join(run.contradictions)}." if run.contradictions else ""
     written = "" if run.written or run.ending != "successful" else " The manifest was left as it is."
     ending = (run.message or run.ending.replace("_", " ")).capitalize()
     outdated = "".join(f" {'+'.join(names)} is outdated: {why}." for names, why in tuning.outdated.items())
-    return f"{ending}: {result} ({run.strategy} strategy, {run.when}).{proof}{broken}{written}{outdated}"
+    return f"{ending}: {result}, the capacity is {capacity} ({run.strategy} strategy, {run.when}).{proof}{broken}{written}{outdated}"
 
 
 def status_text(status: HostStatus) -> Wording:

@@ -42,9 +42,9 @@ def test_the_status_names_what_is_missing_then_what_is_there() -> None:
     assert rarms("apply", "--auto-approve").code == 0
     after = rarms("status")
 
-    assert "0 LP of 1.8 LP reserved" in before.out
+    assert "0 LP of 2 LP reserved\n  0.2 LP kept for the host, 1.8 LP free" in before.out
     assert "Next: `rarms plan` shows what is not applied yet." in before.out
-    assert "[#############.......]  1.2 LP of 1.8 LP reserved" in after.out
+    assert "[############........]  1.2 LP of 2 LP reserved\n  0.2 LP kept for the host, 0.6 LP free" in after.out
     assert "vision 0.8 LP 40 % of its 2 VPs running" in " ".join(after.out.split())
     assert "Nothing is left to do: all is applied, and no component has a threshold to prove." in after.out
     assert rarms().out == after.out

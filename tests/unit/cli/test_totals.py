@@ -64,12 +64,15 @@ def test_every_command_counts_what_is_placed(manifest: str, tmp_path: Path) -> N
     with chdir(tmp_path):
         measured = rarms("measure", "--samples", "60", "--on-busy-host")
         text = " ".join(rarms("plan").out.split())
-        assert rarms("apply", "--auto-approve").code == 0
+        applied = rarms("apply", "--auto-approve")
+        assert applied.code == 0, applied.err
         planned = json.loads(rarms("plan", "--json").out)
         status = json.loads(rarms("status", "--json").out)
         selected = json.loads(rarms("select", "vision", "--at", "50 ms", "--json").out)
         report = json.loads(rarms("report", "--json").out)
         explained = " ".join(rarms("explain", "vision").out.split())
+        shown = [measured.out, text, applied.out, *(rarms(name).out for name in ("status", "report", "graph"))]
+        shown += [rarms("select", "vision", "--at", "50 ms").out]
 
     reserved = {host["name"]: host["totals"]["reserved_lp"] for host in planned["hosts"]}
     free = {host["name"]: host["free_lp"] for host in status["hosts"]}
@@ -82,6 +85,11 @@ def test_every_command_counts_what_is_placed(manifest: str, tmp_path: Path) -> N
     told = re.findall(r"; ([\d.]+) LP and [^;]* free", text) + re.findall(r"headroom: ([\d.]+) LP", explained)
     assert len(told) >= 2
     assert {float(figure) for figure in told} <= {round(amount, 2) for amount in free.values()}
+    wholes = [set(re.findall(r"[\d.]+ LP of ([\d.]+) LP", " ".join(output.split()))) for output in shown]
+    sizes = {capacity["processors"] for capacity in report["capacities"]}
+    sizes |= {host["host_lp"] for host in selected["headrooms"]}
+    assert set().union(*wholes) <= set(map(str, sizes)), "all LPs of a host, or of a platform's hosts"
+    assert sum(map(bool, wholes)) >= 5
     in_all = re.findall(r"(\w+): ([\d.]+) LP of [\d.]+ LP in all", measured.out)
     assert {name: float(figure) for name, figure in in_all} == {name: round(reserved[name], 2) for name, _ in in_all}
     assert in_all

@@ -193,7 +193,7 @@ def test_what_is_not_tuned_counts_in_what_is_reserved_and_in_what_there_is(tmp_p
     with chdir(tmp_path):
         ran = rarms("tune")
 
-    amount = "1.2 LP of 2 LP are reserved, 1.2 LP of it by partitions whose reserve the manifest fixes."
+    amount = "1.2 LP are reserved, 1.2 LP of it by partitions whose reserve the manifest fixes; the capacity is 2 LP."
     assert (ran.code, ran.out) == (0, f"onboard: nothing to do, {amount}\n")
 
 
