@@ -19,6 +19,7 @@ from rarms_iac.cli.ending import ExitCode, Interrupted
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.session import Session
 from rarms_iac.manifest.checks.names import UNUSED_INTERFERENCE
+from rarms_iac.manifest.checks.processors import RESERVE_ROUNDED_UP
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.plan import Plan, Purpose
@@ -100,8 +101,9 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
                 ".",
             ),
         )
-    # What the manifest does not use is told by `validate` and `plan`, not before a question.
-    findings = tuple(each for each in plan.findings if each.code != UNUSED_INTERFERENCE.code)
+    # `validate` and `plan` tell what the manifest does not use, and where no reservation is made none is rounded.
+    left_out = {UNUSED_INTERFERENCE.code} | ({RESERVE_ROUNDED_UP.code} if plan.purpose is not Purpose.APPLY else set())
+    findings = tuple(each for each in plan.findings if each.code not in left_out)
     text = plan_text(replace(plan, findings=findings), sources=hosts.manifest.sources)
     if session.as_json:
         session.terminal.talk(text)

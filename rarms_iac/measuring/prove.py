@@ -116,6 +116,7 @@ class LayoutProof:
     series: Internal[Mapping[str, Series]]  # by component, of those with thresholds
     verdicts: tuple[IndexVerdict, ...]  # every index of every threshold, components by name
     starts: int  # how often its components began anew
+    wall_seconds: Internal[float] = 0.0  # what it took its user
 
     @output
     def host_lp(self) -> int:

@@ -26,7 +26,7 @@ class WallTimes:
     """What each setting took that was run in this command."""
 
     clock: Callable[[], float] = time.monotonic  # seconds, from any start
-    _seconds: list[tuple[str, str, float]] = field(default_factory=list)  # host, experiment and time, as they ended
+    _seconds: list[tuple[Experiment, float]] = field(default_factory=list)  # as they ended
 
     def add(self, experiment: Experiment, seconds: float) -> None:
         """Keep what a setting took that was recorded.
@@ -35,7 +35,7 @@ class WallTimes:
             experiment: What it is a setting of.
             seconds: From its start to its end, with all tries of one that was disturbed.
         """
-        self._seconds.append((experiment.host.name, experiment.name, seconds))
+        self._seconds.append((experiment, seconds))
 
     def comparable(self, experiment: Experiment) -> Sequence[float]:
         """Return the times, in seconds, that tell how long a setting of an experiment will take.
@@ -44,15 +44,17 @@ class WallTimes:
             experiment: What is to be measured.
 
         Returns:
-            Those of the same components on the same host, beside any load. Where there are none: on a simulated host
-            those of other components, since it is the machine that is waited for; on others nothing, as each
-            component has its own pace.
+            Those of the same components on the same host, beside any load. Where there are none: for a simulated host
+            those of other components there, then those on all simulated hosts, since it is this machine that is waited
+            for; for others nothing, as each component has its own pace.
         """
-        host, name = experiment.host.name, experiment.name
-        same = [seconds for on, of, seconds in self._seconds if (on, of) == (host, name)]
-        if same or experiment.host.provider is not ProviderKind.SIMULATED:
+        host, name = experiment.host, experiment.name
+        on_host = [(run.name, seconds) for run, seconds in self._seconds if run.host.name == host.name]
+        same = [seconds for of, seconds in on_host if of == name]
+        if same or host.provider is not ProviderKind.SIMULATED:
             return same
-        return [seconds for on, _, seconds in self._seconds if on == host]
+        on_simulated = [seconds for run, seconds in self._seconds if run.host.provider is ProviderKind.SIMULATED]
+        return [seconds for _, seconds in on_host] or on_simulated
 
     def remaining(self, experiment: Experiment, least: int, most: int) -> RemainingSettings | None:
         """Say what is left of an experiment.

@@ -60,9 +60,9 @@ def _why_not_less(explanation: Explanation, less: int) -> Iterator[str]:
     below = f"{_share(explanation, less)}, one less"
     missed = [index for index in explanation.one_less if not index.met]
     for index in missed:
-        how = "looked up" if index.samples is None else "measured"
-        how = f"{how}, as what was measured there gave no verdict" if index.inconclusive else how
-        safe = "" if index_named(index.index).is_extreme else f", and {_value(index, index.safe)} on the safe side"
+        how = "measured" if index.samples is not None else "estimated between two measured settings"
+        how = f"{how}, since what was measured there gave no verdict" if index.inconclusive else how
+        safe = "" if index_named(index.index).is_extreme else f", at worst {_value(index, index.safe)}"
         yield f"{below}: {_name(explanation, index)} {_value(index, index.point.value)} ({how}){safe}; it must be " + (
             _bound(index)
         )
@@ -120,14 +120,14 @@ def _verdict(explanation: Explanation, index: ExplainedIndex) -> str:
         beyond = "so far" if estimate is None or estimate.beyond is None else describe_extreme(estimate.beyond)
         return f"{value} {beyond}{samples}: {'met so far' if index.met else 'not met'}, as it must be {_bound(index)}"
     sentence = f"{value}, between {_value(index, seen.lower)} and {_value(index, seen.upper)}{samples}"
-    curve = f"as the safe side of the curve, {_value(index, index.safe)},"
+    worse = f"the worse end, {_value(index, index.safe)}"
     if estimate is not None and index.safe not in (estimate.lower, estimate.upper):
-        curve = f"{curve} which other settings tell of, too,"
+        worse += " with what other settings tell"
     if index.met:
-        return f"{sentence}: met, {curve} is {_bound(index)}, {describe_error()}"
+        return f"{sentence}: met, as {worse}, is {_bound(index)}, {describe_error()}"
     if index.missed:
         return f"{sentence}: missed, it must be {_bound(index)}"
-    return f"{sentence}: not shown yet to be met, {curve} is not {_bound(index)}"
+    return f"{sentence}: not shown yet to be met, as {worse}, is not {_bound(index)}"
 
 
 def _share(explanation: Explanation, reserve: int) -> str:
@@ -322,7 +322,8 @@ def _host(explanation: Explanation) -> Iterator[str]:
         condition = "once its reservation is known" if explanation.wanted_lp is None else "if it could be there"
         yield f"{name}, {condition}: it has {show_processors(whole)}"
     elif layout is None:
-        yield f"{name}, if there were room: {share(place.partition.reserved)} of its {show_processors(whole)}"
+        amount = f"{share(place.partition.reserved)} of its {show_processors(whole)}"
+        yield f"{name} has no room for it now; it would take {amount}"
     else:
         yield f"{name}: {share(place.partition.reserved)} of its {show_processors(whole)}"
     if partition.current_host == place.host.name:

@@ -414,7 +414,7 @@ def _not_undone(part: HostPlan) -> "Iterator[RenderableType]":
     ]
     if lasting:
         yield "  What an undo cannot bring back:"
-    for step in lasting:
+    for step in sorted(lasting, key=lambda step: natural_order(str(step.address))):
         level = "partly" if step.undo.level is UndoLevel.PARTIAL else "not at all"
         yield paragraph(f"{step.address}, {step.title}: {level}; {step.undo.message}", indent=4)
 

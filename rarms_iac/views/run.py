@@ -224,12 +224,12 @@ def _reported_host(report: HostReport, *, partial: bool) -> str:
     begun = f"{kind} of plan {report.plan}{', begun earlier,' if report.resumed else ''}"
     if report.run is RunKind.UNDO and report.ending is RunEnding.DONE and not report.total:
         return f"{begun}: nothing of it can be taken back." if partial else f"{begun}: it had changed nothing."
-    steps = f"{counted(report.changed, 'step')} changed something, {report.unchanged} found all as wanted"
+    steps = f"{counted(report.changed, 'step')} changed something, {report.unchanged} had nothing to do"
     if report.ending is not RunEnding.DONE:
         remaining = report.total - report.changed - report.unchanged
         return f"{begun} not complete: {steps}, {remaining} of {report.total} left."
     if report.host_plan is not None and report.host_plan.changes:
-        unchanged = f", {report.unchanged} found all as wanted" if report.unchanged else ""
+        unchanged = f", {report.unchanged} had nothing to do" if report.unchanged else ""
         steps = f"{_resources(report.host_plan)} ({counted(report.total, 'step')}{unchanged})"
     return f"{begun} complete: {steps}.{_reserved(report.host_plan)}"
 

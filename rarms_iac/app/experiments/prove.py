@@ -43,7 +43,7 @@ from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.running.secrets import short_secrets
-from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, append_entry
+from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, append_entry, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
 
 
@@ -156,10 +156,11 @@ def _prove_all(
         conditions = _conditions(session, states[name], loads, thresholds)
         _announce(session, name, layout, conditions)
         for each in conditions:
+            began = session.wall_times.clock()
             proof = _prove(session, name, layout, each, listener)
             if proof is None:
                 return None
-            proofs.append(proof)
+            proofs.append(replace(proof, wall_seconds=session.wall_times.clock() - began))
     return proofs
 
 
@@ -183,18 +184,31 @@ def _announce(
 ) -> None:
     """Say what a proof takes of a host, before it begins."""
     loads = [each.interference for each in conditions if each.interference]
-    least = least_duration_ms(layout, session.held_hosts[name].scheduler_memory_ms) * len(conditions)
-    most = max(least, float(session.hosts.system.policy.measuring.proof))
     with_load = f"beside {in_a_row(loads)}, and uses all idle time of {name}" if loads else f"on {name} beside no load"
     if session.hosts.system.hosts[name].provider is ProviderKind.SIMULATED:  # its clock is not the user's
         starts = counted(STARTS * len(conditions), "time")
-        least_starts = f"The proof starts all components at least {starts}"
         session.control.reporter.message(
-            f"{least_starts} and takes at most {show_duration(most)} of their time {with_load} (simulated)."
+            f"The proof starts all components at least {starts} {with_load} (simulated): "
+            f"{_describe_wall_time(session.hosts, name, layout, [each.interference for each in conditions])}."
         )
         return
+    least = least_duration_ms(layout, session.held_hosts[name].scheduler_memory_ms) * len(conditions)
+    most = max(least, float(session.hosts.system.policy.measuring.proof))
     takes = f"{show_duration(least)} to {show_duration(most)}"
     session.control.reporter.message(f"The proof takes {takes} {with_load}.")
+
+
+def _describe_wall_time(hosts: Hosts, host: str, layout: AppliedLayout, loads: Sequence[str | None]) -> str:
+    """Say how long a proof on a simulated host takes its user, as the last one of each load did."""
+    platform = hosts.system.hosts[host].platform
+    took: dict[str | None, float] = {}
+    for component in layout.judged:
+        for entry in read_entries(configuration_path(hosts.folder, platform, component.name)):
+            if isinstance(entry, Proven) and entry.host == host:
+                took[entry.interference] = entry.wall_seconds
+    if not all(took.get(load) for load in loads):
+        return "how long that takes here is not known yet"
+    return f"about {show_duration(1000 * sum(took[load] for load in loads))}, as the last proof took"
 
 
 def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]) -> None:
@@ -218,6 +232,7 @@ def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]
                 robot=hosts.system.application.robot,
                 machine=states[proof.host].facts.id,
                 serial=states[proof.host].serials.get(application, 0),
+                wall_seconds=round(proof.wall_seconds, 1),
                 partition=partition_of.get(component.name, ""),
                 reserve=reserves.get(partition_of.get(component.name, ""), 0),
                 beside=tuple(name for name in everyone if name != component.name),

@@ -43,6 +43,7 @@ from rarms_iac.model.wording import counted, in_a_row, list_names
 
 RESERVE_OVER_HOST = Finding.error("RARMS061", "The reserve is larger than any host can give")
 MORE_PROCESSORS_THAN_HOST = Finding.error("RARMS064", "More virtual processors than any host can run")
+RESERVE_ROUNDED_UP = Finding.warning("RARMS367", "Rounding raises a fixed reserve by more than a tenth")
 RESERVE_OVER_PROCESSORS = Finding.error("RARMS078", "The reserve is larger than its virtual processors can use")
 
 
@@ -286,7 +287,7 @@ def criticalities_alike(system: System) -> Iterator[Violation]:
     )
 
 
-@check(Finding.warning("RARMS367", "Rounding raises a fixed reserve by more than a tenth"))
+@check(RESERVE_ROUNDED_UP)
 def reserve_rounded_up(system: System) -> Iterator[Violation]:
     """Reserves of wide components that whole per cent of each virtual processor make much larger, on every host."""
     for section, name, cpu, hosts in cpu_settings(system):

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 SLACK = 2
 """Points of CR by which a compound on several processors may need less than a part of it."""
 
-ASSUMED = f"a compound needs at least what any part of it needs (on several processors: at most {SLACK} points less)"
+ASSUMED = f"a compound needs at least what any part of it needs (with several VPs: up to {SLACK} % of its VPs less)"
 
 EXACT_UP_TO = 12
 """CoIs of which every compound is considered; of more, the compounds of the least critical ones."""

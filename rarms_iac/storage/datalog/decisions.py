@@ -74,6 +74,7 @@ class Proven:
     machine: str = ""  # the host's own identity (`HostFacts.id`): robots share names; empty: not known
     # Of the application's runs on the host before it, undos among them: clocks jump back, a count of runs does not.
     serial: int
+    wall_seconds: float = 0.0  # what the proof took its user; a host's own clock may be a simulation's
 
 
 Entry = Chosen | Proven

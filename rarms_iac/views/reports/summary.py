@@ -42,12 +42,13 @@ def tuning_text(tuning: PlatformTuning) -> str:
     run = tuning.run
     before, after, capacity = (show_lp_percent(amount) for amount in (run.before, run.after, run.capacity))
     result = f"{before} became {after}" if run.before != run.after else before
+    result += f", the capacity is {capacity}"
     proof = "".join(f" {sentence}" for sentence in describe_proof(run))
     broken = f" Nothing is proved: {'; '.join(run.contradictions)}." if run.contradictions else ""
     written = "" if run.written or run.ending != "successful" else " The manifest was left as it is."
     ending = (run.message or run.ending.replace("_", " ")).capitalize()
     outdated = "".join(f" {'+'.join(names)} is outdated: {why}." for names, why in tuning.outdated.items())
-    return f"{ending}: {result}, the capacity is {capacity} ({run.strategy} strategy, {run.when}).{proof}{broken}{written}{outdated}"
+    return f"{ending}: {result} ({run.strategy} strategy, {run.when}).{proof}{broken}{written}{outdated}"
 
 
 def status_text(status: HostStatus) -> Wording:

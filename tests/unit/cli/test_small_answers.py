@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.cli.ending import ExitCode
+from rarms_iac.storage.shipped import shipped
 from tests.unit.cli.running import rarms
 
 
@@ -90,6 +91,18 @@ def test_an_unused_load_is_told_by_validate_and_plan_alone(tmp_path: Path) -> No
         }
 
     assert [words for words, is_told in told.items() if is_told] == ["validate", "plan"]
+
+
+def test_a_rounded_reserve_is_told_where_reserves_are_planned(tmp_path: Path) -> None:
+    manifest = shipped("tests/cases/findings/367-reserve-rounded-up/rarms.yaml")
+    (tmp_path / "rarms.yaml").write_bytes(manifest.read_bytes())
+    with chdir(tmp_path):
+        told = {
+            words: "RARMS367" in (answer := rarms(*words.split())).out + answer.err
+            for words in ("validate", "plan", "apply --auto-approve", "stop --auto-approve", "start --auto-approve")
+        }
+
+    assert [words for words, is_told in told.items() if is_told] == ["validate", "plan", "apply --auto-approve"]
 
 
 def test_how_many_samples_a_threshold_needs_is_told_by_validate_and_by_no_plan(tmp_path: Path) -> None:

@@ -98,6 +98,8 @@ def test_another_component_tells_nothing_of_this_one_unless_the_host_is_simulate
 
     expected = RemainingSettings(least=1, most=4, setting_seconds=3.0)
     assert times.remaining(vision, 1, 4) == (expected if tells else None)
+    elsewhere = replace(vision, host=replace(host, name="spare"))
+    assert times.remaining(elsewhere, 1, 4) == (expected if tells else None), "this machine simulates both hosts"
 
     times.add(vision, 7.0)
 

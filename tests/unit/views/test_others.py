@@ -84,7 +84,7 @@ def test_a_run_says_how_it_ended_and_what_is_left() -> None:
     done = render(run_text(a_report(RunEnding.DONE, changed=3)), 100)
     stopped = render(run_text(a_report(RunEnding.INTERRUPTED)), 80)
 
-    assert done == "onboard: Apply of plan 0123456789ab complete: 3 steps changed something, 1 found all as wanted.\n"
+    assert done == "onboard: Apply of plan 0123456789ab complete: 3 steps changed something, 1 had nothing to do.\n"
     assert "1 of 4 left" in stopped
     assert "rarms undo" in stopped
     check(json_of(a_report(RunEnding.DONE)))
@@ -99,7 +99,7 @@ def test_an_apply_counts_the_resources_as_the_plan_did() -> None:
 
     assert render(run_text(done), 160) == (
         "onboard: Apply of plan 0123456789ab complete: 1 added, 1 changed, 0 removed "
-        "(4 steps, 1 found all as wanted). 1.4 LP of 2 LP are reserved.\n"
+        "(4 steps, 1 had nothing to do). 1.4 LP of 2 LP are reserved.\n"
     )
     check(json_of(done))
     (host,) = json.loads(json_of(done))["hosts"]
