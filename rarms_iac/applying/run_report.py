@@ -4,13 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
-from typing import Literal, Protocol
+from typing import Literal
 
-from rarms_iac.model.changes import Address, Change
+from rarms_iac.model.changes import Change
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import RunKind, StepStatus
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.plan import HostPlan
+from rarms_iac.model.plan import HostPlan, Step
 from rarms_iac.model.totals import Totals
 
 
@@ -77,24 +77,16 @@ class RunReport:
     findings: tuple[Diagnostic, ...] = ()
 
 
-class ReportedStep(Protocol):
-    """A step as a reporter is told of it, whether rarms walks it or a script does."""
-
-    @property
-    def address(self) -> Address | str:
-        """The resource that it changes."""
-
-    @property
-    def title(self) -> str:
-        """The step in a few words, for a person."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TitledStep:
     """A step of a script, as its events name it."""
 
     address: str
     title: str
+
+
+ReportedStep = Step | TitledStep
+"""A step as a reporter is told of it, whether rarms walks it or a script does."""
 
 
 NO_COMPONENTS: Mapping[str, Sequence[str]] = MappingProxyType({})
