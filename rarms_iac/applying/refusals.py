@@ -127,7 +127,7 @@ def run_of_another(host: str, journal: Journal | ScriptRun, application: Applica
     """What was done last on the host was done for another application or robot, which alone may take it back."""
     started = journal.started
     begun_for, own = (
-        _for_robot(each, robot)
+        f"{quoted(each)} of the robot {quoted(robot)}" if robot else quoted(each)
         for each, robot in ((started.application, started.robot), (application.name, application.robot))
     )
     return OTHERS_RUN.at(
@@ -344,10 +344,6 @@ def _format_reading(value: bool | int | str) -> str:
             return "empty"
         case _:
             return str(value)
-
-
-def _for_robot(application: str, robot: str) -> str:
-    return f"{quoted(application)} of the robot {quoted(robot)}" if robot else quoted(application)
 
 
 def _run(started: RunStarted | ScriptStarted) -> str:

@@ -96,22 +96,14 @@ def steps_undone(journal: Journal | ScriptRun) -> tuple[UndoneStep, ...]:
     match journal:
         case Journal():
             return tuple(
-                UndoneStep(address=str(step.address), title=_describe_undo(step), level=step.undo.level)
+                UndoneStep(
+                    address=str(step.address), title=str(step.undo.operation or step.title), level=step.undo.level
+                )
                 for _, step in steps_to_undo(journal)
-                if not goes_with_its_machine(step)
+                if step.undo.operation is not None or step.undo.level is not UndoLevel.FULL  # it goes with its machine
             )
         case ScriptRun():
             return steps_undone_by_script(journal)
-
-
-def _describe_undo(step: Step) -> str:
-    """The undo in a few words; of a step without one, the step that stays done."""
-    return step.title if step.undo.operation is None else str(step.undo.operation)
-
-
-def goes_with_its_machine(step: Step) -> bool:
-    """Whether nothing is to be done for it, because the machine that it was made for is removed."""
-    return step.undo.operation is None and step.undo.level is UndoLevel.FULL
 
 
 def steps_to_undo(journal: Journal) -> tuple[tuple[int, Step], ...]:

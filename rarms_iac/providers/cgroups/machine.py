@@ -48,6 +48,7 @@ def read_machine(effects: LinuxEffects) -> LinuxMachine:
         ValueError: a file is not as a Linux writes it.
     """
     name = effects.read(_HOSTNAME)
+    runtime, period = (int(_text(effects, file) or 0) for file in (_RUNTIME, _PERIOD))
     memory = next(line.split()[1] for line in effects.read(_MEMORY).splitlines() if line.startswith("MemTotal:"))
     return LinuxMachine(
         id=_text(effects, _ID) or uuid.uuid5(NAMESPACE, name).hex,
@@ -56,13 +57,9 @@ def read_machine(effects: LinuxEffects) -> LinuxMachine:
         memory=int(memory) * 1024 // MEBIBYTE * MEBIBYTE,
         smt=_text(effects, _SMT) == "1",
         boot=effects.read(_BOOT),
-        deadline_percent=_deadline_percent(*(int(_text(effects, file) or 0) for file in (_RUNTIME, _PERIOD))),
+        # Where the kernel does not say, it admits nothing; a negative runtime is all of the period.
+        deadline_percent=100 if runtime < 0 else runtime * 100 // period if period else 0,
     )
-
-
-def _deadline_percent(runtime: int, period: int) -> int:
-    """Return the part of each processor that the kernel admits for SCHED_DEADLINE; 0 where it does not say."""
-    return 100 if runtime < 0 else runtime * 100 // period if period else 0
 
 
 def facts_of(host: Host, machine: LinuxMachine, group_processors: int) -> HostFacts:
