@@ -575,7 +575,7 @@ def test_after_a_kill_a_refusal_names_what_others_changed_alone() -> None:
     ran = again(host, prepared)
 
     assert ran.code == 3, ran.says
-    assert ran.events[-1]["detail"] == "changed since the plan: taken"
+    assert ran.events[-1]["detail"] == "changed since the plan: taken; make a new plan"
 
 
 def test_a_machine_that_is_gone_is_called_gone() -> None:

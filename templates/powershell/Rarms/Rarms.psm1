@@ -488,7 +488,7 @@ function Get-Difference {
     if ($Live['exists'] -ceq $false -and -not ($Expected['exists'] -ceq $false)) {
         return 'it is gone from this host: make a new plan'
     }
-    $Text + ($Name -join ', ')
+    $Text + ($Name -join ', ') + '; make a new plan'
 }
 
 function Test-Agreed {
@@ -634,7 +634,9 @@ function Lock-Host {
             # Get-Content opens it shared for writing, as its holder has it.
             try { $holder = '' + (Get-Content -LiteralPath $script:OwnerFile -Raw) } catch { $holder = '' }
             if (-not $holder) { $holder = 'an unknown user' }
-            if (-not ([DateTime]::UtcNow -lt $until)) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + $holder) }
+            if (-not ([DateTime]::UtcNow -lt $until)) {
+                Stop-Run -Kind 'lock' -Detail ('it is held by {0}: wait, or give -LockTimeout' -f $holder)
+            }
             Start-Sleep -Milliseconds 500
         }
     }
@@ -761,7 +763,7 @@ function Write-FirstRecord {
             if ((Get-UnsignedDigest -Data ([System.Text.Encoding]::ASCII.GetBytes($text))) -ceq $plan.UndoDigest) {
                 throw ('{0} has other line ends than it was made with: git needs "*.ps1 -text"' -f $path)
             }
-            throw ('{0} was edited' -f $path)
+            throw ('{0} was edited: put it there as rarms wrote it' -f $path)
         }
     }
     $script:Serials[$plan.Application] = [long] $script:Serials[$plan.Application] + 1
@@ -862,7 +864,8 @@ function Get-PartitionReading {
             if (-not $tie) { continue }
             Stop-Run -Detail ('machine {0} ({1}) is {2}, and not changed here: leave it out' -f $vm.Name, $vm.Id, $tie)
         }
-        if ($found.Count -gt 1) { Stop-Run -Detail ('{0} machines answer to it' -f $found.Count) }
+        $many = '{0} machines answer to it: take the mark of rarms out of the notes of all but one'
+        if ($found.Count -gt 1) { Stop-Run -Detail ($many -f $found.Count) }
         $live['exists'] = $found.Count -eq 1
         foreach ($vm in $found) { Add-MachineReading -Live $live -Vm $vm }
         if ($Name -and $live['exists']) { $script:Machines[$Name] = $live['machine'] }

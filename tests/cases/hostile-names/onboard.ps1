@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: the undo b4910a96d28dc1af04fe80f12feed3c6306c9a9db8ede0ed32c2b78081735e0d, Rarms.psm1 5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3.
+    Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: the undo 19ff025254ff7d9601207f462eac3f803caf6fa8efcce22630ed4a04925eec91, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '55573f97842a'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'b4910a96d28dc1af04fe80f12feed3c6306c9a9db8ede0ed32c2b78081735e0d'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '19ff025254ff7d9601207f462eac3f803caf6fa8efcce22630ed4a04925eec91'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -70,7 +70,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3'
+    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

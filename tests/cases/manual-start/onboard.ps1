@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e325b8ae00e7, rarms 0.1.0. SHA-256: the undo 12a9a9efb81b2f30b7c7a7d89b1c011bf7a78d5a29d8a92abf6de5099ae74066, Rarms.psm1 5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3.
+    Manifest e325b8ae00e7, rarms 0.1.0. SHA-256: the undo 07f2578a896816cf0dcd1f7766f27d764f20e1a492e581a4f72aae020898e242, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ae29dab6d115'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '12a9a9efb81b2f30b7c7a7d89b1c011bf7a78d5a29d8a92abf6de5099ae74066'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '07f2578a896816cf0dcd1f7766f27d764f20e1a492e581a4f72aae020898e242'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -88,7 +88,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3'
+    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

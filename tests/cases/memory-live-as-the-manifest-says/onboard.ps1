@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest fe6ae28d34df, rarms 0.1.0. SHA-256: the undo bc5404500f872d36c26e9bb1887297d6ac760b772322e8e3db8d7a3a0d5efe00, Rarms.psm1 5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3.
+    Manifest fe6ae28d34df, rarms 0.1.0. SHA-256: the undo 7e2f8a8bbc09ee27503cc457c83de44fe5ff223a95a83b33aeb1c059bc280cbb, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '83713f5c12ae'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'bc5404500f872d36c26e9bb1887297d6ac760b772322e8e3db8d7a3a0d5efe00'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '7e2f8a8bbc09ee27503cc457c83de44fe5ff223a95a83b33aeb1c059bc280cbb'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -57,7 +57,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3'
+    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

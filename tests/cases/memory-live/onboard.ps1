@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 42e1490dcb20275eae7c3caa2f8874228a922b548acbe96f151053d235146eca, Rarms.psm1 5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3.
+    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo fb7a04242f6b760fe2814d3f99baa115120fbb8dd7a4f8568b9cc05f39cadc93, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f937e393b94e'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '42e1490dcb20275eae7c3caa2f8874228a922b548acbe96f151053d235146eca'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'fb7a04242f6b760fe2814d3f99baa115120fbb8dd7a4f8568b9cc05f39cadc93'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -57,7 +57,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3'
+    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

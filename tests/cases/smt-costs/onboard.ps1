@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo e8f02f78bf43ec639c13e66a787dadadfc4ffbd887c55007f6ffd7c095f9c857, Rarms.psm1 5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3.
+    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 34494a2c009e8666f8a7d8ee35a787c14f011fd72aa54947a4741d36da947e0f, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
 #>
 
 #Requires -Version 5.1
@@ -41,7 +41,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '91988e6a8f9d'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'e8f02f78bf43ec639c13e66a787dadadfc4ffbd887c55007f6ffd7c095f9c857'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '34494a2c009e8666f8a7d8ee35a787c14f011fd72aa54947a4741d36da947e0f'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 8; Cores = 4; ThreadsPerCore = 2; Percent = 800; Memory = 17179869184; AcceptScheduler = $false
     }
@@ -117,7 +117,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '5BD4CAD71685C668B369FF44AEB545EA37891BFB02F6B9C1AF4159C3C9D1E9F3'
+    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
