@@ -8,7 +8,7 @@ something, so they are taken out before values are compared. Pure.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 from rarms_iac.powershell.inspection.layout import without_fixed
@@ -16,6 +16,7 @@ from rarms_iac.powershell.literals import Scalar, read_literal
 from rarms_iac.powershell.statements import (
     CommandCall,
     calls_of,
+    column_of,
     entries,
     guard_of,
     inner,
@@ -76,74 +77,83 @@ def outline(script: bytes) -> Outline:
         NotParsed: it is no PowerShell.
         ValueError: it has no run, or a step in another form; the inspection says more.
     """
-    facts, calls = plan_of(sound(without_fixed(script.decode("ascii"))))
+    facts, parts = plan_of(sound(without_fixed(script.decode("ascii"))))
     if facts is None:
         raise ValueError(f"the script has no {PLAN} that begins with the facts of its run")
-    run = {name: _literal(value) for name, value in (entries(facts) or {}).items() if name != GUARD}
+    run = {name: _Reader().scalar(value) for name, value in (entries(facts) or {}).items() if name != GUARD}
     steps: list[ScriptStep] = []
-    target: Mapping[str, Node] = {}
-    for call in calls:
-        given = {name: value for name, value in call.given.items() if value is not None}
-        if call.name == TARGET:
-            target = given
-        elif call.name == STEP_CALL:
-            steps.append(_step(len(steps), target, given))
+    for part in parts:
+        for row in part.rows or ({},):
+            steps += _Reader(row).steps(len(steps), part.calls)
     return Outline(run=run, steps=tuple(steps))
 
 
-def _step(number: int, target: "Mapping[str, Node]", given: "Mapping[str, Node]") -> ScriptStep:
-    (read,) = _calls(target["Read"])
-    return ScriptStep(
-        number=number,
-        address=str(_literal(target["Address"])),
-        action=str(_literal(given["Action"])),
-        read=read,
-        before=_table(given["Before"]),
-        after=_table(given["After"]),
-        calls=tuple(_calls(given["Set"])),
-        fits=next(_calls(given["Fits"])) if "Fits" in given else None,
-        undoes=int(_literal(given["Undoes"])) if "Undoes" in given else None,
-    )
+@dataclass(frozen=True, slots=True)
+class _Reader:
+    """Reads calls of a plan as they are made for one row of a table, or for none."""
 
+    row: "Mapping[str, Node]" = field(default_factory=dict)
 
-def _literal(node: "Node") -> Scalar:
-    return read_literal(text_of(inner(node)))
+    def steps(self, number: int, calls: Sequence[CommandCall]) -> Iterator[ScriptStep]:
+        target: Mapping[str, Node] = {}
+        for call in calls:
+            given = {name: value for name, value in call.given.items() if value is not None}
+            if call.name == TARGET:
+                target = given
+            elif call.name == STEP_CALL:
+                yield self.step(number, target, given)
+                number += 1
+
+    def step(self, number: int, target: "Mapping[str, Node]", given: "Mapping[str, Node]") -> ScriptStep:
+        (read,) = self.calls(target["Read"])
+        same = self.table(given["Same"]) if "Same" in given else {}
+        return ScriptStep(
+            number=number,
+            address=str(self.scalar(target["Address"])),
+            action=str(self.scalar(given["Action"])),
+            read=read,
+            before={**self.table(given["Before"]), **same},
+            after={**self.table(given["After"]), **same},
+            calls=tuple(self.calls(given["Set"])),
+            fits=next(self.calls(given["Fits"])) if "Fits" in given else None,
+            undoes=int(self.scalar(given["Undoes"])) if "Undoes" in given else None,
+        )
+
+    def scalar(self, node: "Node") -> Scalar:
+        value = inner(node)
+        return read_literal(text_of(inner(self.row.get(column_of(value), value))))
+
+    def table(self, node: "Node") -> dict[str, Scalar]:
+        table = entries(node)
+        if table is None:
+            raise ValueError(f"{text_of(node)[:60]} is no table")
+        return {_name(key): self.scalar(value) for key, value in table.items()}
+
+    def calls(self, block: "Node") -> Iterator[ScriptCall]:
+        for statement in statements_of(inner(block)):
+            guard = guard_of(statement)
+            call = only_call(guard[1] if guard else statement)
+            if call is not None:
+                yield self.call(call)
+
+    def call(self, call: CommandCall) -> ScriptCall:
+        return ScriptCall(name=call.name, parameters={name: self.value(value) for name, value in call.given.items()})
+
+    def value(self, node: "Node | None") -> Scalar | MachineVariable | ScriptCall:
+        if node is None:
+            return True  # a switch
+        value = inner(node)
+        if literal_of(value) is not None or column_of(value):
+            return self.scalar(value)
+        if text_of(value) == VM:
+            return MachineVariable()
+        (call,) = (candidate for candidate in walk(value) if candidate.type == "command")
+        return self.call(next(calls_of(call)))
 
 
 def _name(key: str) -> str:
     """A key as text, whether it stands in quotes or not."""
     return key if key.isidentifier() else str(read_literal(key))
-
-
-def _table(node: "Node") -> dict[str, Scalar]:
-    table = entries(node)
-    if table is None:
-        raise ValueError(f"{text_of(node)[:60]} is no table")
-    return {_name(key): _literal(value) for key, value in table.items()}
-
-
-def _calls(block: "Node") -> Iterator[ScriptCall]:
-    for statement in statements_of(inner(block)):
-        guard = guard_of(statement)
-        call = only_call(guard[1] if guard else statement)
-        if call is not None:
-            yield _call(call)
-
-
-def _call(call: CommandCall) -> ScriptCall:
-    return ScriptCall(name=call.name, parameters={name: _value(value) for name, value in call.given.items()})
-
-
-def _value(node: "Node | None") -> Scalar | MachineVariable | ScriptCall:
-    if node is None:
-        return True  # a switch
-    value = inner(node)
-    if literal_of(value) is not None:
-        return _literal(value)
-    if text_of(value) == VM:
-        return MachineVariable()
-    (call,) = (candidate for candidate in walk(value) if candidate.type == "command")
-    return _call(next(calls_of(call)))
 
 
 THIS_PLAN = "<plan>"

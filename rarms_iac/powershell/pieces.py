@@ -38,7 +38,8 @@ _JOINING = (
     | operations.SetSecureBoot
 )
 
-_BLIND = ("Hyper-V\\", "Write-Mark")
+_WRITE_MARK = "Write-Mark"
+_BLIND = ("Hyper-V\\", _WRITE_MARK)
 """What begins the calls that do not look whether it is done already."""
 
 READER = "Get-PartitionReading"
@@ -91,14 +92,20 @@ def joined(piece: ScriptPiece, following: ScriptPiece) -> ScriptPiece:
         else:
             calls = [(old, had) for old, had in calls if old != new] + [(new, names)]
     is_new = piece.read.startswith(f"{READER} -Name")
+    actions = [part.action for part in (piece, following) if not _is_known_mark(part)]
     return replace(
         piece,
-        action="give it all its settings, and its name last" if is_new else f"{piece.action}; {following.action}",
+        action="give it all its settings, and its name last" if is_new else "; ".join(actions) or piece.action,
         before={**made, **piece.before},
         after={**piece.after, **following.after},
         calls=tuple(call for call, _ in calls),
         sets=tuple(tuple(dict.fromkeys(names)) for _, names in calls),
     )
+
+
+def _is_known_mark(piece: ScriptPiece) -> bool:
+    """Whether it writes a mark that differs in its digest of the settings alone, which the step's readings say."""
+    return piece.calls == (_WRITE_MARK,) and piece.before.get("mark") == piece.after.get("mark")
 
 
 def _set_by(piece: ScriptPiece) -> tuple[tuple[str, ...], ...]:
@@ -243,7 +250,7 @@ def _machine_calls(operation: operations.MachineOperation) -> tuple[str, ...]:
     vm = {"VM": VM}
     match operation:
         case operations.WriteMark() | operations.EraseMark():
-            return (call("Write-Mark"),)  # what the step's `After` says of it, which may be nothing
+            return (call(_WRITE_MARK),)  # what the step's `After` says of it, which may be nothing
         case operations.StopPartition(grace_ms=grace):
             return (call("Stop-Partition", GraceMs=literal(grace)),)
         case operations.RemovePartition():

@@ -6,6 +6,7 @@ One script an operating system: the host's own, and one for each guest whose tas
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from math import floor
 
 from rarms_iac.model.capacity import capacity_of
@@ -38,12 +39,14 @@ from rarms_iac.powershell.pieces import (
     joined,
     pieces_of,
 )
+from rarms_iac.powershell.rows import PlanBlock, plan_lines
 from rarms_iac.powershell.summary import machine_table, summary_lines
 from rarms_iac.powershell.templates import (
     ENTRY,
     HOST_FACT_NAMES,
     ScriptForm,
     StepText,
+    TargetText,
     as_script,
     fact_lines,
     fill,
@@ -51,8 +54,6 @@ from rarms_iac.powershell.templates import (
     module_digests,
     module_text,
     read,
-    step_lines,
-    target_line,
 )
 
 _HOST_REQUIRES = ("-Modules Hyper-V", "-RunAsAdministrator")
@@ -275,7 +276,7 @@ def _fill(
         "facts": fact_lines(run),
         "entry": ENTRY,
         "impact": impact_of("\n".join(map(_code, steps))),
-        "plan": list(_plan_lines(kind, host_plan, steps)),
+        "plan": list(plan_lines(_blocks(kind, host_plan, steps))),
         "module": module_text(form),
     }
     return fill("script.ps1.j2", values)
@@ -352,44 +353,60 @@ def _inside_help(text: str) -> str:
     return text.replace("#>", "# >")
 
 
-def _plan_lines(kind: RunKind, host_plan: HostPlan, steps: Sequence[_GuardedPiece]) -> Iterable[str]:
-    """The steps under a banner for each partition or task class, and what each few of them are about."""
+def _blocks(kind: RunKind, host_plan: HostPlan, steps: Sequence[_GuardedPiece]) -> Iterable[PlanBlock]:
+    """The steps of each partition or task class that stand together; those that begin them, and starts, say why."""
     reasons = {str(change.address): change.reason.message for change in host_plan.changes}
     owners: set[str] = set()
-    target = ""
-    for guarded in steps:
-        step, piece = guarded.steps[0], guarded.piece
-        owner, reason = owner_of(step), ""
-        if owner not in owners:
-            reason = reasons.get(str(step.address)) or step.comment
+    for owner, neighbours in groupby(steps, key=_block_owner):
+        pieces = list(neighbours)
+        first = pieces[0].steps[0]
+        reason = ""
+        if owner[0] not in owners:
+            reason = reasons.get(str(first.address)) or first.comment
             if kind is RunKind.UNDO:
                 reason = "takes back what the apply script did to it, the last step first"
-            yield from [""] if owners else []
-            owners.add(owner)
-        elif isinstance(step.operation, StartPartition):
-            reason = piece.action  # starts come last, behind the steps of other partitions
-        if reason:
-            about = f"{owner}: {reason}" + (f" ({step.place})" if step.place else "")
-            yield "    " + f"# === {remark(about)} ".ljust(96, "=").rstrip()
-        if target != target_line(literal(piece.address), piece.read):
-            target = target_line(literal(piece.address), piece.read)
+        elif owner[1]:
+            reason = pieces[0].piece.action  # starts come last, behind the steps of other partitions
+        yield PlanBlock(
+            owner=owner[0],
+            reason=reason,
+            place=str(first.place) if first.place else "",
+            is_first=owner[0] not in owners,
+            statements=tuple(_statements(pieces)),
+        )
+        owners.add(owner[0])
+
+
+def _block_owner(guarded: _GuardedPiece) -> tuple[str, bool]:
+    """What its block is about, and whether that is a start."""
+    step = guarded.steps[0]
+    return owner_of(step), isinstance(step.operation, StartPartition)
+
+
+def _statements(pieces: Sequence[_GuardedPiece]) -> Iterable[TargetText | StepText]:
+    target: TargetText | None = None
+    for guarded in pieces:
+        piece = guarded.piece
+        new = TargetText(address=literal(piece.address), reading=piece.read)
+        if target != new:
+            target = new
             yield target
-        yield from _step_lines(guarded)
+        yield _step_text(guarded)
 
 
-def _step_lines(guarded: _GuardedPiece) -> list[str]:
+def _step_text(guarded: _GuardedPiece) -> StepText:
     piece, step = guarded.piece, guarded.steps[0]
-    before, after = _without_implied(piece.before, piece.after)
-    text = StepText(
+    before, after = (_literals(readings) for readings in _without_implied(piece.before, piece.after))
+    same = {name: value for name, value in before.items() if after.get(name) == value}
+    return StepText(
         action=literal(remark(piece.action)),
-        before=_literals(before),
-        after=_literals(after),
+        same=same,
+        before={name: value for name, value in before.items() if name not in same},
+        after={name: value for name, value in after.items() if name not in same},
         calls=block_of(piece),
         options=tuple(_options(guarded)),
+        remark=remark(describe_stop(step)) if isinstance(step.operation, StopPartition) else "",
     )
-    if isinstance(step.operation, StopPartition):
-        return [f"    # {remark(describe_stop(step))}", *step_lines(text)]
-    return step_lines(text)
 
 
 def _without_implied(before: Readings, after: Readings) -> tuple[Readings, Readings]:

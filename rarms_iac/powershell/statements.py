@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rarms_iac.powershell.templates import FACTS, FORMER_PLAN, PLAN
+from rarms_iac.powershell.templates import FACTS, FORMER_PLAN, LATER_ROW, PLAN, ROW, ROWS
 from rarms_iac.powershell.tree import literal_of, text_of, walk
 
 if TYPE_CHECKING:
@@ -88,14 +88,48 @@ def _block_in(node: "Node") -> "Node":
     return next((child for child in walk(node) if child.type == "script_block"), node)
 
 
-def plan_of(root: "Node") -> tuple["Node | None", tuple[CommandCall, ...]]:
-    """The table of a script's facts, None where its plan does not begin with it, and the calls behind it."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanPart:
+    """Calls of a plan: made once, or for each row of the table before them."""
+
+    calls: tuple[CommandCall, ...]
+    rows: "tuple[Mapping[str, Node], ...]" = ()  # a literal for each column; empty: made once
+
+
+def plan_of(root: "Node") -> tuple["Node | None", tuple[PlanPart, ...]]:
+    """The table of a script's facts, None where its plan does not begin with it, and what stands behind it."""
     statements = plan_statements(root)
-    calls = tuple(call for statement in statements[1:] if (call := only_call(statement)) is not None)
+    parts = tuple(_parts(statements[1:]))
     assignment = inner(statements[0]) if statements else root
     if assignment.type != "assignment_expression" or text_of(assignment.children[0]) != FACTS:
-        return None, calls
-    return assignment.children[-1], calls
+        return None, parts
+    return assignment.children[-1], parts
+
+
+def _parts(statements: "tuple[Node, ...]") -> Iterator[PlanPart]:
+    """What is neither a call nor a table with its calls is left out: a template's tree has none of it."""
+    rows: tuple[Mapping[str, Node], ...] = ()
+    calls: list[CommandCall] = []
+    for statement in map(inner, statements):
+        if statement.type == "assignment_expression" and text_of(statement.children[0]) == ROWS:
+            tables = [entries(row) for row in statements_of(inner(statement.children[-1]))]
+            rows = tuple(table for table in tables if table)
+        elif statement.type == "foreach_statement":
+            yield PlanPart(calls=tuple(calls))
+            calls = []
+            repeated = (only_call(child) for child in statements_of(statement.children[-1]))
+            yield PlanPart(calls=tuple(call for call in repeated if call), rows=rows)
+            rows = ()
+        elif statement.type == "command":
+            calls.append(call_of(statement))
+    yield PlanPart(calls=tuple(calls))
+
+
+def column_of(node: "Node") -> str:
+    """The column that a value is, read while the plan is built or, in blocks, later; empty: it is none."""
+    value = inner(node)
+    parts = [text_of(child) for child in value.children] if value.type == "member_access" else []
+    return parts[2] if len(parts) == 3 and parts[0] in {ROW, LATER_ROW} else ""
 
 
 def statements_of(block: "Node") -> Iterator["Node"]:

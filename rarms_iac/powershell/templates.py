@@ -65,6 +65,11 @@ FORMER_PLAN = "Add-Plan"
 ENTRY, MEASURING_ENTRY = "Invoke-RarmsPlan", "Invoke-RarmsMeasuring"
 """What the end of a script calls: it does a plan's steps, or measures."""
 
+ROWS, ROW, LATER_ROW = "$rows", "$row", "$script:Row"
+"""The table of what differs among machines alike, a row of it, and the same in blocks, which run later."""
+
+EACH_ROW = f"foreach ({ROW} in {ROWS}) {{"
+
 VM = "$script:Vm"
 """In a call: the machine that the step has read."""
 
@@ -98,19 +103,59 @@ def fact_lines(run: Mapping[str, str]) -> list[str]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TargetText:
+    """What the steps behind it are about: a literal, and the call that reads it."""
+
+    address: str
+    reading: str
+    in_rows: bool = False  # it stands below a table, and hands its row on
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StepText:
     """A step as its parts stand in a script: literals, tables of readings by name, calls."""
 
     action: str
+    same: Mapping[str, str]  # read before and after alike
     before: Mapping[str, str]
     after: Mapping[str, str]
     calls: Sequence[str]
     options: Sequence[tuple[str, str]] = ()  # further parameters of `Add-Step` with their values
+    remark: str = ""  # above it; empty: none
+
+
+def statement_lines(statement: TargetText | StepText) -> list[str]:
+    """A statement of a plan as its lines."""
+    if isinstance(statement, StepText):
+        return step_lines(statement)
+    row = f" -Row {ROW}" if statement.in_rows else ""
+    return [f"    {TARGET} -Address {statement.address}{row} -Read {{ {statement.reading} }}"]
+
+
+def table_lines(rows: Sequence[Mapping[str, str]], remarks: Sequence[str]) -> list[str]:
+    """A table of literals, and the opening of the block that is done for each row; the caller closes it.
+
+    Args:
+        rows: literals by name of their column.
+        remarks: what stands behind each row; empty: nothing.
+    """
+    lines = [f"    {ROWS} = @("]
+    for row, remark in zip(rows, remarks, strict=True):
+        entries = _wrapped(row, 12)
+        entries[0] = f"        @{{ {entries[0].strip()}"
+        entries[-1] += f" }} # {remark}" if remark else " }"
+        lines += entries
+    return [*lines, "    )", f"    {EACH_ROW}"]
 
 
 def step_lines(step: StepText) -> list[str]:
     """The call that adds a step, on as few lines as are wide enough; one that writes a mark is always one line."""
-    start = " ".join([f"    {STEP_CALL} -Action", step.action, *(f"-{name} {text}" for name, text in step.options)])
+    return [*([f"    # {step.remark}"] if step.remark else []), *_call_lines(step)]
+
+
+def _call_lines(step: StepText) -> list[str]:
+    options = [*step.options, *([("Same", _table(step.same))] if step.same else [])]
+    start = " ".join([f"    {STEP_CALL} -Action", step.action, *(f"-{name} {text}" for name, text in options)])
     before, after = _table(step.before), _table(step.after)
     if step.calls == ("Write-Mark",):
         return [f"{start} -Before {before} -After {after} -Set {{ Write-Mark }}"]
@@ -134,23 +179,18 @@ def _with_set(opening: str, calls: Sequence[str]) -> list[str]:
     return [f"{opening} -Set {{", *(f"        {call}" for call in calls), "    }"]
 
 
-def target_line(address: str, reading: str) -> str:
-    """The call that says what the steps behind it are about: its address, and the call that reads it."""
-    return f"    {TARGET} -Address {address} -Read {{ {reading} }}"
-
-
 def _table(readings: Mapping[str, str]) -> str:
-    return f"@{{ {'; '.join(_entries(readings))} }}"
+    return f"@{{ {'; '.join(_entries(readings))} }}" if readings else "@{}"
 
 
-def _wrapped(readings: Mapping[str, str]) -> list[str]:
+def _wrapped(readings: Mapping[str, str], indentation: int = 8) -> list[str]:
     """As many entries on each line as it takes."""
     lines: list[str] = []
     for entry in _entries(readings):
         if lines and len(lines[-1]) + len(entry) + 2 <= WIDTH:
             lines[-1] += f"; {entry}"
         else:
-            lines.append(f"        {entry}")
+            lines.append(" " * indentation + entry)
     return lines
 
 

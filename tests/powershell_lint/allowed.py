@@ -104,7 +104,7 @@ MEMBERS = READING_MEMBERS | words(
     ContainsKey Detail Identity Read ReadAllBytes ReadAllText ReadWrite Remove ReparsePoint Run ScriptLineNumber Serial
     BoundParameters MyInvocation Robot Set SetLength
     SetSecurityDescriptorSddlForm ShouldProcess Sort Status Step Substring ThreadsPerCore ToString Undo
-    UndoDigest Undoes UserName UtcNow WaitOne Write WriteAllText closing data kind number plan record run
+    Row UndoDigest Undoes UserName UtcNow WaitOne Write WriteAllText closing data kind number plan record run
     application history robot serials set started_at started_by status touched
     CPUWaitTimePerDispatch CPUWaitTimePerDispatch_Base Combine Elapsed ElapsedMilliseconds EnvironmentVariables
     Exists ExitCode Folder FromBase64String GetDirectoryName GetTempPath HasExited Image Job Kill Limit Machine

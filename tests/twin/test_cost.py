@@ -2,14 +2,15 @@
 
 from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import pytest
 
 from rarms_iac.model.plan import Plan, Purpose
-from rarms_iac.model.system import System
-from tests.builders import a_component
+from rarms_iac.model.system import HypervPartition, System
+from tests.builders import a_component, a_partition
 from tests.twin import cmdlets, hyperv
-from tests.twin.cell import Cell, apply, apply_script, scripts_of
+from tests.twin.cell import Cell, apply, apply_script, scripts_of, undo, undo_script
 from tests.twin.cells import IMAGE, a_cell_system, a_stranger, a_windows
 from tests.twin.host import WindowsHost
 from tests.twin.observing import document_of
@@ -157,15 +158,47 @@ def lines_of(system: System) -> list[str]:
     return scripts_of(plan)[apply_script(plan)].decode("ascii").split("\r\n")
 
 
-def test_a_partition_more_is_25_lines_of_a_script() -> None:
-    single, more = lines_of(a_system(1)), lines_of(a_system(PARTITIONS))
+def from_an_image(count: int) -> System:
+    """So many partitions alike, each with a disk that grows out of an image."""
+    system = a_system(count)
+    made = HypervPartition(image=IMAGE, vm_path="D:\\vms")
+    return replace(system, partitions={name: a_partition(name, hyperv=made) for name in system.components})
 
-    assert len(more) - len(single) <= 25 * (PARTITIONS - 1)
+
+@pytest.mark.parametrize(
+    ("system", "apply_lines", "undo_lines"),
+    [(a_system(10), 140, 120), (from_an_image(10), 165, 150), (from_an_image(1), 110, 110)],
+    ids=["ten", "ten from an image", "one from an image"],
+)
+def test_what_is_made_and_its_undo_are_few_lines_that_do_it(system: System, apply_lines: int, undo_lines: int) -> None:
+    host = a_windows()
+    plan = Cell(system, host.copy()).plan()
+    scripts = scripts_of(plan)
+
+    made = apply(host, plan)
+    running = [vm.name for vm in host.vms.values() if vm.state == "Running"]
+    undone = undo(host, plan)
+
+    assert (made.code, undone.code) == (0, 0), (made.says, undone.says)
+    assert (sorted(running), host.vms) == (sorted(system.components), {})
+    assert scripts[apply_script(plan)].count(b"\n") <= apply_lines
+    assert scripts[undo_script(plan)].count(b"\n") <= undo_lines
 
 
-def test_a_number_more_in_the_manifest_changes_eleven_lines_of_a_script_and_one_a_new_machine_at_most() -> None:
-    before, after = lines_of(a_system(PARTITIONS)), lines_of(a_system(PARTITIONS, reserve=6))
+def test_a_changed_reserve_is_80_lines_and_nine_more_alike_are_50_more() -> None:
+    host = a_windows()
+    apply(host, Cell(a_system(10), host.copy()).plan())
+    single, ten = (Cell(a_system(10, 8, others), host.copy()).plan() for others in (5, 6))
+
+    counts = [text.count(b"\n") for plan in (single, ten) for text in scripts_of(plan).values()]
+
+    assert (apply(host, ten).code, {vm.reserve for vm in host.vms.values()}) == (0, {24, 32})
+    assert (max(counts[:2]), max(counts[2:])) <= (80, 130)
+
+
+def test_a_number_more_in_the_manifest_changes_eleven_lines_of_a_script_and_two_a_row_at_most() -> None:
+    before, after = (lines_of(a_system(PARTITIONS, reserve=reserve)) for reserve in (6, 7))
 
     assert len(after) == len(before)
     changed = sum(old != new for old, new in zip(before, after, strict=True))
-    assert 3 < changed <= 11 + 3  # a new machine's pending name holds the plan's id
+    assert 3 < changed <= 11 + 2 * PARTITIONS  # a pending name holds the plan's id

@@ -292,6 +292,60 @@ def test_row_a_block_that_runs_later_does_not_see_a_loops_variable() -> None:
     assert ended.lines == ("The variable '$row' cannot be retrieved because it has not been set.",)
 
 
+def test_row_a_variable_of_the_module_that_is_set_before_the_call_reaches_a_block_that_runs_later() -> None:
+    module = """
+function Add-Set {
+    param($Row, [scriptblock] $Set)
+    $script:Sets += @{ Row = $Row; Set = $Set }
+}
+function Invoke-All {
+    param([scriptblock] $Plan)
+    $script:Sets = @()
+    $bound = $MyInvocation.MyCommand.Module.NewBoundScriptBlock($Plan)
+    & $bound
+    foreach ($one in $script:Sets) {
+        $set = $one.Set
+        $script:Row = $one.Row
+        & $set
+    }
+}
+""".replace("\n", "\r\n")
+    text = r"""
+$m = Import-Module -Name 'C:\run\Rarms\Rarms.psm1' -PassThru
+$plan = {
+    $rows = @(
+        @{ Name = 'a'
+            Size = 5 } # a place
+        @{ Name = 'b'; Size = 6 }
+    )
+    foreach ($row in $rows) { Add-Set -Row $row -Set { '{0} {1}' -f $script:Row.Name, $script:Row.Size } }
+}
+$invoke = $m.ExportedFunctions['Invoke-All']
+& $invoke -Plan $plan
+""".replace("\n", "\r\n")
+
+    assert ran(a_host(text, module=module)).lines == ("a 5", "b 6")
+
+
+@pytest.mark.needs("shared")
+def test_the_sketch_of_a_table_that_ran_under_a_real_powershell() -> None:
+    text = (SKETCH / "cell.table.ps1").read_text(encoding="ascii")
+    host = a_host(text.replace(CALL, f"$invoke = {CALL[2:-5]}\n& $invoke @run"))
+    put(host, {f"Rarms\\{file.name}": file.read_bytes() for file in (SKETCH / "Rarms").iterdir()})
+    other = MACHINE.replace("00000002", "00000001")
+    host.vms[MACHINE].weight = 100
+    host.vms[other] = Vm(id=other, name="speech", processors=1, reserve=40, weight=100)
+
+    first, second = (ran(host) for _ in range(2))
+
+    assert [event["status"] for event in first.events] == ["changed", "changed"]
+    assert {event["status"] for event in second.events} == {"unchanged"}
+    assert [(host.vms[machine].reserve, host.vms[machine].weight) for machine in (other, MACHINE)] == [
+        (30, 100),
+        (35, 200),
+    ]
+
+
 def test_row_a_new_closure_takes_a_block_out_of_the_module() -> None:
     plan = (
         "foreach ($row in @(40)) { $set = { Hyper-V\\Set-VMProcessor -VM $script:Vm -Reserve $row }\r\n"

@@ -5,6 +5,7 @@ filled again with exactly those and a harmless literal for every value. Where th
 the script, something else is in it. So what a script does can be read out of its tree.
 """
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import zip_longest
 from typing import TYPE_CHECKING
@@ -12,6 +13,8 @@ from typing import TYPE_CHECKING
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.powershell.statements import (
     CommandCall,
+    PlanPart,
+    column_of,
     entries,
     guard_of,
     inner,
@@ -26,18 +29,21 @@ from rarms_iac.powershell.templates import (
     FACT_NAMES,
     GUARD,
     HOST_FACT_NAMES,
+    LATER_ROW,
     MEASURING_ENTRY,
     PLAN,
+    ROW,
     STEP_CALL,
     TARGET,
     VM,
     StepText,
+    TargetText,
     fact_lines,
     fill,
     guarded,
     impact_of,
-    step_lines,
-    target_line,
+    statement_lines,
+    table_lines,
 )
 from rarms_iac.powershell.tree import ShapeNode, line_of, literal_of, parse, shape_of, text_of, walk
 
@@ -132,7 +138,8 @@ _SWITCHES = frozenset({"Clustered", "Differencing", "Everywhere", "Force", "NoVH
 _FORMER_GUARD = "Guard"
 _STEP_PARAMETERS = frozenset({"Action", "Before", "After", "Set"})
 _LITERAL_PARAMETERS = ("Undoes", "Lost")
-_OPTIONAL_PARAMETERS = frozenset({*_LITERAL_PARAMETERS, "Fits"})
+_OPTIONAL_PARAMETERS = frozenset({*_LITERAL_PARAMETERS, "Fits", "Same"})
+_COLUMN = re.compile("[A-Za-z][A-Za-z0-9]*")
 _HARMLESS = "'x'"
 
 
@@ -166,22 +173,22 @@ def check_recorded_plan(name: str, root: "Node") -> Iterator[Diagnostic]:
 
 
 def _template_of(root: "Node", entry: str) -> "Node":
-    facts, calls = _facts_and_calls(root)
+    facts, parts = _facts_and_parts(root)
     guest = "Guest" in facts and text_of(inner(facts["Guest"])) != "''"
     names = FACT_NAMES if guest else FACT_NAMES | HOST_FACT_NAMES
     if facts.keys() != names:
         raise _OtherForm(root, f"the facts lack or add {', '.join(sorted(names ^ facts.keys()))}")
-    return _filled_template(calls, entry, facts)
+    return _filled_template(parts, entry, facts)
 
 
 def _template_of_recorded(root: "Node") -> "Node":
-    facts, calls = _facts_and_calls(root)
+    facts, parts = _facts_and_parts(root)
     for key, value in facts.items():
         if key == _FORMER_GUARD:
             _template_call(value, _FORMER_GUARDS)
         elif not key.isidentifier() or literal_of(inner(value)) is None:
             raise _OtherForm(value, f"the fact {key} is no literal")
-    return _filled_template(calls, ENTRY, ())
+    return _filled_template(parts, ENTRY, ())
 
 
 def _differences(name: str, roots: Sequence["Node"], template: Sequence["Node"]) -> Iterator[Diagnostic]:
@@ -202,15 +209,15 @@ def _problem(name: str, line: int, detail: str) -> Diagnostic:
     return STEP.at(Place(file=name, line=line, column=1), detail, _ADVICE, values={"script": name, "reason": detail})
 
 
-def _facts_and_calls(root: "Node") -> "tuple[Mapping[str, Node], tuple[CommandCall, ...]]":
-    table, calls = plan_of(root)
+def _facts_and_parts(root: "Node") -> "tuple[Mapping[str, Node], tuple[PlanPart, ...]]":
+    table, parts = plan_of(root)
     facts = None if table is None else entries(table)
     if facts is None:
         raise _OtherForm(root, f"{PLAN} does not begin with the facts of the run")
-    return facts, calls
+    return facts, parts
 
 
-def _filled_template(calls: Sequence[CommandCall], entry: str, facts: Iterable[str]) -> "Node":
+def _filled_template(parts: Sequence[PlanPart], entry: str, facts: Iterable[str]) -> "Node":
     """The tree of the template, filled with the script's own calls and a harmless literal for each value.
 
     Raises:
@@ -223,18 +230,36 @@ def _filled_template(calls: Sequence[CommandCall], entry: str, facts: Iterable[s
             **dict.fromkeys(("description", "notes", "requirements"), ()),
             "facts": fact_lines(dict.fromkeys(facts, _HARMLESS)),
             "entry": entry,
-            "impact": impact_of("\n".join(text_of(call.node) for call in calls)),
-            "plan": [line for call in calls for line in _template_lines(call, entry)],
+            "impact": impact_of("\n".join(text_of(call.node) for part in parts for call in part.calls)),
+            "plan": [line for part in parts for line in _template_part(part, entry)],
         },
     )
     return parse(text.decode("ascii"))
 
 
-def _template_lines(call: CommandCall, entry: str) -> list[str]:
-    if entry == MEASURING_ENTRY:
-        return [f"    {_call_text(call, _MEASURES)}"]
-    if call.name == TARGET and call.given.keys() == {"Address", "Read"}:
-        return [target_line(_HARMLESS, _template_call(_value(call, "Read"), {**_READERS, **_FORMER_READERS}))]
+def _template_part(part: PlanPart, entry: str) -> list[str]:
+    """The calls; behind a table with the same columns in each row, and with no others in the calls."""
+    if entry == MEASURING_ENTRY and not part.rows:
+        return [f"    {_call_text(call, _MEASURES)}" for call in part.calls]
+    lines = [line for call in part.calls for line in _template_lines(call, in_rows=bool(part.rows))]
+    names = {name for call in part.calls for node in walk(call.node) if (name := column_of(node))}
+    first = part.calls[0].node if part.calls else None
+    for row in part.rows:
+        if not names <= row.keys() or not all(map(_COLUMN.fullmatch, row)) or entry == MEASURING_ENTRY:
+            raise _OtherForm(next(iter(row.values())), "a row of a table lacks a column, or has another form")
+    if names and not part.rows and first is not None:
+        raise _OtherForm(first, "a step names a column, and stands behind no table")
+    if not part.rows:
+        return lines
+    table = table_lines([dict.fromkeys(row, _HARMLESS) for row in part.rows], [""] * len(part.rows))
+    return [*table, *lines, "    }"]
+
+
+def _template_lines(call: CommandCall, *, in_rows: bool) -> list[str]:
+    if call.name == TARGET and call.given.keys() == {"Address", "Read"} | ({"Row"} if in_rows else set()):
+        reading = _template_call(_value(call, "Read"), {**_READERS, **_FORMER_READERS})
+        address = _scalar_text(_value(call, "Address"), ROW)
+        return statement_lines(TargetText(address=address, reading=reading, in_rows=in_rows))
     if call.name == STEP_CALL:
         return _template_step(call)
     raise _OtherForm(call.node, f"the plan holds {TARGET} and {STEP_CALL}, and nothing else")
@@ -250,12 +275,13 @@ def _value(call: CommandCall, name: str) -> "Node":
 def _template_step(call: CommandCall) -> list[str]:
     if not _STEP_PARAMETERS <= call.given.keys() <= _STEP_PARAMETERS | _OPTIONAL_PARAMETERS:
         raise _OtherForm(call.node, "the step lacks a part, or has one too many")
-    options = [(name, _HARMLESS) for name in _LITERAL_PARAMETERS if name in call.given]
+    options = [(name, _scalar_text(_value(call, name), ROW)) for name in _LITERAL_PARAMETERS if name in call.given]
     if "Fits" in call.given:
         options.append(("Fits", f"{{ {_template_call(_value(call, 'Fits'), _CAPACITY)} }}"))
-    return step_lines(
+    return statement_lines(
         StepText(
-            action=_HARMLESS,
+            action=_scalar_text(_value(call, "Action"), ROW),
+            same=_template_readings(_value(call, "Same")) if "Same" in call.given else {},
             before=_template_readings(_value(call, "Before")),
             after=_template_readings(_value(call, "After")),
             calls=_template_set(_value(call, "Set")),
@@ -268,7 +294,14 @@ def _template_readings(node: "Node") -> dict[str, str]:
     table = entries(node)
     if table is None:
         raise _OtherForm(node, "the readings before or after a step are no table")
-    return {key if key.isidentifier() else f"'{number}'": _HARMLESS for number, key in enumerate(table)}
+    names = [key if key.isidentifier() else f"'{number}'" for number, key in enumerate(table)]
+    return {name: _scalar_text(value, ROW) for name, value in zip(names, table.values(), strict=True)}
+
+
+def _scalar_text(node: "Node", row: str) -> str:
+    """A harmless literal for a literal, or the column that a value is, of the variable by which it is read there."""
+    column = column_of(node)
+    return f"{row}.{column}" if column else _HARMLESS
 
 
 def _template_call(node: "Node", allowed: Mapping[str, frozenset[str]]) -> str:
@@ -320,8 +353,8 @@ def _parameter_text(call: CommandCall, name: str) -> str:
         return f"-VM {VM}"
     if name in _SWITCHES or name == "VM":
         raise _OtherForm(value, f"-{name} of {call.name} is another than rarms writes")
-    if literal_of(value) is not None:
-        return f"-{name} {_HARMLESS}"
+    if literal_of(value) is not None or column_of(value):
+        return f"-{name} {_scalar_text(value, LATER_ROW)}"
     statements = [child for child in value.children if child.is_named]
     inside = only_call(statements[0]) if value.type == "parenthesized_expression" and len(statements) == 1 else None
     if inside is None:

@@ -233,6 +233,7 @@ function Write-Failure {
 function Open-Run {
     $plan = $script:Plan
     Lock-Host
+    if ([IntPtr]::Size -ne 8) { Stop-Run -Detail 'this PowerShell has 32 bits: start the one that has 64' }
     if ($plan.Guest) { Assert-Guest } else { Assert-VmHost }
     Import-Journal
     $last = $script:Started
@@ -263,18 +264,19 @@ function Close-Run {
 }
 
 function Use-Target {
-    param([string] $Address, [scriptblock] $Read)
-    $script:Target = @{ Address = $Address; Read = $Read }
+    param([string] $Address, [scriptblock] $Read, [System.Collections.IDictionary] $Row = $null)
+    $script:Target = @{ Address = $Address; Read = $Read; Row = $Row }
 }
 
 function Add-Step {
     param(
         [string] $Action, [System.Collections.IDictionary] $Before, [System.Collections.IDictionary] $After,
-        [scriptblock] $Set, [scriptblock] $Fits = $null, [string] $Undoes = '', [string] $Lost = ''
+        [scriptblock] $Set, [scriptblock] $Fits = $null, [string] $Undoes = '', [string] $Lost = '', $Same = $null
     )
     $address = $script:Target.Address
+    if ($Same) { foreach ($name in $Same.Keys) { foreach ($one in @($Before, $After)) { $one[$name] = $Same[$name] } } }
     $script:Steps += @{
-        Number = $script:Steps.Count; Address = $address; Read = $script:Target.Read
+        Number = $script:Steps.Count; Address = $address; Read = $script:Target.Read; Row = $script:Target.Row
         # It builds on the steps of its own address, and on those of the machine that it lies in.
         Needs = @(($address -creplace '^([^/]+/[^/]+)/.*$', '$1'), $address)
         Before = [hashtable]::new($Before, $script:Ordinal); After = [hashtable]::new($After, $script:Ordinal)
@@ -324,7 +326,7 @@ function Assert-Host {
             $gone = -not $made.Contains($at) -or $step.After['exists'] -ceq $false
             $after = if ($gone) { [hashtable]::new($script:Ordinal) } else { $made[$at].After }
             foreach ($name in $step.After.Keys) { $after[$name] = $step.After[$name] }
-            $made[$at] = @{ Address = $at; Number = $step.Number; Read = $step.Read; After = $after }
+            $made[$at] = @{ Address = $at; Number = $step.Number; Read = $step.Read; Row = $step.Row; After = $after }
         }
         if ($leave) { continue }
         if (-not @(foreach ($one in $step.Needs) { if ($ahead.Contains($one + ' exists')) { $one } }).Count) {
@@ -452,6 +454,7 @@ function Add-StepRecord {
 function Get-Reading {
     param([System.Collections.IDictionary] $Step = $null, [string[]] $Name = @())
     $read = $script:Current.Read
+    $script:Row = $script:Current.Row  # for its blocks, which see no variable of the plan
     $script:Wanted = if ($null -eq $Step) { $Name } else { @($Step.Before.Keys) + @($Step.After.Keys) }
     & $read
 }
@@ -728,10 +731,11 @@ function Clear-Journal {
     $last = $script:Started
     if ($null -eq $last) { return }
     $closing = if ($script:Closing) { $script:Closing } else { $null }
+    $robot = if ($last.PSObject.Properties['robot']) { $last.robot } else { '' } # an early version wrote none
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $last.started_at; closing = $closing; robot = $last.robot
+        started_at = $last.started_at; closing = $closing; robot = $robot
     }
     $script:Touched.Clear()
     foreach ($number in @(if ($script:Plan.Run -ceq 'undo') { $script:Recorded.Keys })) {
@@ -792,7 +796,6 @@ function Write-FirstRecord {
 # === host: whether a script runs where it was made for, and whether a reserve has any effect there.
 function Assert-VmHost {
     $plan = $script:Plan
-    if ([IntPtr]::Size -ne 8) { Stop-Run -Detail 'this PowerShell has 32 bits: start the one that has 64' }
     # Where 7 does not load Hyper-V itself, its objects come through 5.1 and are none that cmdlets take.
     $command = Get-Command -Name 'Hyper-V\Get-VM'
     if ([string] $command.CommandType -cne 'Cmdlet' -or $command.Version.Major -lt 2) {
@@ -834,7 +837,6 @@ function Test-RootScheduler {
 
 # === guest: where the script of a guest may run.
 function Assert-Guest {
-    if ([IntPtr]::Size -ne 8) { Stop-Run -Detail 'this PowerShell has 32 bits: start the one that has 64' }
     $path = 'HKLM:\SOFTWARE\Microsoft\Virtual Machine\Guest\Parameters'
     if (-not (Test-Path -LiteralPath $path)) {
         Stop-Run -Detail 'this Windows is no guest, or its service vmickvpexchange never ran: start that'
@@ -1403,8 +1405,7 @@ function Restore-TaskClass {
     if ($null -eq $before) { return Remove-TaskClass -Task $Task }
     foreach ($name in @(Get-TaskValueName -Task $Task)) { Remove-TaskValue -Task $Task -Name $name }
     foreach ($one in $before.PSObject.Properties) {
-        $type = $one.Value.kind -creplace '^sz$', 'string'
-        Write-TaskValue -Task $Task -Name $one.Name -Type $type -Value $one.Value.data
+        Write-TaskValue -Task $Task -Name $one.Name -Type ($one.Value.kind -creplace '^sz$', 'string') -Value $one.Value.data
     }
 }
 

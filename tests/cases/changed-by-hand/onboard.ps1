@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo a238b31c4eeede9e30934d6036fd93e522b6dd0a10a0557384cf799ca458bee4, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 1b1741768eb680cbb5636d8a1ed44d5b4931051cfcd06f8b7684e415e7059219, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -38,23 +38,23 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '5624ee650ec9'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'a238b31c4eeede9e30934d6036fd93e522b6dd0a10a0557384cf799ca458bee4'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '1b1741768eb680cbb5636d8a1ed44d5b4931051cfcd06f8b7684e415e7059219'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === vision: the host differs from the manifest in reserve (rarms.yaml:12:3) ==================
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'reserve 1.1 -> 1.6 LP (55 -> 80 % of each of 2 processors)' -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{
-        limit = 100; reserve = 55; weight = 100
+    Add-Step -Action 'reserve 1.1 -> 1.6 LP (55 -> 80 % of each of 2 processors)' -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Same @{ limit = 100; weight = 100 } -Before @{
+        reserve = 55
     } -After @{
-        limit = 100; reserve = 80; weight = 100
+        reserve = 80
     } -Set { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 80 -Maximum 100 -RelativeWeight 100 }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -25,7 +25,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 7566640e5cd28e7cfda4daef572b0d1f038f4bbfc14d443a690f4dca27f8816e, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo f5b1ecae22e4a3a4a38944d050ac3c4c17b197a216e4ad6f8a8a51c1596faf6c, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -42,45 +42,35 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '8d793d28ed7a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '7566640e5cd28e7cfda4daef572b0d1f038f4bbfc14d443a690f4dca27f8816e'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'f5b1ecae22e4a3a4a38944d050ac3c4c17b197a216e4ad6f8a8a51c1596faf6c'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-    # === speech: it is not wanted on this host (rarms.yaml:14:3) ==================================
-    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
-    Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
-        state = 'off'
-    } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'remove the machine, keep its disks' -Before @{
-        disks = 1; exists = $true; machine = '00000001-5ade-4000-8000-000000000001'; name = 'speech'; snapshots = 0; state = 'off'
-    } -After @{
-        exists = $false
-    } -Set { Hyper-V\Remove-VM -VM $script:Vm -Force }
-
-    # === vision: it is not wanted on this host (rarms.yaml:13:3) ==================================
-    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
-    Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
-        state = 'off'
-    } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'remove the machine, keep its disks' -Before @{
-        disks = 1; exists = $true; machine = '00000002-5ade-4000-8000-000000000002'; name = 'vision'; snapshots = 1; state = 'off'
-    } -After @{
-        exists = $false
-    } -Set { Hyper-V\Remove-VM -VM $script:Vm -Force }
+    # === speech and 1 more alike: it is not wanted on this host ===================================
+    $rows = @(
+        @{ Address = 'partition/speech'; Machine = '00000001-5ade-4000-8000-000000000001'; Name = 'speech'; Snapshots = 0 } # rarms.yaml:14:3
+        @{ Address = 'partition/vision'; Machine = '00000002-5ade-4000-8000-000000000002'; Name = 'vision'; Snapshots = 1 } # rarms.yaml:13:3
+    )
+    foreach ($row in $rows) {
+        Use-Target -Address $row.Address -Row $row -Read { Get-PartitionReading -Machine $script:Row.Machine }
+        # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
+        Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
+            state = 'off'
+        } -Set { Stop-Partition -GraceMs 120000 }
+        Add-Step -Action 'remove the machine, keep its disks' -Before @{
+            disks = 1; exists = $true; machine = $row.Machine; name = $row.Name; snapshots = $row.Snapshots; state = 'off'
+        } -After @{
+            exists = $false
+        } -Set { Hyper-V\Remove-VM -VM $script:Vm -Force }
+    }
 
     # === task/Games: no component here names it any more ==========================================
     Use-Target -Address 'task/Games' -Read { Get-TaskClassReading -Task 'Games' }
-    Add-Step -Action 'set Priority 4 -> 2' -Before @{
-        'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:backgroundpriority' = 'dword:4'
-        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:4'
-        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
+    Add-Step -Action 'set Priority 4 -> 2' -Same @{ 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium' } -Before @{
+        'value:backgroundpriority' = 'dword:4'; 'value:priority' = 'dword:4'
         values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
     } -After @{
-        'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:clock rate' = 'dword:10000'
-        'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:2'; 'value:sfio priority' = 'sz:Normal'
-        'value:scheduling category' = 'sz:Medium'
+        'value:priority' = 'dword:2'
         values = 'affinity, background only, clock rate, gpu priority, priority, scheduling category, sfio priority'
     } -Set {
         Write-TaskValue -Task 'Games' -Name 'Affinity' -Type 'DWord' -Value 0
@@ -92,15 +82,15 @@ $plan = {
         Write-TaskValue -Task 'Games' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
         Remove-TaskValue -Task 'Games' -Name 'BackgroundPriority'
     }
-    Add-Step -Action 'forget it: it is no longer ours' -Before @{ record = 'robot'; robot = ''; set = '87f85213b779' } -After @{
-        empty = $false; record = ''; robot = ''; set = ''
+    Add-Step -Action 'forget it: it is no longer ours' -Same @{ robot = '' } -Before @{ record = 'robot'; set = '87f85213b779' } -After @{
+        empty = $false; record = ''; set = ''
     } -Set { Remove-TaskRecord -Task 'Games' -Application 'robot' }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

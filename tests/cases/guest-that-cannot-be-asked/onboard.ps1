@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 6c8f4c1ec222fa5b656e71ba33633a99c6209dc6f70e78b2d55ee9c8e26e8aa0, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 3a6271a171a2cb939ee58f5630a0e143ca55796642e4ac24d2f7887d07692a7d, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '22bcee0f0a7d'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '6c8f4c1ec222fa5b656e71ba33633a99c6209dc6f70e78b2d55ee9c8e26e8aa0'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '3a6271a171a2cb939ee58f5630a0e143ca55796642e4ac24d2f7887d07692a7d'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -49,18 +49,17 @@ $plan = {
     Add-Step -Action 'stop it (turned off, not asked)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Stop-Partition -GraceMs 0
     }
-    Add-Step -Action 'reserve 1.6 -> 0.8 LP (80 -> 40 % of each of 2 processors), weight 100 -> 200; when the host starts: start; when the host stops: shut down; mark it as robot/vision, set d38b532de154' -Before @{
-        limit = 100; mark = 'robot/vision'; reserve = 80; set = '28cc232b41a1'; start_action = 'start_if_running'; state = 'off'
-        stop_action = 'save'; weight = 100
+    Add-Step -Action 'reserve 1.6 -> 0.8 LP (80 -> 40 % of each of 2 processors), weight 100 -> 200; when the host starts: start; when the host stops: shut down' -Same @{ limit = 100; mark = 'robot/vision'; state = 'off' } -Before @{
+        reserve = 80; set = '28cc232b41a1'; start_action = 'start_if_running'; stop_action = 'save'; weight = 100
     } -After @{
-        limit = 100; mark = 'robot/vision'; reserve = 40; set = 'd38b532de154'; start_action = 'start'; state = 'off'
-        stop_action = 'shut_down'; weight = 200
+        reserve = 40; set = 'd38b532de154'; start_action = 'start'; stop_action = 'shut_down'; weight = 200
     } -Set {
         if (Test-Open -Name 'reserve', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 40 -Maximum 100 -RelativeWeight 200 }
         if (Test-Open -Name 'start_action', 'stop_action') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' }
         if (Test-Open -Name 'set') { Write-Mark }
     }
     # === vision: start it (rarms.yaml:12:3) =======================================================
+    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 40 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
@@ -69,7 +68,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

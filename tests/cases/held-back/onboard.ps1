@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 44b0b9c31e2c, rarms 0.1.0. SHA-256: the undo 41b38e780470bbbb5c2617244687d36f6f5ed39e3af3e680c3121b32b47cd386, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 44b0b9c31e2c, rarms 0.1.0. SHA-256: the undo 58548bd02f96e79e0cf55fdf2af84e88ff99fa30e0e371aaaf80864e3d3e1ffa, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -38,16 +38,16 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '041c3ae8697c'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '41b38e780470bbbb5c2617244687d36f6f5ed39e3af3e680c3121b32b47cd386'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '58548bd02f96e79e0cf55fdf2af84e88ff99fa30e0e371aaaf80864e3d3e1ffa'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === vision: the host differs from the manifest in reserve (rarms.yaml:12:3) ==================
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'reserve 1.6 -> 1.2 LP (80 -> 60 % of each of 2 processors); mark it as robot/vision, set 8f1e1103d755' -Before @{
-        limit = 100; mark = 'robot/vision'; reserve = 80; set = '28cc232b41a1'; weight = 100
+    Add-Step -Action 'reserve 1.6 -> 1.2 LP (80 -> 60 % of each of 2 processors)' -Same @{ limit = 100; mark = 'robot/vision'; weight = 100 } -Before @{
+        reserve = 80; set = '28cc232b41a1'
     } -After @{
-        limit = 100; mark = 'robot/vision'; reserve = 60; set = '8f1e1103d755'; weight = 100
+        reserve = 60; set = '8f1e1103d755'
     } -Set {
         if (Test-Open -Name 'reserve') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 60 -Maximum 100 -RelativeWeight 100 }
         if (Test-Open -Name 'set') { Write-Mark }
@@ -57,7 +57,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

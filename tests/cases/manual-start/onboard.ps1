@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e325b8ae00e7, rarms 0.1.0. SHA-256: the undo 07f2578a896816cf0dcd1f7766f27d764f20e1a492e581a4f72aae020898e242, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest e325b8ae00e7, rarms 0.1.0. SHA-256: the undo 479faa5512551db0d5fc18c8f621f290e54db5358481370e223b6ae2d81d3445, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -40,46 +40,39 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ae29dab6d115'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '07f2578a896816cf0dcd1f7766f27d764f20e1a492e581a4f72aae020898e242'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '479faa5512551db0d5fc18c8f621f290e54db5358481370e223b6ae2d81d3445'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-    # === speech: it is not there (rarms.yaml:16:3) ================================================
-    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
-    Add-Step -Action 'make a machine of generation 2 with 512 MiB' -Before @{ exists = $false; taken = $false } -After @{
-        exists = $true; generation = 2; memory = 536870912
-    } -Set { Hyper-V\New-VM -Name 'speech.rarms-ae29dab6d115' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
-    Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
-        adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/speech'; memory = 536870912
-        name = 'speech'; processors = 1; reserve = 40; set = 'bebdadca1351'; start_action = 'nothing'; state = 'off'
-        stop_action = 'shut_down'; weight = 100
-    } -Set {
-        if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912 }
-        if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
-        if (Test-Open -Name 'mark', 'set') { Write-Mark }
-        if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 1 -Reserve 40 -Maximum 100 -RelativeWeight 100 }
-        if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Nothing' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
-        if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName 'speech' }
-    }
-
-    # === vision: it is not there (rarms.yaml:12:3) ================================================
-    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
-    Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
-        exists = $true; generation = 2; memory = 1073741824
-    } -Set { Hyper-V\New-VM -Name 'vision.rarms-ae29dab6d115' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
-    Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
-        adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/vision'; memory = 1073741824
-        name = 'vision'; processors = 2; reserve = 80; set = '4979768ee9e2'; start_action = 'start'; state = 'off'
-        stop_action = 'shut_down'; weight = 200
-    } -Set {
-        if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
-        if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
-        if (Test-Open -Name 'mark', 'set') { Write-Mark }
-        if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 2 -Reserve 80 -Maximum 100 -RelativeWeight 200 }
-        if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
-        if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName 'vision' }
+    # === speech and 1 more alike: it is not there =================================================
+    $rows = @(
+        @{ Address = 'partition/speech'; Name = 'speech'; Action = 'make a machine of generation 2 with 512 MiB'; Memory = 536870912
+            Name2 = 'speech.rarms-ae29dab6d115'; Mark = 'robot/speech'; Processors = 1; Reserve = 40; Set = 'bebdadca1351'
+            StartAction = 'nothing'; Weight = 100; AutomaticStartAction = 'Nothing' } # rarms.yaml:16:3
+        @{ Address = 'partition/vision'; Name = 'vision'; Action = 'make a machine of generation 2 with 1 GiB'; Memory = 1073741824
+            Name2 = 'vision.rarms-ae29dab6d115'; Mark = 'robot/vision'; Processors = 2; Reserve = 80; Set = '4979768ee9e2'
+            StartAction = 'start'; Weight = 200; AutomaticStartAction = 'Start' } # rarms.yaml:12:3
+    )
+    foreach ($row in $rows) {
+        Use-Target -Address $row.Address -Row $row -Read { Get-PartitionReading -Name $script:Row.Name }
+        Add-Step -Action $row.Action -Before @{ exists = $false; taken = $false } -After @{
+            exists = $true; generation = 2; memory = $row.Memory
+        } -Set { Hyper-V\New-VM -Name $script:Row.Name2 -Generation 2 -MemoryStartupBytes $script:Row.Memory -NoVHD }
+        Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
+            adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = $row.Mark; memory = $row.Memory
+            name = $row.Name; processors = $row.Processors; reserve = $row.Reserve; set = $row.Set; start_action = $row.StartAction
+            state = 'off'; stop_action = 'shut_down'; weight = $row.Weight
+        } -Set {
+            if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes $script:Row.Memory }
+            if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
+            if (Test-Open -Name 'mark', 'set') { Write-Mark }
+            if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count $script:Row.Processors -Reserve $script:Row.Reserve -Maximum 100 -RelativeWeight $script:Row.Weight }
+            if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction $script:Row.AutomaticStartAction -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
+            if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName $script:Row.Name }
+        }
     }
     # === vision: start it (rarms.yaml:12:3) =======================================================
+    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
@@ -88,7 +81,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest fe6ae28d34df, rarms 0.1.0. SHA-256: the undo 7e2f8a8bbc09ee27503cc457c83de44fe5ff223a95a83b33aeb1c059bc280cbb, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest fe6ae28d34df, rarms 0.1.0. SHA-256: the undo 327fb699c61f2a2551e3e002e3b5ef5c5bd5708c11f5a2fa83f65a7a18135fc0, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -38,16 +38,16 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '83713f5c12ae'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '7e2f8a8bbc09ee27503cc457c83de44fe5ff223a95a83b33aeb1c059bc280cbb'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '327fb699c61f2a2551e3e002e3b5ef5c5bd5708c11f5a2fa83f65a7a18135fc0'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === speech: the host differs from the manifest in memory (rarms.yaml:19:3) ===================
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'memory 512 MiB -> 1 GiB; mark it as robot/speech, set 2c6d7af35b8b' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 1073741824 } -Before @{
-        dynamic_memory = $false; mark = 'robot/speech'; memory = 536870912; set = '9318451c660e'
+    Add-Step -Action 'memory 512 MiB -> 1 GiB' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 1073741824 } -Same @{ dynamic_memory = $false; mark = 'robot/speech' } -Before @{
+        memory = 536870912; set = '9318451c660e'
     } -After @{
-        dynamic_memory = $false; mark = 'robot/speech'; memory = 1073741824; set = '2c6d7af35b8b'
+        memory = 1073741824; set = '2c6d7af35b8b'
     } -Set {
         if (Test-Open -Name 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
         if (Test-Open -Name 'set') { Write-Mark }
@@ -57,7 +57,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo ff557bc46c910eca08bb6ac28cccf2f5b1e77ff2cede95eac4e1cdb4bcf780bc, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 336a495d5379b9892b23f218d0a7c9aa99b77cc0194f995167c96c1ffc1f6de1, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1153ea04f1bc'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'ff557bc46c910eca08bb6ac28cccf2f5b1e77ff2cede95eac4e1cdb4bcf780bc'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '336a495d5379b9892b23f218d0a7c9aa99b77cc0194f995167c96c1ffc1f6de1'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -49,10 +49,13 @@ $plan = {
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'memory 512 MiB -> 512 MiB, static' -Before @{ dynamic_memory = $true; memory = 536870912; state = 'off' } -After @{
-        dynamic_memory = $false; memory = 536870912; state = 'off'
+    Add-Step -Action 'memory 512 MiB -> 512 MiB, static' -Same @{ memory = 536870912; state = 'off' } -Before @{
+        dynamic_memory = $true
+    } -After @{
+        dynamic_memory = $false
     } -Set { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912 }
     # === speech: start it (rarms.yaml:13:3) =======================================================
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
@@ -61,7 +64,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -47,10 +47,13 @@ $plan = {
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 2 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'memory 512 MiB, dynamic' -Undoes 1 -Before @{ dynamic_memory = $false; memory = 536870912; state = 'off' } -After @{
-        dynamic_memory = $true; memory = 536870912; state = 'off'
+    Add-Step -Action 'memory 512 MiB, dynamic' -Undoes 1 -Same @{ memory = 536870912; state = 'off' } -Before @{
+        dynamic_memory = $false
+    } -After @{
+        dynamic_memory = $true
     } -Set { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $true -StartupBytes 536870912 }
     # === speech: start it (rarms.yaml:13:3) =======================================================
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'start it' -Undoes 0 -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{
         state = 'off'
     } -After @{
@@ -61,7 +64,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

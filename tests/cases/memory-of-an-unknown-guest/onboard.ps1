@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 2dca0372baa7f40089415dae945b56b5cd75e369bb9ceead4e3386845cc6586c, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo c174588199d5140cde9375ee82b773ba45e2f536dbcb82dae11709f6f1f02f5e, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '97034307af55'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '2dca0372baa7f40089415dae945b56b5cd75e369bb9ceead4e3386845cc6586c'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'c174588199d5140cde9375ee82b773ba45e2f536dbcb82dae11709f6f1f02f5e'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -49,15 +49,16 @@ $plan = {
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'memory 512 MiB -> 1 GiB; mark it as robot/speech, set 2c6d7af35b8b' -Before @{
-        dynamic_memory = $false; mark = 'robot/speech'; memory = 536870912; set = '9318451c660e'; state = 'off'
+    Add-Step -Action 'memory 512 MiB -> 1 GiB' -Same @{ dynamic_memory = $false; mark = 'robot/speech'; state = 'off' } -Before @{
+        memory = 536870912; set = '9318451c660e'
     } -After @{
-        dynamic_memory = $false; mark = 'robot/speech'; memory = 1073741824; set = '2c6d7af35b8b'; state = 'off'
+        memory = 1073741824; set = '2c6d7af35b8b'
     } -Set {
         if (Test-Open -Name 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
         if (Test-Open -Name 'set') { Write-Mark }
     }
     # === speech: start it (rarms.yaml:13:3) =======================================================
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
@@ -66,7 +67,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -47,15 +47,16 @@ $plan = {
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 2 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'mark it as robot/speech; memory 512 MiB' -Undoes 1 -Before @{
-        dynamic_memory = $false; mark = 'robot/speech'; memory = 1073741824; set = '2c6d7af35b8b'; state = 'off'
+    Add-Step -Action 'memory 512 MiB' -Undoes 1 -Same @{ dynamic_memory = $false; mark = 'robot/speech'; state = 'off' } -Before @{
+        memory = 1073741824; set = '2c6d7af35b8b'
     } -After @{
-        dynamic_memory = $false; mark = 'robot/speech'; memory = 536870912; set = '9318451c660e'; state = 'off'
+        memory = 536870912; set = '9318451c660e'
     } -Set {
         if (Test-Open -Name 'set') { Write-Mark }
         if (Test-Open -Name 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912 }
     }
     # === speech: start it (rarms.yaml:13:3) =======================================================
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'start it' -Undoes 0 -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{
         state = 'off'
     } -After @{
@@ -66,7 +67,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

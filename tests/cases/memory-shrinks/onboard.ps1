@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 6c83884e30e6, rarms 0.1.0. SHA-256: the undo 6c216092acd34b28d53a7a0b2c85610da7c2fe52c57526daa078050d6c6c63a7, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 6c83884e30e6, rarms 0.1.0. SHA-256: the undo 534cd1cee09ffeeb9884ab2e7c9c468477c0b0d69bad778c2a37ec208ba8f253, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'bf5a9153d88e'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '6c216092acd34b28d53a7a0b2c85610da7c2fe52c57526daa078050d6c6c63a7'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '534cd1cee09ffeeb9884ab2e7c9c468477c0b0d69bad778c2a37ec208ba8f253'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -49,15 +49,16 @@ $plan = {
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'memory 1 GiB -> 512 MiB; mark it as robot/vision, set 9772f0245732' -Before @{
-        dynamic_memory = $false; mark = 'robot/vision'; memory = 1073741824; set = '28cc232b41a1'; state = 'off'
+    Add-Step -Action 'memory 1 GiB -> 512 MiB' -Same @{ dynamic_memory = $false; mark = 'robot/vision'; state = 'off' } -Before @{
+        memory = 1073741824; set = '28cc232b41a1'
     } -After @{
-        dynamic_memory = $false; mark = 'robot/vision'; memory = 536870912; set = '9772f0245732'; state = 'off'
+        memory = 536870912; set = '9772f0245732'
     } -Set {
         if (Test-Open -Name 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912 }
         if (Test-Open -Name 'set') { Write-Mark }
     }
     # === vision: start it (rarms.yaml:12:3) =======================================================
+    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 536870912 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
@@ -66,7 +67,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

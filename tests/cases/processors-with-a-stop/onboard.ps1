@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 0cd20b00ee4d152fa4299fb21edeb3840f8170b5318ff615dd70b3fc8d17b94a, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo c71a59a3a372d6fbc123dad35ff689493e5c8272fc0d880b0167767c12a29f4a, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f9440b99ae98'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '0cd20b00ee4d152fa4299fb21edeb3840f8170b5318ff615dd70b3fc8d17b94a'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'c71a59a3a372d6fbc123dad35ff689493e5c8272fc0d880b0167767c12a29f4a'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -49,15 +49,16 @@ $plan = {
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'reserve 0.4 -> 0.4 LP (40 % of its processor -> 20 % of each of 2 processors); processors 1 -> 2; mark it as robot/speech, set 9574858e36ae' -Before @{
-        limit = 100; mark = 'robot/speech'; processors = 1; reserve = 40; set = '9318451c660e'; state = 'off'; weight = 100
+    Add-Step -Action 'reserve 0.4 -> 0.4 LP (40 % of its processor -> 20 % of each of 2 processors); processors 1 -> 2' -Same @{ limit = 100; mark = 'robot/speech'; state = 'off'; weight = 100 } -Before @{
+        processors = 1; reserve = 40; set = '9318451c660e'
     } -After @{
-        limit = 100; mark = 'robot/speech'; processors = 2; reserve = 20; set = '9574858e36ae'; state = 'off'; weight = 100
+        processors = 2; reserve = 20; set = '9574858e36ae'
     } -Set {
         if (Test-Open -Name 'reserve', 'processors') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100 -Count 2 }
         if (Test-Open -Name 'set') { Write-Mark }
     }
     # === speech: start it (rarms.yaml:13:3) =======================================================
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 20 -Memory 536870912 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
@@ -66,7 +67,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

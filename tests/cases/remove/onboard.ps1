@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo f89d1ca9079899c1995df499e71eb4cc254e1e666696bf7b10a7bb4c701c35cd, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo d513a300fcfad888c071d69b262de4548fab9f274fbaac5047c8691e5fc392b2, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '2acc5438575d'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'f89d1ca9079899c1995df499e71eb4cc254e1e666696bf7b10a7bb4c701c35cd'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'd513a300fcfad888c071d69b262de4548fab9f274fbaac5047c8691e5fc392b2'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -60,7 +60,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 99bc47caa5e2, rarms 0.1.0. SHA-256: the undo 7da5fcfc5bc420104696742548a27d47d7ff754f6aa5dac74f607ec309698a5c, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 99bc47caa5e2, rarms 0.1.0. SHA-256: the undo eaacb05cdfd6f4157e18e4445d0484f940022369a313036f53be76e6d640cf6f, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -38,13 +38,13 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '5ec16420c606'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '7da5fcfc5bc420104696742548a27d47d7ff754f6aa5dac74f607ec309698a5c'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'eaacb05cdfd6f4157e18e4445d0484f940022369a313036f53be76e6d640cf6f'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === voice: the host differs from the manifest in name (rarms.yaml:13:3) ======================
     Use-Target -Address 'partition/voice' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'mark it as robot/voice, set 9318451c660e; name speech -> voice; mark it as robot/voice, set f1e28b778d77' -Before @{
+    Add-Step -Action 'mark it as robot/voice, set 9318451c660e; name speech -> voice' -Before @{
         mark = 'robot/speech'; name = 'speech'; set = '9318451c660e'
     } -After @{
         mark = 'robot/voice'; name = 'voice'; set = 'f1e28b778d77'
@@ -57,7 +57,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

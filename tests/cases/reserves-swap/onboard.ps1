@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo 1175af1d503339dddb5a365d0ff9ccdf8286ce8f75df050945ba3e51864dbbce, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo c2c6a310b0df71aaa5148865cc6dbb3a8b8e9002a6eeb2122cb72cf60ed9f3f6, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -39,16 +39,16 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '9159b2b135da'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '1175af1d503339dddb5a365d0ff9ccdf8286ce8f75df050945ba3e51864dbbce'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'c2c6a310b0df71aaa5148865cc6dbb3a8b8e9002a6eeb2122cb72cf60ed9f3f6'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === vision: the host differs from the manifest in reserve (rarms.yaml:12:3) ==================
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'reserve 2.4 -> 0.8 LP (60 -> 20 % of each of 4 processors); mark it as robot/vision, set 2a25f044217c' -Before @{
-        limit = 100; mark = 'robot/vision'; reserve = 60; set = 'a68c426474c6'; weight = 100
+    Add-Step -Action 'reserve 2.4 -> 0.8 LP (60 -> 20 % of each of 4 processors)' -Same @{ limit = 100; mark = 'robot/vision'; weight = 100 } -Before @{
+        reserve = 60; set = 'a68c426474c6'
     } -After @{
-        limit = 100; mark = 'robot/vision'; reserve = 20; set = '2a25f044217c'; weight = 100
+        reserve = 20; set = '2a25f044217c'
     } -Set {
         if (Test-Open -Name 'reserve') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100 }
         if (Test-Open -Name 'set') { Write-Mark }
@@ -56,10 +56,10 @@ $plan = {
 
     # === speech: the host differs from the manifest in reserve (rarms.yaml:13:3) ==================
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'reserve 0.8 -> 2.4 LP (20 -> 60 % of each of 4 processors); mark it as robot/speech, set c959e400da4b' -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 536870912 } -Before @{
-        limit = 100; mark = 'robot/speech'; reserve = 20; set = '9a283df8dc93'; weight = 100
+    Add-Step -Action 'reserve 0.8 -> 2.4 LP (20 -> 60 % of each of 4 processors)' -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 536870912 } -Same @{ limit = 100; mark = 'robot/speech'; weight = 100 } -Before @{
+        reserve = 20; set = '9a283df8dc93'
     } -After @{
-        limit = 100; mark = 'robot/speech'; reserve = 60; set = 'c959e400da4b'; weight = 100
+        reserve = 60; set = 'c959e400da4b'
     } -Set {
         if (Test-Open -Name 'reserve') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 60 -Maximum 100 -RelativeWeight 100 }
         if (Test-Open -Name 'set') { Write-Mark }
@@ -69,7 +69,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -45,10 +45,10 @@ $plan = {
     }
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'mark it as robot/speech; reserve 20 % of each VP, limit 100 % of each VP, weight 100' -Undoes 1 -Before @{
-        limit = 100; mark = 'robot/speech'; reserve = 60; set = 'c959e400da4b'; weight = 100
+    Add-Step -Action 'reserve 20 % of each VP, limit 100 % of each VP, weight 100' -Undoes 1 -Same @{ limit = 100; mark = 'robot/speech'; weight = 100 } -Before @{
+        reserve = 60; set = 'c959e400da4b'
     } -After @{
-        limit = 100; mark = 'robot/speech'; reserve = 20; set = '9a283df8dc93'; weight = 100
+        reserve = 20; set = '9a283df8dc93'
     } -Set {
         if (Test-Open -Name 'set') { Write-Mark }
         if (Test-Open -Name 'reserve') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100 }
@@ -56,10 +56,10 @@ $plan = {
 
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'mark it as robot/vision; reserve 60 % of each VP, limit 100 % of each VP, weight 100' -Undoes 0 -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 1073741824 } -Before @{
-        limit = 100; mark = 'robot/vision'; reserve = 20; set = '2a25f044217c'; weight = 100
+    Add-Step -Action 'reserve 60 % of each VP, limit 100 % of each VP, weight 100' -Undoes 0 -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 1073741824 } -Same @{ limit = 100; mark = 'robot/vision'; weight = 100 } -Before @{
+        reserve = 20; set = '2a25f044217c'
     } -After @{
-        limit = 100; mark = 'robot/vision'; reserve = 60; set = 'a68c426474c6'; weight = 100
+        reserve = 60; set = 'a68c426474c6'
     } -Set {
         if (Test-Open -Name 'set') { Write-Mark }
         if (Test-Open -Name 'reserve') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 60 -Maximum 100 -RelativeWeight 100 }
@@ -69,7 +69,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

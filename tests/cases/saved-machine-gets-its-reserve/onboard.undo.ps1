@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -45,10 +45,10 @@ $plan = {
     }
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'mark it as robot/vision; reserve 80 % of each VP, limit 100 % of each VP, weight 100' -Undoes 1 -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{
-        limit = 100; mark = 'robot/vision'; reserve = 40; set = 'd38b532de154'; weight = 200
+    Add-Step -Action 'reserve 80 % of each VP, limit 100 % of each VP, weight 100' -Undoes 1 -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Same @{ limit = 100; mark = 'robot/vision' } -Before @{
+        reserve = 40; set = 'd38b532de154'; weight = 200
     } -After @{
-        limit = 100; mark = 'robot/vision'; reserve = 80; set = '28cc232b41a1'; weight = 100
+        reserve = 80; set = '28cc232b41a1'; weight = 100
     } -Set {
         if (Test-Open -Name 'set') { Write-Mark }
         if (Test-Open -Name 'reserve', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 80 -Maximum 100 -RelativeWeight 100 }
@@ -62,7 +62,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 8c6af2d9181e, rarms 0.1.0. SHA-256: the undo 66a5a429520b8088a6338d15481e00de697f6b498729bd0fbff77948320314c9, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 8c6af2d9181e, rarms 0.1.0. SHA-256: the undo 1c9af4c070e1185a3affc3b57eaedb757d62f3f460768da27e59e66760b07973, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ac9942186f87'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '66a5a429520b8088a6338d15481e00de697f6b498729bd0fbff77948320314c9'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '1c9af4c070e1185a3affc3b57eaedb757d62f3f460768da27e59e66760b07973'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -49,15 +49,16 @@ $plan = {
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'secure boot MicrosoftWindows -> off; mark it as robot/speech, set d07928dfea69' -Before @{
-        mark = 'robot/speech'; secure_boot = 'MicrosoftWindows'; set = '9318451c660e'; state = 'off'
+    Add-Step -Action 'secure boot MicrosoftWindows -> off' -Same @{ mark = 'robot/speech'; state = 'off' } -Before @{
+        secure_boot = 'MicrosoftWindows'; set = '9318451c660e'
     } -After @{
-        mark = 'robot/speech'; secure_boot = 'off'; set = 'd07928dfea69'; state = 'off'
+        secure_boot = 'off'; set = 'd07928dfea69'
     } -Set {
         if (Test-Open -Name 'secure_boot') { Hyper-V\Set-VMFirmware -VM $script:Vm -EnableSecureBoot 'Off' }
         if (Test-Open -Name 'set') { Write-Mark }
     }
     # === speech: start it (rarms.yaml:19:3) =======================================================
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
@@ -66,7 +67,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

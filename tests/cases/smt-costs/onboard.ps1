@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 34494a2c009e8666f8a7d8ee35a787c14f011fd72aa54947a4741d36da947e0f, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 3b2b104e2435460782263e1679d34da280029d303827a82943cfc6114f4d89bb, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -41,83 +41,57 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '91988e6a8f9d'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '34494a2c009e8666f8a7d8ee35a787c14f011fd72aa54947a4741d36da947e0f'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '3b2b104e2435460782263e1679d34da280029d303827a82943cfc6114f4d89bb'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 8; Cores = 4; ThreadsPerCore = 2; Percent = 800; Memory = 17179869184; AcceptScheduler = $false
     }
-    # === mapping: it is not there (rarms.yaml:13:3) ===============================================
-    Use-Target -Address 'partition/mapping' -Read { Get-PartitionReading -Name 'mapping' }
-    Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
-        exists = $true; generation = 2; memory = 1073741824
-    } -Set { Hyper-V\New-VM -Name 'mapping.rarms-91988e6a8f9d' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
-    Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
-        adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/mapping'; memory = 1073741824
-        name = 'mapping'; processors = 1; reserve = 50; set = 'b81e386612c8'; start_action = 'start'; state = 'off'
-        stop_action = 'shut_down'; weight = 100
-    } -Set {
-        if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
-        if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
-        if (Test-Open -Name 'mark', 'set') { Write-Mark }
-        if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 1 -Reserve 50 -Maximum 100 -RelativeWeight 100 }
-        if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
-        if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName 'mapping' }
+    # === mapping and 2 more alike: it is not there ================================================
+    $rows = @(
+        @{ Address = 'partition/mapping'; Name = 'mapping'; Name2 = 'mapping.rarms-91988e6a8f9d'; Mark = 'robot/mapping'; Processors = 1
+            Reserve = 50; Set = 'b81e386612c8'; Weight = 100 } # rarms.yaml:13:3
+        @{ Address = 'partition/speech'; Name = 'speech'; Name2 = 'speech.rarms-91988e6a8f9d'; Mark = 'robot/speech'; Processors = 3
+            Reserve = 95; Set = 'e2151f12c2ec'; Weight = 200 } # rarms.yaml:12:3
+        @{ Address = 'partition/vision'; Name = 'vision'; Name2 = 'vision.rarms-91988e6a8f9d'; Mark = 'robot/vision'; Processors = 2
+            Reserve = 95; Set = '93dda9d42ef5'; Weight = 300 } # rarms.yaml:11:3
+    )
+    foreach ($row in $rows) {
+        Use-Target -Address $row.Address -Row $row -Read { Get-PartitionReading -Name $script:Row.Name }
+        Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
+            exists = $true; generation = 2; memory = 1073741824
+        } -Set { Hyper-V\New-VM -Name $script:Row.Name2 -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
+        Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
+            adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = $row.Mark; memory = 1073741824
+            name = $row.Name; processors = $row.Processors; reserve = $row.Reserve; set = $row.Set; start_action = 'start'; state = 'off'
+            stop_action = 'shut_down'; weight = $row.Weight
+        } -Set {
+            if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
+            if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
+            if (Test-Open -Name 'mark', 'set') { Write-Mark }
+            if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count $script:Row.Processors -Reserve $script:Row.Reserve -Maximum 100 -RelativeWeight $script:Row.Weight }
+            if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
+            if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName $script:Row.Name }
+        }
     }
-
-    # === speech: it is not there (rarms.yaml:12:3) ================================================
-    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
-    Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
-        exists = $true; generation = 2; memory = 1073741824
-    } -Set { Hyper-V\New-VM -Name 'speech.rarms-91988e6a8f9d' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
-    Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
-        adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/speech'; memory = 1073741824
-        name = 'speech'; processors = 3; reserve = 95; set = 'e2151f12c2ec'; start_action = 'start'; state = 'off'
-        stop_action = 'shut_down'; weight = 200
-    } -Set {
-        if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
-        if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
-        if (Test-Open -Name 'mark', 'set') { Write-Mark }
-        if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 3 -Reserve 95 -Maximum 100 -RelativeWeight 200 }
-        if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
-        if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName 'speech' }
+    # === vision and 2 more alike: start it ========================================================
+    $rows = @(
+        @{ Address = 'partition/vision'; Name = 'vision'; Processors = 2; Reserve = 95 } # rarms.yaml:11:3
+        @{ Address = 'partition/speech'; Name = 'speech'; Processors = 3; Reserve = 95 } # rarms.yaml:12:3
+        @{ Address = 'partition/mapping'; Name = 'mapping'; Processors = 1; Reserve = 50 } # rarms.yaml:13:3
+    )
+    foreach ($row in $rows) {
+        Use-Target -Address $row.Address -Row $row -Read { Get-PartitionReading -Name $script:Row.Name }
+        Add-Step -Action 'start it' -Fits { Test-Capacity -Processors $script:Row.Processors -Reserve $script:Row.Reserve -Memory 1073741824 } -Before @{
+            state = 'off'
+        } -After @{
+            state = 'running'
+        } -Set { Hyper-V\Start-VM -VM $script:Vm }
     }
-
-    # === vision: it is not there (rarms.yaml:11:3) ================================================
-    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
-    Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
-        exists = $true; generation = 2; memory = 1073741824
-    } -Set { Hyper-V\New-VM -Name 'vision.rarms-91988e6a8f9d' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
-    Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
-        adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/vision'; memory = 1073741824
-        name = 'vision'; processors = 2; reserve = 95; set = '93dda9d42ef5'; start_action = 'start'; state = 'off'
-        stop_action = 'shut_down'; weight = 300
-    } -Set {
-        if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
-        if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
-        if (Test-Open -Name 'mark', 'set') { Write-Mark }
-        if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 2 -Reserve 95 -Maximum 100 -RelativeWeight 300 }
-        if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
-        if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName 'vision' }
-    }
-    # === vision: start it (rarms.yaml:11:3) =======================================================
-    Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 95 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
-        state = 'running'
-    } -Set { Hyper-V\Start-VM -VM $script:Vm }
-    # === speech: start it (rarms.yaml:12:3) =======================================================
-    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
-    Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 3 -Reserve 95 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
-        state = 'running'
-    } -Set { Hyper-V\Start-VM -VM $script:Vm }
-    # === mapping: start it (rarms.yaml:13:3) ======================================================
-    Use-Target -Address 'partition/mapping' -Read { Get-PartitionReading -Name 'mapping' }
-    Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 50 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
-        state = 'running'
-    } -Set { Hyper-V\Start-VM -VM $script:Vm }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 50d1c3071fb5, rarms 0.1.0. SHA-256: the undo 45c8892be44bf3ce8626f7861592f1b447610012ce277526a4f065b31de175b0, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 50d1c3071fb5, rarms 0.1.0. SHA-256: the undo 81a83f4e75df92ea380f5545a19bb40c97e718264b51649ceb61cec0e285b650, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -41,82 +41,57 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1ad36b4789f6'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '45c8892be44bf3ce8626f7861592f1b447610012ce277526a4f065b31de175b0'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '81a83f4e75df92ea380f5545a19bb40c97e718264b51649ceb61cec0e285b650'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-    # === door: it is not there (rarms.yaml:14:3) ==================================================
-    Use-Target -Address 'partition/door' -Read { Get-PartitionReading -Name 'door' }
-    Add-Step -Action 'make a machine of generation 2 with 256 MiB' -Before @{ exists = $false; taken = $false } -After @{
-        exists = $true; generation = 2; memory = 268435456
-    } -Set { Hyper-V\New-VM -Name 'door.rarms-1ad36b4789f6' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD }
-    Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
-        adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/door'; memory = 268435456; name = 'door'
-        processors = 1; reserve = 20; set = 'f0a37ddc6e3e'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
-    } -Set {
-        if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 268435456 }
-        if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
-        if (Test-Open -Name 'mark', 'set') { Write-Mark }
-        if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 1 -Reserve 20 -Maximum 100 -RelativeWeight 100 }
-        if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
-        if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName 'door' }
+    # === door and 2 more alike: it is not there ===================================================
+    $rows = @(
+        @{ Address = 'partition/door'; Name = 'door'; Action = 'make a machine of generation 2 with 256 MiB'; Memory = 268435456
+            Name2 = 'door.rarms-1ad36b4789f6'; Mark = 'robot/door'; Processors = 1; Reserve = 20; Set = 'f0a37ddc6e3e'; Weight = 100 } # rarms.yaml:14:3
+        @{ Address = 'partition/speech'; Name = 'speech'; Action = 'make a machine of generation 2 with 512 MiB'; Memory = 536870912
+            Name2 = 'speech.rarms-1ad36b4789f6'; Mark = 'robot/speech'; Processors = 1; Reserve = 40; Set = '1d0501056ae3'; Weight = 200 } # rarms.yaml:13:3
+        @{ Address = 'partition/vision'; Name = 'vision'; Action = 'make a machine of generation 2 with 1 GiB'; Memory = 1073741824
+            Name2 = 'vision.rarms-1ad36b4789f6'; Mark = 'robot/vision'; Processors = 2; Reserve = 80; Set = 'ea5adfba1827'; Weight = 300 } # rarms.yaml:12:3
+    )
+    foreach ($row in $rows) {
+        Use-Target -Address $row.Address -Row $row -Read { Get-PartitionReading -Name $script:Row.Name }
+        Add-Step -Action $row.Action -Before @{ exists = $false; taken = $false } -After @{
+            exists = $true; generation = 2; memory = $row.Memory
+        } -Set { Hyper-V\New-VM -Name $script:Row.Name2 -Generation 2 -MemoryStartupBytes $script:Row.Memory -NoVHD }
+        Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
+            adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = $row.Mark; memory = $row.Memory
+            name = $row.Name; processors = $row.Processors; reserve = $row.Reserve; set = $row.Set; start_action = 'start'; state = 'off'
+            stop_action = 'shut_down'; weight = $row.Weight
+        } -Set {
+            if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes $script:Row.Memory }
+            if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
+            if (Test-Open -Name 'mark', 'set') { Write-Mark }
+            if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count $script:Row.Processors -Reserve $script:Row.Reserve -Maximum 100 -RelativeWeight $script:Row.Weight }
+            if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
+            if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName $script:Row.Name }
+        }
     }
-
-    # === speech: it is not there (rarms.yaml:13:3) ================================================
-    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
-    Add-Step -Action 'make a machine of generation 2 with 512 MiB' -Before @{ exists = $false; taken = $false } -After @{
-        exists = $true; generation = 2; memory = 536870912
-    } -Set { Hyper-V\New-VM -Name 'speech.rarms-1ad36b4789f6' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
-    Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
-        adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/speech'; memory = 536870912
-        name = 'speech'; processors = 1; reserve = 40; set = '1d0501056ae3'; start_action = 'start'; state = 'off'
-        stop_action = 'shut_down'; weight = 200
-    } -Set {
-        if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912 }
-        if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
-        if (Test-Open -Name 'mark', 'set') { Write-Mark }
-        if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 1 -Reserve 40 -Maximum 100 -RelativeWeight 200 }
-        if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
-        if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName 'speech' }
+    # === vision and 2 more alike: start it ========================================================
+    $rows = @(
+        @{ Address = 'partition/vision'; Name = 'vision'; Processors = 2; Reserve = 80; Memory = 1073741824 } # rarms.yaml:12:3
+        @{ Address = 'partition/speech'; Name = 'speech'; Processors = 1; Reserve = 40; Memory = 536870912 } # rarms.yaml:13:3
+        @{ Address = 'partition/door'; Name = 'door'; Processors = 1; Reserve = 20; Memory = 268435456 } # rarms.yaml:14:3
+    )
+    foreach ($row in $rows) {
+        Use-Target -Address $row.Address -Row $row -Read { Get-PartitionReading -Name $script:Row.Name }
+        Add-Step -Action 'start it' -Fits { Test-Capacity -Processors $script:Row.Processors -Reserve $script:Row.Reserve -Memory $script:Row.Memory } -Before @{
+            state = 'off'
+        } -After @{
+            state = 'running'
+        } -Set { Hyper-V\Start-VM -VM $script:Vm }
     }
-
-    # === vision: it is not there (rarms.yaml:12:3) ================================================
-    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
-    Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
-        exists = $true; generation = 2; memory = 1073741824
-    } -Set { Hyper-V\New-VM -Name 'vision.rarms-1ad36b4789f6' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
-    Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
-        adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/vision'; memory = 1073741824
-        name = 'vision'; processors = 2; reserve = 80; set = 'ea5adfba1827'; start_action = 'start'; state = 'off'
-        stop_action = 'shut_down'; weight = 300
-    } -Set {
-        if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
-        if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
-        if (Test-Open -Name 'mark', 'set') { Write-Mark }
-        if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 2 -Reserve 80 -Maximum 100 -RelativeWeight 300 }
-        if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
-        if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName 'vision' }
-    }
-    # === vision: start it (rarms.yaml:12:3) =======================================================
-    Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
-        state = 'running'
-    } -Set { Hyper-V\Start-VM -VM $script:Vm }
-    # === speech: start it (rarms.yaml:13:3) =======================================================
-    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
-    Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{ state = 'off' } -After @{
-        state = 'running'
-    } -Set { Hyper-V\Start-VM -VM $script:Vm }
-    # === door: start it (rarms.yaml:14:3) =========================================================
-    Use-Target -Address 'partition/door' -Read { Get-PartitionReading -Name 'door' }
-    Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 20 -Memory 268435456 } -Before @{ state = 'off' } -After @{
-        state = 'running'
-    } -Set { Hyper-V\Start-VM -VM $script:Vm }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

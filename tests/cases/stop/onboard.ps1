@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo a475606d60fe3a223c9efc09a951fa7d4d6c7cf52d876f65910324a06e00176f, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo ad28cac805c5dae58b8bd51ab78d38e8bc218925aa1387a6b503c1a992c02144, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '99b39b22c1b6'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'a475606d60fe3a223c9efc09a951fa7d4d6c7cf52d876f65910324a06e00176f'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'ad28cac805c5dae58b8bd51ab78d38e8bc218925aa1387a6b503c1a992c02144'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -50,7 +50,7 @@ $plan = {
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'mark it as robot/speech, set 9318451c660e stopped' -Before @{ mark = 'robot/speech'; set = '9318451c660e' } -After @{ mark = 'robot/speech'; set = '9318451c660e stopped' } -Set { Write-Mark }
+    Add-Step -Action 'mark it as robot/speech, set 9318451c660e stopped' -Same @{ mark = 'robot/speech' } -Before @{ set = '9318451c660e' } -After @{ set = '9318451c660e stopped' } -Set { Write-Mark }
 
     # === vision: rarms stop (rarms.yaml:12:3) =====================================================
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
@@ -58,13 +58,13 @@ $plan = {
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'mark it as robot/vision, set 28cc232b41a1 stopped' -Before @{ mark = 'robot/vision'; set = '28cc232b41a1' } -After @{ mark = 'robot/vision'; set = '28cc232b41a1 stopped' } -Set { Write-Mark }
+    Add-Step -Action 'mark it as robot/vision, set 28cc232b41a1 stopped' -Same @{ mark = 'robot/vision' } -Before @{ set = '28cc232b41a1' } -After @{ set = '28cc232b41a1 stopped' } -Set { Write-Mark }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

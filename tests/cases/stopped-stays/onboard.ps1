@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 97f1d337e9f421086827f593a6499529679e1ec16bfa72225b0e51b15b0edfe1, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 564f45d5d37b17ba226e3c041bdca6458a2a6afa389a61c1dae5959f2b1dc91f, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -38,14 +38,15 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '0e3cec8f49ca'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '97f1d337e9f421086827f593a6499529679e1ec16bfa72225b0e51b15b0edfe1'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '564f45d5d37b17ba226e3c041bdca6458a2a6afa389a61c1dae5959f2b1dc91f'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === speech: `rarms measure` stopped it and ended before it started it again (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'mark it as robot/speech, set 9318451c660e' -Before @{ mark = 'robot/speech'; set = '9318451c660e measuring' } -After @{ mark = 'robot/speech'; set = '9318451c660e' } -Set { Write-Mark }
+    Add-Step -Action 'mark it as robot/speech, set 9318451c660e' -Same @{ mark = 'robot/speech' } -Before @{ set = '9318451c660e measuring' } -After @{ set = '9318451c660e' } -Set { Write-Mark }
     # === speech: start it (rarms.yaml:13:3) =======================================================
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
@@ -54,7 +55,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

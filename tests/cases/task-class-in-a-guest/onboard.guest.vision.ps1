@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.guest.vision.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 3e979c64545260e8f9be7d7c28f296b921f2a003d008b9efa98f158438c729eb, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo ec055d003162ec80e0432cd679b69c0ecbea6deb77cbaa963ad5df04406fd452, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1fe5fc6a41cd'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '3e979c64545260e8f9be7d7c28f296b921f2a003d008b9efa98f158438c729eb'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = 'ec055d003162ec80e0432cd679b69c0ecbea6deb77cbaa963ad5df04406fd452'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: what the guest holds is not known here: its own record decides; threads see it when it restarts (rarms.yaml:12:65)
@@ -65,7 +65,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: the undo 8b44c8fd587155a0925365cb61c1e0e0e214a2ca1b8e81cbe0e73ee659c4d173, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: the undo e5846f6b9744643ee714f5e589da060265e51a23d416c77e25ca26152af32c4d, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -39,67 +39,49 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ef212a99a241'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '8b44c8fd587155a0925365cb61c1e0e0e214a2ca1b8e81cbe0e73ee659c4d173'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'e5846f6b9744643ee714f5e589da060265e51a23d416c77e25ca26152af32c4d'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-    # === task/Localization: its values differ (rarms.yaml:13:51) ==================================
-    Use-Target -Address 'task/Localization' -Read { Get-TaskClassReading -Task 'Localization' }
-    Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = 'robot'; robot = ''; set = '83ae0cee1cdc' } -After @{
-        record = 'robot'; robot = ''; set = 'ed6954abc738'
-    } -Set { Write-TaskRecord -Task 'Localization' -Application 'robot' -Robot '' -Digest 'ed6954abc738' -Before 'null' }
-    Add-Step -Action 'set Background Only False -> True, BackgroundPriority 7 -> 5, Priority 7 -> 5' -Before @{
-        'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:backgroundpriority' = 'dword:7'
-        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:7'
-        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
-        values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
-    } -After @{
-        'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:5'
-        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:5'
-        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
-        values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
-    } -Set {
-        Write-TaskValue -Task 'Localization' -Name 'Affinity' -Type 'DWord' -Value 0
-        Write-TaskValue -Task 'Localization' -Name 'Background Only' -Type 'String' -Value 'True'
-        Write-TaskValue -Task 'Localization' -Name 'BackgroundPriority' -Type 'DWord' -Value 5
-        Write-TaskValue -Task 'Localization' -Name 'Clock Rate' -Type 'DWord' -Value 10000
-        Write-TaskValue -Task 'Localization' -Name 'GPU Priority' -Type 'DWord' -Value 8
-        Write-TaskValue -Task 'Localization' -Name 'Priority' -Type 'DWord' -Value 5
-        Write-TaskValue -Task 'Localization' -Name 'SFIO Priority' -Type 'String' -Value 'Normal'
-        Write-TaskValue -Task 'Localization' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
-    }
-
-    # === task/MotionControl: its values differ (rarms.yaml:12:51) =================================
-    Use-Target -Address 'task/MotionControl' -Read { Get-TaskClassReading -Task 'MotionControl' }
-    Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = 'robot'; robot = ''; set = '432731d71cf4' } -After @{
-        record = 'robot'; robot = ''; set = '59f2d42fe4cf'
-    } -Set { Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Robot '' -Digest '59f2d42fe4cf' -Before 'null' }
-    Add-Step -Action 'set Background Only False -> True, BackgroundPriority 8 -> 7, Priority 7 -> 7' -Before @{
-        'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:backgroundpriority' = 'dword:8'
-        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'sz:7'; 'value:sfio priority' = 'sz:Normal'
-        'value:scheduling category' = 'sz:Medium'
-        values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
-    } -After @{
-        'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:7'
-        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:7'
-        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
-        values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
-    } -Set {
-        Write-TaskValue -Task 'MotionControl' -Name 'Affinity' -Type 'DWord' -Value 0
-        Write-TaskValue -Task 'MotionControl' -Name 'Background Only' -Type 'String' -Value 'True'
-        Write-TaskValue -Task 'MotionControl' -Name 'BackgroundPriority' -Type 'DWord' -Value 7
-        Write-TaskValue -Task 'MotionControl' -Name 'Clock Rate' -Type 'DWord' -Value 10000
-        Write-TaskValue -Task 'MotionControl' -Name 'GPU Priority' -Type 'DWord' -Value 8
-        Write-TaskValue -Task 'MotionControl' -Name 'Priority' -Type 'DWord' -Value 7
-        Write-TaskValue -Task 'MotionControl' -Name 'SFIO Priority' -Type 'String' -Value 'Normal'
-        Write-TaskValue -Task 'MotionControl' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
+    # === task/Localization and 1 more alike: its values differ ====================================
+    $rows = @(
+        @{ Address = 'task/Localization'; Task = 'Localization'; Set = '83ae0cee1cdc'; Set2 = 'ed6954abc738'
+            Action = 'set Background Only False -> True, BackgroundPriority 7 -> 5, Priority 7 -> 5'; ValueBackgroundpriority = 'dword:7'
+            ValuePriority = 'dword:7'; ValueBackgroundpriority2 = 'dword:5'; Value = 5 } # rarms.yaml:13:51
+        @{ Address = 'task/MotionControl'; Task = 'MotionControl'; Set = '432731d71cf4'; Set2 = '59f2d42fe4cf'
+            Action = 'set Background Only False -> True, BackgroundPriority 8 -> 7, Priority 7 -> 7'; ValueBackgroundpriority = 'dword:8'
+            ValuePriority = 'sz:7'; ValueBackgroundpriority2 = 'dword:7'; Value = 7 } # rarms.yaml:12:51
+    )
+    foreach ($row in $rows) {
+        Use-Target -Address $row.Address -Row $row -Read { Get-TaskClassReading -Task $script:Row.Task }
+        Add-Step -Action 'record that it is ours, and what was there' -Same @{ record = 'robot'; robot = '' } -Before @{
+            set = $row.Set
+        } -After @{
+            set = $row.Set2
+        } -Set { Write-TaskRecord -Task $script:Row.Task -Application 'robot' -Robot '' -Digest $script:Row.Set2 -Before 'null' }
+        Add-Step -Action $row.Action -Same @{ 'value:affinity' = 'dword:0'; 'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'; values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' } -Before @{
+            'value:background only' = 'sz:False'; 'value:backgroundpriority' = $row.ValueBackgroundpriority
+            'value:priority' = $row.ValuePriority
+        } -After @{
+            'value:background only' = 'sz:True'; 'value:backgroundpriority' = $row.ValueBackgroundpriority2
+            'value:priority' = $row.ValueBackgroundpriority2
+        } -Set {
+            Write-TaskValue -Task $script:Row.Task -Name 'Affinity' -Type 'DWord' -Value 0
+            Write-TaskValue -Task $script:Row.Task -Name 'Background Only' -Type 'String' -Value 'True'
+            Write-TaskValue -Task $script:Row.Task -Name 'BackgroundPriority' -Type 'DWord' -Value $script:Row.Value
+            Write-TaskValue -Task $script:Row.Task -Name 'Clock Rate' -Type 'DWord' -Value 10000
+            Write-TaskValue -Task $script:Row.Task -Name 'GPU Priority' -Type 'DWord' -Value 8
+            Write-TaskValue -Task $script:Row.Task -Name 'Priority' -Type 'DWord' -Value $script:Row.Value
+            Write-TaskValue -Task $script:Row.Task -Name 'SFIO Priority' -Type 'String' -Value 'Normal'
+            Write-TaskValue -Task $script:Row.Task -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
+        }
     }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -43,67 +43,47 @@ $plan = {
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-    # === task/MotionControl: takes back what the apply script did to it, the last step first (rarms.yaml:12:51)
-    Use-Target -Address 'task/MotionControl' -Read { Get-TaskClassReading -Task 'MotionControl' }
-    Add-Step -Action 'set Affinity 0, Background Only False, BackgroundPriority 8, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium' -Undoes 3 -Before @{
-        'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:7'
-        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:7'
-        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
-        values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
-    } -After @{
-        'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:backgroundpriority' = 'dword:8'
-        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'sz:7'; 'value:sfio priority' = 'sz:Normal'
-        'value:scheduling category' = 'sz:Medium'
-        values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
-    } -Set {
-        Write-TaskValue -Task 'MotionControl' -Name 'Affinity' -Type 'DWord' -Value 0
-        Write-TaskValue -Task 'MotionControl' -Name 'Background Only' -Type 'String' -Value 'False'
-        Write-TaskValue -Task 'MotionControl' -Name 'BackgroundPriority' -Type 'DWord' -Value 8
-        Write-TaskValue -Task 'MotionControl' -Name 'Clock Rate' -Type 'DWord' -Value 10000
-        Write-TaskValue -Task 'MotionControl' -Name 'GPU Priority' -Type 'DWord' -Value 8
-        Write-TaskValue -Task 'MotionControl' -Name 'Priority' -Type 'String' -Value '7'
-        Write-TaskValue -Task 'MotionControl' -Name 'SFIO Priority' -Type 'String' -Value 'Normal'
-        Write-TaskValue -Task 'MotionControl' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
+    # === task/MotionControl and 1 more alike: takes back what the apply script did to it, the last step first
+    $rows = @(
+        @{ Address = 'task/MotionControl'; Task = 'MotionControl'
+            Action = 'set Affinity 0, Background Only False, BackgroundPriority 8, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium'
+            Undoes = 3; ValueBackgroundpriority = 'dword:7'; ValueBackgroundpriority2 = 'dword:8'; ValuePriority = 'sz:7'; Value = 8
+            Type = 'String'; Value2 = '7'; Undoes2 = 2; Set = '59f2d42fe4cf'; Set2 = '432731d71cf4' } # rarms.yaml:12:51
+        @{ Address = 'task/Localization'; Task = 'Localization'
+            Action = 'set Affinity 0, Background Only False, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium'
+            Undoes = 1; ValueBackgroundpriority = 'dword:5'; ValueBackgroundpriority2 = 'dword:7'; ValuePriority = 'dword:7'; Value = 7
+            Type = 'DWord'; Value2 = 7; Undoes2 = 0; Set = 'ed6954abc738'; Set2 = '83ae0cee1cdc' } # rarms.yaml:13:51
+    )
+    foreach ($row in $rows) {
+        Use-Target -Address $row.Address -Row $row -Read { Get-TaskClassReading -Task $script:Row.Task }
+        Add-Step -Action $row.Action -Undoes $row.Undoes -Same @{ 'value:affinity' = 'dword:0'; 'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'; values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' } -Before @{
+            'value:background only' = 'sz:True'; 'value:backgroundpriority' = $row.ValueBackgroundpriority
+            'value:priority' = $row.ValueBackgroundpriority
+        } -After @{
+            'value:background only' = 'sz:False'; 'value:backgroundpriority' = $row.ValueBackgroundpriority2
+            'value:priority' = $row.ValuePriority
+        } -Set {
+            Write-TaskValue -Task $script:Row.Task -Name 'Affinity' -Type 'DWord' -Value 0
+            Write-TaskValue -Task $script:Row.Task -Name 'Background Only' -Type 'String' -Value 'False'
+            Write-TaskValue -Task $script:Row.Task -Name 'BackgroundPriority' -Type 'DWord' -Value $script:Row.Value
+            Write-TaskValue -Task $script:Row.Task -Name 'Clock Rate' -Type 'DWord' -Value 10000
+            Write-TaskValue -Task $script:Row.Task -Name 'GPU Priority' -Type 'DWord' -Value 8
+            Write-TaskValue -Task $script:Row.Task -Name 'Priority' -Type $script:Row.Type -Value $script:Row.Value2
+            Write-TaskValue -Task $script:Row.Task -Name 'SFIO Priority' -Type 'String' -Value 'Normal'
+            Write-TaskValue -Task $script:Row.Task -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
+        }
+        Add-Step -Action 'record that it is ours, and what was there' -Undoes $row.Undoes2 -Same @{ record = 'robot'; robot = '' } -Before @{
+            set = $row.Set
+        } -After @{
+            set = $row.Set2
+        } -Set { Write-TaskRecord -Task $script:Row.Task -Application 'robot' -Robot '' -Digest $script:Row.Set2 -Before 'null' }
     }
-    Add-Step -Action 'record that it is ours, and what was there' -Undoes 2 -Before @{
-        record = 'robot'; robot = ''; set = '59f2d42fe4cf'
-    } -After @{
-        record = 'robot'; robot = ''; set = '432731d71cf4'
-    } -Set { Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Robot '' -Digest '432731d71cf4' -Before 'null' }
-
-    # === task/Localization: takes back what the apply script did to it, the last step first (rarms.yaml:13:51)
-    Use-Target -Address 'task/Localization' -Read { Get-TaskClassReading -Task 'Localization' }
-    Add-Step -Action 'set Affinity 0, Background Only False, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium' -Undoes 1 -Before @{
-        'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:5'
-        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:5'
-        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
-        values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
-    } -After @{
-        'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:backgroundpriority' = 'dword:7'
-        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:7'
-        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
-        values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
-    } -Set {
-        Write-TaskValue -Task 'Localization' -Name 'Affinity' -Type 'DWord' -Value 0
-        Write-TaskValue -Task 'Localization' -Name 'Background Only' -Type 'String' -Value 'False'
-        Write-TaskValue -Task 'Localization' -Name 'BackgroundPriority' -Type 'DWord' -Value 7
-        Write-TaskValue -Task 'Localization' -Name 'Clock Rate' -Type 'DWord' -Value 10000
-        Write-TaskValue -Task 'Localization' -Name 'GPU Priority' -Type 'DWord' -Value 8
-        Write-TaskValue -Task 'Localization' -Name 'Priority' -Type 'DWord' -Value 7
-        Write-TaskValue -Task 'Localization' -Name 'SFIO Priority' -Type 'String' -Value 'Normal'
-        Write-TaskValue -Task 'Localization' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
-    }
-    Add-Step -Action 'record that it is ours, and what was there' -Undoes 0 -Before @{
-        record = 'robot'; robot = ''; set = 'ed6954abc738'
-    } -After @{
-        record = 'robot'; robot = ''; set = '83ae0cee1cdc'
-    } -Set { Write-TaskRecord -Task 'Localization' -Application 'robot' -Robot '' -Digest '83ae0cee1cdc' -Before 'null' }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo 7f26819a8fefd169f4c95bb4b01aa52ecc1cfa21cf311490b3e9414a0ae351e6, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo 4d15f2c2e8f68e28ded62093adf176885ef76ba0067962a17e4388b024d9fac1, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -38,26 +38,22 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '296945e69f5f'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '7f26819a8fefd169f4c95bb4b01aa52ecc1cfa21cf311490b3e9414a0ae351e6'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '4d15f2c2e8f68e28ded62093adf176885ef76ba0067962a17e4388b024d9fac1'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === task/Games: the manifest replaces it (rarms.yaml:12:50) ==================================
     Use-Target -Address 'task/Games' -Read { Get-TaskClassReading -Task 'Games' }
-    Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = ''; robot = ''; set = '' } -After @{
-        record = 'robot'; robot = ''; set = '55e1eaac32c9'
+    Add-Step -Action 'record that it is ours, and what was there' -Same @{ robot = '' } -Before @{ record = ''; set = '' } -After @{
+        record = 'robot'; set = '55e1eaac32c9'
     } -Set {
         Write-TaskRecord -Task 'Games' -Application 'robot' -Robot '' -Digest '55e1eaac32c9' -Before '{"Affinity":{"data":0,"kind":"dword"},"Background Only":{"data":"False","kind":"sz"},"Clock Rate":{"data":10000,"kind":"dword"},"GPU Priority":{"data":8,"kind":"dword"},"Priority":{"data":2,"kind":"dword"},"SFIO Priority":{"data":"Normal","kind":"sz"},"Scheduling Category":{"data":"Medium","kind":"sz"}}'
     }
-    Add-Step -Action 'set Background Only False -> True, BackgroundPriority 4, Priority 2 -> 4' -Before @{
-        'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:clock rate' = 'dword:10000'
-        'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:2'; 'value:sfio priority' = 'sz:Normal'
-        'value:scheduling category' = 'sz:Medium'
+    Add-Step -Action 'set Background Only False -> True, BackgroundPriority 4, Priority 2 -> 4' -Same @{ 'value:affinity' = 'dword:0'; 'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium' } -Before @{
+        'value:background only' = 'sz:False'; 'value:priority' = 'dword:2'
         values = 'affinity, background only, clock rate, gpu priority, priority, scheduling category, sfio priority'
     } -After @{
-        'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:4'
-        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:4'
-        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
+        'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:4'; 'value:priority' = 'dword:4'
         values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
     } -Set {
         Write-TaskValue -Task 'Games' -Name 'Affinity' -Type 'DWord' -Value 0
@@ -74,7 +70,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -44,15 +44,11 @@ $plan = {
     }
     # === task/Games: takes back what the apply script did to it, the last step first (rarms.yaml:12:50)
     Use-Target -Address 'task/Games' -Read { Get-TaskClassReading -Task 'Games' }
-    Add-Step -Action 'set Affinity 0, Background Only False, Clock Rate 10000, GPU Priority 8, Priority 2, SFIO Priority Normal, Scheduling Category Medium' -Undoes 1 -Before @{
-        'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:4'
-        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:4'
-        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
+    Add-Step -Action 'set Affinity 0, Background Only False, Clock Rate 10000, GPU Priority 8, Priority 2, SFIO Priority Normal, Scheduling Category Medium' -Undoes 1 -Same @{ 'value:affinity' = 'dword:0'; 'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium' } -Before @{
+        'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:4'; 'value:priority' = 'dword:4'
         values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
     } -After @{
-        'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:clock rate' = 'dword:10000'
-        'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:2'; 'value:sfio priority' = 'sz:Normal'
-        'value:scheduling category' = 'sz:Medium'
+        'value:background only' = 'sz:False'; 'value:priority' = 'dword:2'
         values = 'affinity, background only, clock rate, gpu priority, priority, scheduling category, sfio priority'
     } -Set {
         Write-TaskValue -Task 'Games' -Name 'Affinity' -Type 'DWord' -Value 0
@@ -64,15 +60,17 @@ $plan = {
         Write-TaskValue -Task 'Games' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
         Remove-TaskValue -Task 'Games' -Name 'BackgroundPriority'
     }
-    Add-Step -Action 'forget it: it is no longer ours' -Undoes 0 -Before @{ record = 'robot'; robot = ''; set = '55e1eaac32c9' } -After @{
-        empty = $false; record = ''; robot = ''; set = ''
+    Add-Step -Action 'forget it: it is no longer ours' -Undoes 0 -Same @{ robot = '' } -Before @{
+        record = 'robot'; set = '55e1eaac32c9'
+    } -After @{
+        empty = $false; record = ''; set = ''
     } -Set { Remove-TaskRecord -Task 'Games' -Application 'robot' }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 7e4a30f86028, rarms 0.1.0. SHA-256: the undo 61308a86f55459b43eb82d815d3b1e5b37b1b7c82973fe7c0987402b8251bb1a, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 7e4a30f86028, rarms 0.1.0. SHA-256: the undo 79a0f38586d4870b022b86f109dded3902d9cb505da624823dec2927a72be80f, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -38,21 +38,17 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1607db3e92f2'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '61308a86f55459b43eb82d815d3b1e5b37b1b7c82973fe7c0987402b8251bb1a'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '79a0f38586d4870b022b86f109dded3902d9cb505da624823dec2927a72be80f'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === task/Games: no component here names it any more ==========================================
     Use-Target -Address 'task/Games' -Read { Get-TaskClassReading -Task 'Games' }
-    Add-Step -Action 'set Priority 4 -> 2' -Before @{
-        'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:backgroundpriority' = 'dword:4'
-        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:4'
-        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
+    Add-Step -Action 'set Priority 4 -> 2' -Same @{ 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium' } -Before @{
+        'value:backgroundpriority' = 'dword:4'; 'value:priority' = 'dword:4'
         values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
     } -After @{
-        'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:clock rate' = 'dword:10000'
-        'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:2'; 'value:sfio priority' = 'sz:Normal'
-        'value:scheduling category' = 'sz:Medium'
+        'value:priority' = 'dword:2'
         values = 'affinity, background only, clock rate, gpu priority, priority, scheduling category, sfio priority'
     } -Set {
         Write-TaskValue -Task 'Games' -Name 'Affinity' -Type 'DWord' -Value 0
@@ -64,15 +60,15 @@ $plan = {
         Write-TaskValue -Task 'Games' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
         Remove-TaskValue -Task 'Games' -Name 'BackgroundPriority'
     }
-    Add-Step -Action 'forget it: it is no longer ours' -Before @{ record = 'robot'; robot = ''; set = '87f85213b779' } -After @{
-        empty = $false; record = ''; robot = ''; set = ''
+    Add-Step -Action 'forget it: it is no longer ours' -Same @{ robot = '' } -Before @{ record = 'robot'; set = '87f85213b779' } -After @{
+        empty = $false; record = ''; set = ''
     } -Set { Remove-TaskRecord -Task 'Games' -Application 'robot' }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 7e4a30f86028, rarms 0.1.0. SHA-256: Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 7e4a30f86028, rarms 0.1.0. SHA-256: Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -44,20 +44,18 @@ $plan = {
     }
     # === task/Games: takes back what the apply script did to it, the last step first ==============
     Use-Target -Address 'task/Games' -Read { Get-TaskClassReading -Task 'Games' }
-    Add-Step -Action 'record that it is ours, and what was there' -Undoes 1 -Before @{ record = ''; robot = ''; set = '' } -After @{
-        record = 'robot'; robot = ''; set = '87f85213b779'
+    Add-Step -Action 'record that it is ours, and what was there' -Undoes 1 -Same @{ robot = '' } -Before @{
+        record = ''; set = ''
+    } -After @{
+        record = 'robot'; set = '87f85213b779'
     } -Set {
         Write-TaskRecord -Task 'Games' -Application 'robot' -Robot '' -Digest '87f85213b779' -Before '{"Affinity":{"data":0,"kind":"dword"},"Background Only":{"data":"False","kind":"sz"},"Clock Rate":{"data":10000,"kind":"dword"},"GPU Priority":{"data":8,"kind":"dword"},"Priority":{"data":2,"kind":"dword"},"SFIO Priority":{"data":"Normal","kind":"sz"},"Scheduling Category":{"data":"Medium","kind":"sz"}}'
     }
-    Add-Step -Action 'set Affinity 0, Background Only False, BackgroundPriority 4, Clock Rate 10000, GPU Priority 8, Priority 4, SFIO Priority Normal, Scheduling Category Medium' -Undoes 0 -Before @{
-        'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:clock rate' = 'dword:10000'
-        'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:2'; 'value:sfio priority' = 'sz:Normal'
-        'value:scheduling category' = 'sz:Medium'
+    Add-Step -Action 'set Affinity 0, Background Only False, BackgroundPriority 4, Clock Rate 10000, GPU Priority 8, Priority 4, SFIO Priority Normal, Scheduling Category Medium' -Undoes 0 -Same @{ 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium' } -Before @{
+        'value:priority' = 'dword:2'
         values = 'affinity, background only, clock rate, gpu priority, priority, scheduling category, sfio priority'
     } -After @{
-        'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:backgroundpriority' = 'dword:4'
-        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:4'
-        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
+        'value:backgroundpriority' = 'dword:4'; 'value:priority' = 'dword:4'
         values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
     } -Set {
         Write-TaskValue -Task 'Games' -Name 'Affinity' -Type 'DWord' -Value 0
@@ -74,7 +72,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -43,39 +43,35 @@ $plan = {
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-    # === task/MotionControl: takes back what the apply script did to it, the last step first (rarms.yaml:12:51)
-    Use-Target -Address 'task/MotionControl' -Read { Get-TaskClassReading -Task 'MotionControl' }
-    Add-Step -Action 'remove the class' -Undoes 3 -Before @{
-        exists = $true; 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:7'
-        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:7'
-        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
-        values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
-    } -After @{
-        empty = $false; exists = $false; values = ''
-    } -Set { Remove-TaskClass -Task 'MotionControl' }
-    Add-Step -Action 'forget it: it is no longer ours' -Undoes 2 -Before @{ record = 'robot'; robot = ''; set = '59f2d42fe4cf' } -After @{
-        empty = $false; record = ''; robot = ''; set = ''
-    } -Set { Remove-TaskRecord -Task 'MotionControl' -Application 'robot' }
-
-    # === task/Localization: takes back what the apply script did to it, the last step first (rarms.yaml:13:51)
-    Use-Target -Address 'task/Localization' -Read { Get-TaskClassReading -Task 'Localization' }
-    Add-Step -Action 'remove the class' -Undoes 1 -Before @{
-        exists = $true; 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:5'
-        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:5'
-        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
-        values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
-    } -After @{
-        empty = $false; exists = $false; values = ''
-    } -Set { Remove-TaskClass -Task 'Localization' }
-    Add-Step -Action 'forget it: it is no longer ours' -Undoes 0 -Before @{ record = 'robot'; robot = ''; set = 'ed6954abc738' } -After @{
-        empty = $false; record = ''; robot = ''; set = ''
-    } -Set { Remove-TaskRecord -Task 'Localization' -Application 'robot' }
+    # === task/MotionControl and 1 more alike: takes back what the apply script did to it, the last step first
+    $rows = @(
+        @{ Address = 'task/MotionControl'; Task = 'MotionControl'; Undoes = 3; ValueBackgroundpriority = 'dword:7'; Undoes2 = 2
+            Set = '59f2d42fe4cf' } # rarms.yaml:12:51
+        @{ Address = 'task/Localization'; Task = 'Localization'; Undoes = 1; ValueBackgroundpriority = 'dword:5'; Undoes2 = 0
+            Set = 'ed6954abc738' } # rarms.yaml:13:51
+    )
+    foreach ($row in $rows) {
+        Use-Target -Address $row.Address -Row $row -Read { Get-TaskClassReading -Task $script:Row.Task }
+        Add-Step -Action 'remove the class' -Undoes $row.Undoes -Before @{
+            exists = $true; 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'
+            'value:backgroundpriority' = $row.ValueBackgroundpriority; 'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'
+            'value:priority' = $row.ValueBackgroundpriority; 'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
+            values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
+        } -After @{
+            empty = $false; exists = $false; values = ''
+        } -Set { Remove-TaskClass -Task $script:Row.Task }
+        Add-Step -Action 'forget it: it is no longer ours' -Undoes $row.Undoes2 -Same @{ robot = '' } -Before @{
+            record = 'robot'; set = $row.Set
+        } -After @{
+            empty = $false; record = ''; set = ''
+        } -Set { Remove-TaskRecord -Task $script:Row.Task -Application 'robot' }
+    }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

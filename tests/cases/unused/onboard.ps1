@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 50b3d54c0bd79e0b0d8dbbca2bb5f6de3ae8873bb2d3bcabd07102140a0c1026, Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo abd6a4a5ccedd712cf039136b01d66c05febc2d7f5f597ae60c555740ee7ec73, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'b00f5c6de1cc'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '50b3d54c0bd79e0b0d8dbbca2bb5f6de3ae8873bb2d3bcabd07102140a0c1026'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'abd6a4a5ccedd712cf039136b01d66c05febc2d7f5f597ae60c555740ee7ec73'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -49,10 +49,10 @@ $plan = {
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'when the host starts: nothing; mark it as robot/speech, set bebdadca1351' -Before @{
-        mark = 'robot/speech'; set = '9318451c660e'; start_action = 'start'
+    Add-Step -Action 'when the host starts: nothing' -Same @{ mark = 'robot/speech' } -Before @{
+        set = '9318451c660e'; start_action = 'start'
     } -After @{
-        mark = 'robot/speech'; set = 'bebdadca1351'; start_action = 'nothing'
+        set = 'bebdadca1351'; start_action = 'nothing'
     } -Set {
         if (Test-Open -Name 'start_action') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Nothing' }
         if (Test-Open -Name 'set') { Write-Mark }
@@ -62,7 +62,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

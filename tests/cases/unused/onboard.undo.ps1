@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: Rarms.psm1 63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -45,15 +45,16 @@ $plan = {
     }
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:11:1)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'mark it as robot/speech; when the host starts: start' -Undoes 1 -Before @{
-        mark = 'robot/speech'; set = 'bebdadca1351'; start_action = 'nothing'
+    Add-Step -Action 'when the host starts: start' -Undoes 1 -Same @{ mark = 'robot/speech' } -Before @{
+        set = 'bebdadca1351'; start_action = 'nothing'
     } -After @{
-        mark = 'robot/speech'; set = '9318451c660e'; start_action = 'start'
+        set = '9318451c660e'; start_action = 'start'
     } -Set {
         if (Test-Open -Name 'set') { Write-Mark }
         if (Test-Open -Name 'start_action') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' }
     }
     # === speech: start it (rarms.yaml:11:1) =======================================================
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'start it' -Undoes 0 -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{
         state = 'off'
     } -After @{
@@ -64,7 +65,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '63BA637431B36B01C621CA262207C35F966619F5E5FF4367769691F6F425CE98'
+    'Rarms.psm1' = 'C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

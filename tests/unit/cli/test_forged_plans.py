@@ -48,8 +48,8 @@ def a_line_in(script: str) -> Forgery:
 def another_value(document: dict[str, Any]) -> None:
     """A value that every rule of scripts allows: only the steps say something else."""
     scripts = document["hosts"][0]["scripts"]
-    assert "-Reserve 80" in scripts["cell.ps1"]
-    scripts["cell.ps1"] = scripts["cell.ps1"].replace("-Reserve 80", "-Reserve 81")
+    assert "Reserve = 80" in scripts["cell.ps1"]
+    scripts["cell.ps1"] = scripts["cell.ps1"].replace("Reserve = 80", "Reserve = 81")
 
 
 def a_script_more(document: dict[str, Any]) -> None:
