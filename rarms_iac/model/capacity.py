@@ -190,7 +190,7 @@ def packed(claims: Iterable[Claim], capacity: Capacity, effort: Effort | None = 
     Returns:
         True, False, or None.
     """
-    reserved, bins = _by_core(claims, capacity), capacity.cores
+    reserved, bins = reserved_by_core(claims, capacity), capacity.cores
     if any(claim.processors > bins for claim in reserved):
         return False
     if load_of(reserved).percent > WHOLE * bins:
@@ -213,11 +213,19 @@ def packs_by_size(claims: Iterable[Claim], capacity: Capacity) -> bool:
     Returns:
         False also where an exact search would find places.
     """
-    return _spread(_by_core(claims, capacity), capacity.cores)
+    return _spread(reserved_by_core(claims, capacity), capacity.cores)
 
 
-def _by_core(claims: Iterable[Claim], capacity: Capacity) -> list[Claim]:
-    """The claims that reserve anything, with the cores that they take for their processors."""
+def reserved_by_core(claims: Iterable[Claim], capacity: Capacity) -> list[Claim]:
+    """Return the claims that reserve anything, with the cores that they take for their processors.
+
+    Args:
+        claims: of one host.
+        capacity: of the host.
+
+    Returns:
+        What is laid onto `capacity.cores`.
+    """
     reserved, threads = [claim for claim in claims if claim.reserve and claim.processors], capacity.sharing.threads
     if threads == 1:
         return reserved

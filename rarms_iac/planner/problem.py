@@ -316,7 +316,8 @@ def solve(problem: Problem) -> Layout | Infeasible:
     packing = pack(problem.items, problem.bins)
     if isinstance(packing, NoPacking):
         unchecked = problem.without_checks()
-        if (unchecked.items, unchecked.bins) != (problem.items, problem.bins):
+        is_other = unchecked.bins != problem.bins and packing.undecided  # where a script places, no more may be known
+        if is_other or unchecked.items != problem.items:
             packing = pack(unchecked.items, unchecked.bins)
     if isinstance(packing, NoPacking):
         return Infeasible(proven=packing.proven, conflict=(), causes=(), relaxations=())

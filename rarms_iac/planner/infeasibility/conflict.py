@@ -11,7 +11,7 @@ from rarms_iac.planner.packing.highs import Nodes
 from rarms_iac.planner.packing.pack import can_pack, without_hopeless_claims
 from rarms_iac.planner.packing.values import Bin, Item, free_in, least_cost, least_memory
 
-NODES_TO_EXPLAIN = 150
+NODES_TO_EXPLAIN = 50
 """Nodes of the solver in which a smallest set is looked for: a count, so that equal inputs have equal answers."""
 
 ITERATIONS_OF_A_NODE = 100

@@ -4,16 +4,19 @@ A host bounds what its partitions reserve and their memory. Whether their virtua
 the rows: where a set satisfies them all and still cannot be laid, it is forbidden when it comes up (`forbid`).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import gcd, inf
 
-from rarms_iac.model.capacity import holds
-from rarms_iac.model.claims import Claim, DeadlineClaim
+from rarms_iac.model.capacity import Capacity, holds, reserved_by_core
+from rarms_iac.model.claims import WHOLE, Claim, DeadlineClaim
 from rarms_iac.planner.packing.highs import Row
 from rarms_iac.planner.packing.values import Bin, Item, free_in, is_move, least_cost
 
 LARGEST_COEFFICIENT = 1_000_000
 """Above this they are rounded, so that they mean something in floating point; a host then seems larger."""
+
+THRESHOLDS = range(5, WHOLE // 2 + 1, 5)
+"""Reserves of a virtual processor, in per cent, below which a bound on what a host's cores take counts nothing."""
 
 
 class Assignment:
@@ -144,6 +147,10 @@ class Assignment:
             claims = {self.variables[number, at]: self._claim((number, at)) for number in there}
             yield from _at_most_in_sum({variable: claim.percent for variable, claim in claims.items()}, free.percent)
             yield from _at_most_in_sum({variable: claim.memory for variable, claim in claims.items()}, free.memory)
+            for threshold in THRESHOLDS:
+                weights = {variable: _weight([claim], host.capacity, threshold) for variable, claim in claims.items()}
+                foreign = _weight(host.foreign_claims, host.capacity, threshold)
+                yield from _at_most_in_sum(weights, WHOLE * host.capacity.cores - foreign)
 
 
 def _is_larger(claim: Claim, other: Claim) -> bool:
@@ -151,6 +158,18 @@ def _is_larger(claim: Claim, other: Claim) -> bool:
     if isinstance(other, DeadlineClaim) and (not isinstance(claim, DeadlineClaim) or claim.deadline < other.deadline):
         return False
     return claim.processors >= other.processors and claim.reserve >= other.reserve and claim.memory >= other.memory
+
+
+def _weight(claims: Iterable[Claim], capacity: Capacity, threshold: int) -> int:
+    """What claims weigh of 100 a core, where above 100 no core takes them: the bound of Martello and Toth (1990).
+
+    A virtual processor that leaves less than the threshold of its core weighs all of it; one below it, nothing.
+    """
+    return sum(
+        claim.processors * (WHOLE if claim.reserve > WHOLE - threshold else claim.reserve)
+        for claim in reserved_by_core(claims, capacity)
+        if claim.reserve >= threshold
+    )
 
 
 def _at_most_in_sum(sizes: Mapping[int, int], room: int) -> Iterator[Row]:

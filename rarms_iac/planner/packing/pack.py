@@ -88,14 +88,17 @@ MOST_NODES = 5_000
 NODES_FOR_ANY = 200_000
 """Nodes of the search for any packing, good or not, times the variables; most proofs of none take fewer."""
 
-MOST_NODES_FOR_ANY = 300
+MOST_NODES_FOR_ANY = 200
 """Nodes of that search, however few variables there are."""
 
-REPACKING_NODES, REPACKING_NODES_A_PARTITION = 50, 3
+REPACKING_NODES, REPACKING_NODES_A_PARTITION = 40, 1
 """Nodes of packing a few hosts anew: before that search, since it is often enough, and for each partition after it."""
 
 ROUNDS = 40
 """Times that a stage is solved anew because virtual processors found no logical ones."""
+
+ROUNDS_FOR_ANY = 15
+"""Times that the search for any packing is, good or not."""
 
 
 def pack(items: Sequence[Item], bins: Sequence[Bin], *, node_budget: int = NODES) -> Packing | NoPacking:
@@ -117,7 +120,7 @@ def pack(items: Sequence[Item], bins: Sequence[Bin], *, node_budget: int = NODES
         return NoPacking(proven=True)
     if (forced := _forced_hosts(items)) is not None:
         fits, objective = hosts_can_hold(items, bins, forced), objective_of(items, forced)
-        return _packing(forced, objective, objective) if fits else NoPacking(proven=fits is False)
+        return _packing(forced, objective, objective) if fits else NoPacking(proven=fits is False, undecided=fits is None)
     bound = lower_bound(items, bins)
     host_of = best_first_fit(items, bins, bound)
     if host_of is None or objective_of(items, host_of) != bound:
@@ -238,7 +241,7 @@ def _solve(
     if start is None:
         found = _find_any_or_repack(items, bins)
         if found.host_of is None:
-            return NoPacking(proven=found.bound is None)
+            return NoPacking(proven=found.bound is None, undecided=found.undecided)
         start = found.host_of
     # The first stage: the least reservation, counted from the bound, in units that all excesses are multiples of.
     excess = 0
@@ -265,8 +268,8 @@ def _find_any(items: Sequence[Item], bins: Sequence[Bin], nodes: Nodes | None = 
     program = Assignment(items, bins)
     variables = len(program.pairs)
     most = min(MOST_NODES_FOR_ANY, NODES_FOR_ANY // variables)
-    found = _minimise_costs(program, [0] * variables, None, most, nodes or Nodes(most))
-    return replace(found, bound=0) if program.forbids_unproven else found
+    found = _minimise_costs(program, [0] * variables, None, most, nodes or Nodes(most), rounds=ROUNDS_FOR_ANY)
+    return replace(found, bound=0, undecided=True) if program.forbids_unproven else found
 
 
 def _find_any_or_repack(items: Sequence[Item], bins: Sequence[Bin]) -> "_StageResult":
@@ -291,6 +294,7 @@ class _StageResult:
 
     host_of: Mapping[str, str] | None  # the best packing that is known
     bound: int | None  # what no packing costs less than; None: there is none
+    undecided: bool = False  # as of `NoPacking`
 
 
 def _minimise_costs(
@@ -299,11 +303,13 @@ def _minimise_costs(
     start: Mapping[str, str] | None,
     nodes: int,
     budget: Nodes | None = None,
+    *,
+    rounds: int = ROUNDS,
 ) -> _StageResult:
     """Solve, and solve again without the sets that do not fit, until each host can keep what is put there."""
     bound = 0
     known = None if start is None else program.variables_of(start)
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         answer = minimise(costs, program.rows, nodes=nodes, start=known, budget=budget)
         if answer.bound is None:
             return _StageResult(host_of=start, bound=bound if start is not None else None)

@@ -46,6 +46,7 @@ class NoPacking:
     """No packing was found."""
 
     proven: bool  # there is none
+    undecided: bool = False  # a host was refused claims of which it is not known that it cannot keep them
 
 
 def least_cost(item: Item) -> int:

@@ -10,7 +10,7 @@ from random import Random
 import pytest
 
 from rarms_iac.model.capacity import Capacity, fits, packed
-from rarms_iac.model.claims import Claim
+from rarms_iac.model.claims import Claim, CoreSharing
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.planner.packing import pack as packing_module
 from rarms_iac.planner.packing.assignment import Assignment
@@ -221,7 +221,36 @@ def test_where_the_search_for_places_gives_up_nothing_is_proven(hosts: int) -> N
     assert packed(claims, a_bin("one", 10).capacity) is None
     items = [Item(name=f"part-{at:02}", claims={host.name: claim for host in bins}) for at, claim in enumerate(claims)]
 
-    assert pack(items, bins) == NoPacking(proven=False)
+    assert pack(items, bins) == NoPacking(proven=False, undecided=True)
+
+
+def test_no_row_of_the_program_forbids_what_a_host_can_keep() -> None:
+    held = 0
+    for seed in range(400):
+        random = Random(seed)
+        host = a_bin("host", random.choice((1, 2, 4)), memory=10_000)
+        host = replace(host, capacity=replace(host.capacity, sharing=CoreSharing(threads=random.choice((1, 2)), used=1)))
+        reserves = random.choices((15, 20, 30, 45, 50, 55, 70, 80, 85), k=random.randint(1, 6))
+        claims = [Claim(processors=random.randint(1, 2), reserve=reserve, memory=1) for reserve in reserves]
+        items = [Item(name=f"part{at}", claims={"host": claim}) for at, claim in enumerate(claims)]
+        program = Assignment(items, [host])
+
+        if hosts_can_hold(items, [host], {item.name: "host" for item in items}):
+            held += 1
+            assert all(row.low <= sum(row.coefficients.values()) <= row.high for row in program.rows), seed
+    assert 50 < held < 250, held
+
+
+@pytest.mark.needs("highspy")
+def test_virtual_processors_that_exceed_cores_are_proven_not_to_fit_by_the_rows_alone() -> None:
+    items = [
+        Item(name=f"part{at:02}", claims=dict.fromkeys(("one", "two"), Claim(processors=1, reserve=reserve, memory=1)))
+        for at, reserve in enumerate((70, 70, 70, 70, 70, 45, 45, 45, 45, 45, 45, 45))
+    ]
+    program = Assignment(items, [a_bin("one", 4), a_bin("two", 4)])
+
+    assert sum(claim.percent for item in items for claim in list(item.claims.values())[:1]) <= 800, "sums are enough"
+    assert minimise([0] * len(program.pairs), program.rows, nodes=1000).bound is None
 
 
 @pytest.mark.needs("highspy")
