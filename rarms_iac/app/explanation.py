@@ -75,7 +75,7 @@ class ExplainedIndex:
 class Explanation:
     """What the reservation of a component's partition rests on, and where that partition is."""
 
-    kind: Literal["walk"] = "walk"
+    kind: Literal["component"] = "component"
     subject: Internal[Component]
     shared: Internal[ExplainedPartition]
     place: Internal[ExplainedPlace]
@@ -156,7 +156,7 @@ class Explanation:
 class HostExplanation:
     """A component that runs on the host itself, and where it may: it has no reservation to explain."""
 
-    kind: Literal["walk_on_host"] = "walk_on_host"
+    kind: Literal["component_on_host"] = "component_on_host"
     subject: Internal[Component]
     places: Internal[tuple[Host, ...]]  # that it may run on, by name
 

@@ -82,12 +82,8 @@ def apply_plan(
         ]
     except HostError as error:
         return failed_run(error)
-    if (
-        not problems
-        and plan.hosts
-        and all(finished_by(plan, journals[host_plan.host.name]) for host_plan in plan.hosts)
-    ):
-        problems = [refusals.used(host_plan.host.name, plan.id) for host_plan in plan.hosts]
+    if not problems and all(finished_by(plan, journal) for journal in journals.values()):
+        problems = [refusals.used(host, plan.id) for host in journals]
     if problems:
         return RunReport(ending=RunEnding.REFUSED, findings=tuple(problems))
 
@@ -99,19 +95,17 @@ def apply_plan(
         try:
             match host:
                 case StepwiseHost():
-                    reports.append(
-                        run_steps(host, _begin_or_resume(host, plan, host_plan, origin, journal), reporter, should_stop)
-                    )
+                    run = _begin_or_resume(host, plan, host_plan, origin, journal)
+                    report = run_steps(host, run, reporter, should_stop)
                 case ScriptedHost():
                     report = run_job(host, apply_job(plan.id, host_plan), reporter, should_stop, waits)
-                    reports.append(
-                        replace(report, hosts=tuple(replace(entry, host_plan=host_plan) for entry in report.hosts))
-                    )
+                    report = replace(report, hosts=tuple(replace(run, host_plan=host_plan) for run in report.hosts))
                 case _:
                     assert_never(host)
         except HostError as error:
-            reports.append(failed_run(error))
-        if reports[-1].ending is not RunEnding.DONE:
+            report = failed_run(error)
+        reports.append(report)
+        if report.ending is not RunEnding.DONE:
             break
     return combined_report(reports)
 

@@ -121,15 +121,6 @@ def _describe_number(experiment: Experiment, number: int) -> str:
     )
 
 
-def stop_what_is_in_the_way(session: MeasuringSession, experiment: Experiment, method: Method) -> None:
-    """Refuse what cannot be measured, then stop what is in the way; nothing is run.
-
-    Raises:
-        UseCaseError: As `run_experiment`.
-    """
-    _stop_what_is_in_the_way(session, experiment, method, _availability(session, experiment))
-
-
 def _run_with_processors(
     session: MeasuringSession, experiment: Experiment, method: Method, *, tells_duration: bool
 ) -> tuple[SettingsLog, LoopResult]:
@@ -146,7 +137,7 @@ def _run_with_processors(
     count = settings_to_run(method, recorded_runs, available.highest_reserve, shows_processors=shows_processors)
 
     def prepare_host() -> MeasuringResources:
-        _stop_what_is_in_the_way(session, experiment, method, available)
+        stop_what_is_in_the_way(session, experiment, method, available)
         if tells_duration:
             bounds = _expected(experiment, count, available, settings_log)
             seconds = session.wall_times.comparable(experiment)
@@ -229,24 +220,29 @@ def _refuse_without_threshold(hosts: Hosts, experiment: Experiment, method: Meth
             )
 
 
-def _stop_what_is_in_the_way(
-    session: MeasuringSession, experiment: Experiment, method: Method, available: _Availability
+def stop_what_is_in_the_way(
+    session: MeasuringSession, experiment: Experiment, method: Method, available: _Availability | None = None
 ) -> None:
-    """Refuse what cannot be measured, then stop what is in the way.
+    """Refuse what cannot be measured, then stop what is in the way; nothing is run.
 
     `run_experiment` calls it only where the data log does not hold every setting already.
 
+    Args:
+        session: It holds the experiment's host.
+        experiment: What is to be measured.
+        method: Which settings are.
+        available: What was seen of the host; None: it is looked at now.
+
     Raises:
-        UseCaseError: As `refuse_what_cannot_run` and `_refuse_host`; partitions of the application run, and may not be
-            stopped (refused).
+        UseCaseError: A member or a load cannot run on the host, or the host is as `_refuse_host` says; partitions of
+            the application run, and may not be stopped (refused).
     """
+    host = session.host_of(experiment)
     members = {member.name: member for member in experiment.members}
-    loads = {experiment.setup.interference: experiment.load}
-    refuse_what_cannot_run(session, session.host_of(experiment), components=members, loads=loads)
-    _refuse_host(session, experiment, method, available)
-    if session.on_busy_host:
-        return
-    stop_own_partitions(session, session.host_of(experiment))
+    refuse_what_cannot_run(session, host, components=members, loads={experiment.setup.interference: experiment.load})
+    _refuse_host(session, experiment, method, available or _availability(session, experiment))
+    if not session.on_busy_host:
+        stop_own_partitions(session, host)
 
 
 def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Method, available: _Availability) -> None:

@@ -120,7 +120,9 @@ def pack(items: Sequence[Item], bins: Sequence[Bin], *, node_budget: int = NODES
         return NoPacking(proven=True)
     if (forced := _forced_hosts(items)) is not None:
         fits, objective = hosts_can_hold(items, bins, forced), objective_of(items, forced)
-        return _packing(forced, objective, objective) if fits else NoPacking(proven=fits is False, undecided=fits is None)
+        return (
+            _packing(forced, objective, objective) if fits else NoPacking(proven=fits is False, undecided=fits is None)
+        )
     bound = lower_bound(items, bins)
     host_of = best_first_fit(items, bins, bound)
     if host_of is None or objective_of(items, host_of) != bound:

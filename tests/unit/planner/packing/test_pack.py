@@ -229,7 +229,9 @@ def test_no_row_of_the_program_forbids_what_a_host_can_keep() -> None:
     for seed in range(400):
         random = Random(seed)
         host = a_bin("host", random.choice((1, 2, 4)), memory=10_000)
-        host = replace(host, capacity=replace(host.capacity, sharing=CoreSharing(threads=random.choice((1, 2)), used=1)))
+        host = replace(
+            host, capacity=replace(host.capacity, sharing=CoreSharing(threads=random.choice((1, 2)), used=1))
+        )
         reserves = random.choices((15, 20, 30, 45, 50, 55, 70, 80, 85), k=random.randint(1, 6))
         claims = [Claim(processors=random.randint(1, 2), reserve=reserve, memory=1) for reserve in reserves]
         items = [Item(name=f"part{at}", claims={"host": claim}) for at, claim in enumerate(claims)]
