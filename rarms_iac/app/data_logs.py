@@ -172,12 +172,12 @@ def measured_reservations(manifest: Manifest, states: Mapping[str, State]) -> Me
     """
     system, folder = manifest.system, _LogFolder(files=Files(manifest.folder), read=cache(_read))
     kinds = {name: _kind_of(host, states) for name, host in sorted(system.hosts.items())}
-    alike: dict[_Kind, list[str]] = {}
+    hosts_by_kind: dict[_Kind, list[str]] = {}
     for name, kind in kinds.items():
-        alike.setdefault(kind, []).append(name)
+        hosts_by_kind.setdefault(kind, []).append(name)
     logs: dict[tuple[Hashable, Names], tuple[MeasuredTogether, ...] | NotMeasured] = {}
     for group in filter(depends_on_a_log, groups_of(system)):
-        for kind, names in alike.items():
+        for kind, names in hosts_by_kind.items():
             if any(map(group.may_run_on, names)):
                 host = system.hosts[names[0]]
                 logs[kind, names_of(group.members)] = _log_of_each_load(
@@ -195,11 +195,11 @@ def compare_log(log: DataLog, subject: LogSubject, files: Files, platform_facts:
         files: Of the manifest's folder.
         platform_facts: The host as it is now.
 
-    NOTE: interpreters outside of the folder are recorded by a measurement and not looked for here: nothing but files
-    below the folder is opened for a manifest that a stranger may have written.
-
     Returns:
         What changed, by which a log is stale, and what cannot be told from here.
+
+    NOTE: interpreters outside of the folder are recorded by a measurement and not looked for here: nothing but files
+    below the folder is opened for a manifest that a stranger may have written.
     """
     identity = identity_of(subject, files.of(subject), {})
     return compare(log.header, subject.setup.members, identity, platform_facts)
@@ -226,7 +226,7 @@ def observed_platform(host: Host, facts: HostFacts | None = None) -> PartialPlat
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Kind:
-    """What hosts share for which the same data logs hold."""
+    """A kind of host: the same data logs hold for all hosts of one kind."""
 
     platform: str
     platform_facts: PartialPlatform
@@ -246,7 +246,7 @@ class _LogFolder:
 def _log_of_each_load(
     system: System, folder: _LogFolder, group: Group, host: Host, platform_facts: PartialPlatform
 ) -> tuple[MeasuredTogether, ...] | NotMeasured:
-    """The log of each load, or why the first of those is missing that are."""
+    """What the log of each load says, or why the first log does not count that is missing or does not hold."""
     members, found = names_of(group.members), list[MeasuredTogether]()
     anywhere = replace(platform_facts, guest_image=None)  # a partition may have an image of its own
     used = used_processors(system, host, folder.files, anywhere, folder.read)
@@ -264,7 +264,10 @@ def _log_of_each_load(
 
 
 def _left_idle(system: System, group: Group, host: Host, logs: Sequence[MeasuredTogether]) -> Cause:
-    """NOTE: of loads that cannot take all by what they are RARMS325 tells, from the manifest."""
+    """The remark that the loads left much of the host idle.
+
+    NOTE: of a load that cannot take all by its nature RARMS325 tells, from the manifest; so this is not said of it.
+    """
     paths, loads = [log.path for log in logs], system.loads_of(names_of(group.members))
     measure = command("measure", interference=BUSY_LOOP, again=BUSY_LOOP in loads)
     return Cause(

@@ -76,8 +76,8 @@ def report_of(
         Manifest by platform, falling criticality and name, the load that decides first; amounts in LPs.
     """
     current = [log for log in logs if all(name in system.components for name in log.log.header.setup.members)]
-    measurements = _in_order(tuple(_resting(system, [_measurement(system, logged) for logged in current])))
-    rested = {measurement.components for measurement in measurements if measurement.decides}
+    measurements = _in_order(tuple(_mark_deciding(system, [_measurement(system, logged) for logged in current])))
+    deciding = {measurement.components for measurement in measurements if measurement.decides}
     return Report(
         application=system.application.name,
         description=system.application.description,
@@ -86,14 +86,14 @@ def report_of(
         unmeasured=tuple(
             names_of(group.members)
             for group in groups_of(system)
-            if depends_on_a_log(group) and names_of(group.members) not in rested
+            if depends_on_a_log(group) and names_of(group.members) not in deciding
         ),
         proofs=tuple(proofs),
     )
 
 
-def _resting(system: System, measurements: Sequence[Measurement]) -> Iterator[Measurement]:
-    """Those beside the load that asks for most: nothing rests on the others, or where the log of a load is missing.
+def _mark_deciding(system: System, measurements: Sequence[Measurement]) -> Iterator[Measurement]:
+    """Yield all, of the same components with one that decides: beside the load that asks for most, once all have a log.
 
     NOTE: where loads ask for the same, a plan takes the first in the manifest's order (`hardest`), and so does this.
     """
@@ -171,7 +171,7 @@ def _platforms(system: System) -> Mapping[str, list[Host]]:
 def _capacity(
     system: System, platform: str, planned: PlannedTotals, measurements: Sequence[Measurement]
 ) -> PlatformCapacity:
-    rested = [measurement for measurement in measurements if measurement.decides and measurement.platform == platform]
+    deciding = [measurement for measurement in measurements if measurement.decides and measurement.platform == platform]
     hosts = tuple(sorted((host.name for host in _platforms(system)[platform]), key=natural_order))
     total = sum_of(planned.hosts[name] for name in hosts)
     return PlatformCapacity(
@@ -188,7 +188,7 @@ def _capacity(
         reserved_lp=total.reserved_lp,
         unmanaged_lp=total.unmanaged_lp,
         partitions=tuple(partition.name for partition in planned.partitions if partition.host in hosts),
-        missing=tuple(measurement.name for measurement in rested if measurement.wants and measurement.reserve is None),
+        missing=tuple(each.name for each in deciding if each.wants and each.reserve is None),
     )
 
 

@@ -36,13 +36,14 @@ def requested_changes(state: State, request: PlanRequest, locate: Locator) -> It
         locate: the manifest line of a partition.
 
     Yields:
-        The changes in the order of their partitions, and a finding for each that cannot be; nothing where it is so.
+        The changes in the order of their partitions, and a finding for each that cannot be; nothing for a partition
+        that is as the command wants it.
     """
     match request.purpose:
         case Purpose.IMPORT:
-            yield from _adoption(state, request, locate)
+            yield from _import_changes(state, request, locate)
         case Purpose.RELEASE:
-            yield from _releasing(state, request, locate)
+            yield from _release_changes(state, request, locate)
         case Purpose.STOP:
             yield from _stop_changes(state, request, locate)
         case Purpose.START:
@@ -134,7 +135,7 @@ def _started(partition: Partition) -> Partition:
     )
 
 
-def _adoption(state: State, request: PlanRequest, locate: Locator) -> Iterator[Adopt | Diagnostic]:
+def _import_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Adopt | Diagnostic]:
     """The change that makes the machine of this id the manifest's partition; its settings stay.
 
     The mark says what the machine has now, so that the next plan tells what the manifest wants of it.
@@ -192,7 +193,7 @@ def _taken(state: State, application: str, name: str, machine: Partition) -> Dia
     return TAKEN.at(None, problem, advice, values={"partition": name, "machine": holder.id})
 
 
-def _releasing(state: State, request: PlanRequest, locate: Locator) -> Iterator[Release | Diagnostic]:
+def _release_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Release | Diagnostic]:
     """The change that takes our mark off this partition; the machine and its settings stay."""
     (name,), application = request.partitions, request.application
     place = locate(Address(partition=name))

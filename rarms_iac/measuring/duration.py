@@ -73,10 +73,10 @@ def with_part_of_budget(experiment: Experiment, window_ms: float) -> Experiment:
         experiment: What is measured; its budget is that of all its loads.
         window_ms: The longest of its host's scheduler.
     """
-    budget, place = experiment.budget, experiment.loads.index(experiment.load)
+    budget, number = experiment.budget, experiment.loads.index(experiment.load)
     least = [least_ms(experiment, load, window_ms) for load in experiment.loads]
-    fits = min(1.0, budget.most_ms / sum(least))
-    budget = replace(budget, most_ms=budget.most_ms - fits * sum(least[place + 1 :]), least_ms=fits * least[place])
+    share = min(1.0, budget.most_ms / sum(least))
+    budget = replace(budget, most_ms=budget.most_ms - share * sum(least[number + 1 :]), least_ms=share * least[number])
     return replace(experiment, budget=budget)
 
 
@@ -90,7 +90,7 @@ def least_ms(experiment: Experiment, load: Interference, window_ms: float, earli
         earlier: Settings of its data log, which tell how fast jobs are.
 
     Returns:
-        Of the host's time, in ms.
+        Milliseconds by the host's clock.
     """
     return least_setting_ms(
         max(_least_ms(run_of(member), member, earlier, _UNTIL_CLEAR) for member in experiment.members),

@@ -170,11 +170,11 @@ def first_of_each_kind(diagnostics: "Sequence[Diagnostic]") -> "tuple[Diagnostic
         if numbers[kind] <= MOST_OF_A_KIND:
             shown.append(diagnostic)
         elif numbers[kind] == totals[kind]:
-            shown.append(following(diagnostic, totals[kind] - MOST_OF_A_KIND))
+            shown.append(remainder(diagnostic, totals[kind] - MOST_OF_A_KIND))
     return tuple(shown)
 
 
-def following(shown: Diagnostic, number: int) -> Diagnostic:
+def remainder(shown: Diagnostic, number: int) -> Diagnostic:
     """Make the finding that says how many follow of a kind.
 
     Args:

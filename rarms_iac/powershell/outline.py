@@ -25,7 +25,7 @@ from rarms_iac.powershell.statements import (
     statements_of,
 )
 from rarms_iac.powershell.templates import PLAN, STEP_CALL, TARGET, VM
-from rarms_iac.powershell.tree import literal_of, sound, text_of, walk
+from rarms_iac.powershell.tree import literal_of, parse_strictly, text_of, walk
 
 if TYPE_CHECKING:
     from tree_sitter import Node
@@ -77,7 +77,7 @@ def outline(script: bytes) -> Outline:
         NotParsed: it is no PowerShell.
         ValueError: it has no run, or a step in another form; the inspection says more.
     """
-    facts, parts = plan_of(sound(without_fixed(script.decode("ascii"))))
+    facts, parts = plan_of(parse_strictly(without_fixed(script.decode("ascii"))))
     if facts is None:
         raise ValueError(f"the script has no {PLAN} that begins with the facts of its run")
     run = {name: _Reader().scalar(value) for name, value in (entries(facts) or {}).items() if name != GUARD}
@@ -190,7 +190,7 @@ class ScriptDifference:
     new: str = ""  # the new script
     run: tuple[Detail, ...]
     steps: tuple[StepDifference, ...]
-    same: int  # steps that both have
+    same: int  # steps that both have, and that do not differ
 
     @property
     def is_empty(self) -> bool:

@@ -23,8 +23,8 @@ _VALUE = re.compile(
 _RESERVED = ("count", "item", "keys", "values")
 """What a table has beside its entries."""
 
-Put = Callable[[str, Literal, str], str]
-"""Takes the name that a literal has, the literal, and the variable by which a row is read there; returns its text."""
+LiteralText = Callable[[str, Literal, str], str]
+"""What to write for a literal: of its name, the literal, and the variable by which a row is read at that place."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +39,7 @@ class PlanBlock:
 
 
 def plan_lines(blocks: Iterable[PlanBlock]) -> Iterator[str]:
-    """The lines of a plan: of alike neighbours a table and its steps, where that is shorter.
+    """Write the statements of a plan: alike neighbours as a table and one block of steps, where that is shorter.
 
     Args:
         blocks: in the order of their steps.
@@ -56,7 +56,7 @@ def plan_lines(blocks: Iterable[PlanBlock]) -> Iterator[str]:
 
 
 def _form(block: PlanBlock) -> tuple[str, tuple[TargetText | StepText, ...]]:
-    return block.reason, tuple(_mapped(statement, lambda *_: "") for statement in block.statements)
+    return block.reason, tuple(_with_literals(statement, lambda *_: "") for statement in block.statements)
 
 
 def _lines(block: PlanBlock) -> Iterator[str]:
@@ -86,12 +86,12 @@ def _table(alike: Sequence[PlanBlock]) -> Iterator[str]:
     yield from table_lines(rows, [remark(block.place) for block in alike])
     names = iter([columns.get(tuple(value for _, value in same)) for same in zip(*literals, strict=True)])
 
-    def put(_: str, value: Literal, variable: str) -> str:
+    def text_for(_: str, value: Literal, variable: str) -> str:
         name = next(names)
         return f"{variable}.{name}" if name else value
 
     for statement in first.statements:
-        mapped = _mapped(statement, put)
+        mapped = _with_literals(statement, text_for)
         if isinstance(mapped, TargetText):
             mapped = replace(mapped, in_rows=True)
         yield from (f"    {line}" for line in statement_lines(mapped))
@@ -101,12 +101,12 @@ def _table(alike: Sequence[PlanBlock]) -> Iterator[str]:
 def _literals(block: PlanBlock) -> list[tuple[str, Literal]]:
     found: list[tuple[str, Literal]] = []
 
-    def put(name: str, value: Literal, _: str) -> str:
+    def text_for(name: str, value: Literal, _: str) -> str:
         found.append((name, value))
         return ""
 
     for statement in block.statements:
-        _mapped(statement, put)
+        _with_literals(statement, text_for)
     return found
 
 
@@ -119,23 +119,25 @@ def _column(name: str, taken: Iterable[str]) -> str:
     return next(free for free in names if free.lower() not in used)
 
 
-def _mapped(statement: TargetText | StepText, put: Put) -> TargetText | StepText:
+def _with_literals(statement: TargetText | StepText, text_for: LiteralText) -> TargetText | StepText:
     """The statement with another text for each of its literals."""
     if isinstance(statement, TargetText):
-        return replace(statement, address=put("Address", statement.address, ROW), reading=_call(statement.reading, put))
+        return replace(
+            statement, address=text_for("Address", statement.address, ROW), reading=_call(statement.reading, text_for)
+        )
     return replace(
         statement,
-        action=put("Action", statement.action, ROW),
+        action=text_for("Action", statement.action, ROW),
         options=tuple(
-            (name, _call(text, put) if text.startswith("{") else put(name, text, ROW))
+            (name, _call(text, text_for) if text.startswith("{") else text_for(name, text, ROW))
             for name, text in statement.options
         ),
-        same={name: put(name, value, ROW) for name, value in statement.same.items()},
-        before={name: put(name, value, ROW) for name, value in statement.before.items()},
-        after={name: put(name, value, ROW) for name, value in statement.after.items()},
-        calls=tuple(_call(call, put) for call in statement.calls),
+        same={name: text_for(name, value, ROW) for name, value in statement.same.items()},
+        before={name: text_for(name, value, ROW) for name, value in statement.before.items()},
+        after={name: text_for(name, value, ROW) for name, value in statement.after.items()},
+        calls=tuple(_call(call, text_for) for call in statement.calls),
     )
 
 
-def _call(text: str, put: Put) -> str:
-    return _VALUE.sub(lambda match: f"{match[1]} {put(match[1], match[2], LATER_ROW)}", text)
+def _call(text: str, text_for: LiteralText) -> str:
+    return _VALUE.sub(lambda match: f"{match[1]} {text_for(match[1], match[2], LATER_ROW)}", text)

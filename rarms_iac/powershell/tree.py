@@ -152,8 +152,8 @@ def shape_of(roots: Iterable["Node"]) -> tuple[ShapeNode, ...]:
     return tuple(shape)
 
 
-def sound(script: str) -> "Node":
-    """The tree of a script that grammar and tokens both understand, and in the same way.
+def parse_strictly(script: str) -> "Node":
+    """Parse a script, and refuse one that the grammar and the tokens do not both understand in the same way.
 
     Raises:
         NotParsed: they do not.

@@ -44,7 +44,7 @@ def least_setting_ms(
         begins_anew: whether the host lets a load that never pauses begin anew.
 
     Returns:
-        Of the host's time, in ms.
+        Milliseconds by the host's clock.
     """
     further_starts = least_starts(is_periodic=is_periodic) - 1 if begins_anew and is_steady(load) else 0
     settles_ms = MEMORY_FACTOR * window_ms

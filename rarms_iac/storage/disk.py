@@ -28,7 +28,7 @@ class FileEffects:
             folder: its parent exists.
         """
         folder.mkdir(mode=0o775, exist_ok=True)  # under any umask: what others may write, rarms would believe
-        give(folder, folder.parent.stat())
+        give_to_owner(folder, folder.parent.stat())
 
     def write(self, path: Path, data: bytes) -> None:
         """Make the file new, or empty it, and write this.
@@ -39,7 +39,7 @@ class FileEffects:
         """
         with os.fdopen(open_to_write(path, os.O_CREAT | os.O_TRUNC), "wb") as file:
             file.write(data)
-        give(path, path.parent.stat())
+        give_to_owner(path, path.parent.stat())
 
     def append(self, path: Path, data: bytes) -> None:
         """Write at the end of a file that exists.
@@ -111,8 +111,8 @@ class FileEffects:
         path.unlink(missing_ok=True)
 
 
-def give(path: Path, like: os.stat_result) -> None:
-    """Give what root made the owner of its folder, or of what it replaces, so that a checkout stays its user's.
+def give_to_owner(path: Path, like: os.stat_result) -> None:
+    """Give what root made to the owner of its folder, or of what it replaces: a checkout stays its user's.
 
     Args:
         path: a file or folder that was just made.

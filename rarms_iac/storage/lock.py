@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from rarms_iac.storage.disk import give, open_to_write
+from rarms_iac.storage.disk import give_to_owner, open_to_write
 from rarms_iac.storage.reading import open_regular
 
 POLL_SECONDS = 0.02
@@ -48,7 +48,7 @@ def hold(path: Path, owner: str, timeout_ms: int = 0) -> Iterator[None]:
     is_new = not path.exists()
     descriptor = open_to_write(path, os.O_CREAT)
     if is_new:
-        give(path, path.parent.stat())
+        give_to_owner(path, path.parent.stat())
     try:
         _wait(descriptor, path, timeout_ms)
         try:

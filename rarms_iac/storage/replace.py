@@ -32,7 +32,7 @@ def replace(path: Path, data: bytes, like: os.stat_result | None = None) -> None
     try:
         effects.write(temporary, data)
         if like is not None:
-            disk.give(temporary, like)
+            disk.give_to_owner(temporary, like)
             temporary.chmod(stat.S_IMODE(like.st_mode))
         effects.flush(temporary)
         effects.rename(temporary, path)

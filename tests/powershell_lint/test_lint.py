@@ -25,7 +25,7 @@ from rarms_iac.powershell.templates import (
     module_text,
     read,
 )
-from rarms_iac.powershell.tree import sound
+from rarms_iac.powershell.tree import parse_strictly
 from rarms_iac.providers.hyperv.bootstrap import render_installed_receiver, render_loader, render_receiver
 from tests import builders_plan as build
 from tests.powershell_lint.lint import problems
@@ -134,7 +134,7 @@ def test_scripts_may_call_in_plans_what_rarms_writes_there_and_nothing_else() ->
     called: dict[str, set[str]] = {}
     clustered = [text.decode("ascii") for text in render_scripts(*rendered_plan(of_a_cluster())).values()]
     for script in (*SCRIPTS.values(), *clustered, measuring_script().decode("ascii")):
-        for statement in plan_statements(sound(script)):
+        for statement in plan_statements(parse_strictly(script)):
             for call in calls_of(statement):
                 called[call.name] = called.get(call.name, set()) | set(call.given)
 

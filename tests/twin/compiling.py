@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 
-from rarms_iac.powershell.tree import sound
+from rarms_iac.powershell.tree import parse_strictly
 from tests.twin.expressions import binding_of, parameters_of
 from tests.twin.scopes import Binding, Body, Function, Parameter, Scope
 from tests.twin.statements import block_of
@@ -35,7 +35,7 @@ def _piece(text: str) -> Function:
     parameters: tuple[Parameter, ...] = ()
     binding: Binding | None = None
     bodies: list[Body] = []
-    for part in sound(text).children:
+    for part in parse_strictly(text).children:
         if part.type == "param_block":
             parameters, binding = parameters_of(part), binding_of(part)
         elif part.type == "statement_list":

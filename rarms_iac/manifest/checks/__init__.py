@@ -13,7 +13,7 @@ from rarms_iac.manifest.acceptance import FINDINGS as ABOUT_ACCEPTANCES
 from rarms_iac.manifest.acceptance import check_acceptances
 from rarms_iac.manifest.checks import hosts, measurement, names, partitions, processors, secrets, tasks  # noqa: F401 - each adds its checks
 from rarms_iac.manifest.checks.violation import CHECKS
-from rarms_iac.model.diagnostics import MOST_OF_A_KIND, Diagnostic, Places, following, in_order
+from rarms_iac.model.diagnostics import MOST_OF_A_KIND, Diagnostic, Places, in_order, remainder
 from rarms_iac.model.system import System
 
 CODES = frozenset(finding.code for finding in (*CHECKS, *ABOUT_ACCEPTANCES))
@@ -40,7 +40,7 @@ def run_checks(system: System, places: Places, today: date) -> tuple[Diagnostic,
             shown = [violation.as_diagnostic(finding, places) for violation in islice(violations, most)]
             yield from shown
             if more := sum(1 for _ in violations):
-                yield following(shown[-1], more)
+                yield remainder(shown[-1], more)
         yield from check_acceptances(system.policy, places, today)
 
     return in_order(tuple(findings()))

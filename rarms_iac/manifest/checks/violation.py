@@ -57,7 +57,7 @@ def check(finding: Finding) -> Callable[[Check], Check]:
         finding: the kind, which no other check has.
 
     Returns:
-        What adds it.
+        The decorator, which leaves the function as it is.
     """
 
     def add(judge: Check) -> Check:
@@ -69,37 +69,37 @@ def check(finding: Finding) -> Callable[[Check], Check]:
 
 
 def component_check(finding: Finding) -> Callable[[Callable[[Component], Iterator[Violation]]], Check]:
-    """As `check`, of a function that judges one component.
+    """Add the function below to `CHECKS`, to be asked for each component of a system.
 
     Args:
         finding: the kind, which no other check has.
 
     Returns:
-        What adds it.
+        The decorator; below its name stands the check of the whole system.
     """
     return lambda judge: check(finding)(lambda system: chain.from_iterable(map(judge, system.components.values())))
 
 
 def host_check(finding: Finding) -> Callable[[Callable[[Host], Iterator[Violation]]], Check]:
-    """As `check`, of a function that judges one host.
+    """Add the function below to `CHECKS`, to be asked for each host of a system.
 
     Args:
         finding: the kind, which no other check has.
 
     Returns:
-        What adds it.
+        The decorator; below its name stands the check of the whole system.
     """
     return lambda judge: check(finding)(lambda system: chain.from_iterable(map(judge, system.hosts.values())))
 
 
 def partition_check(finding: Finding) -> Callable[[Callable[[System, PartitionRequest], Iterator[Violation]]], Check]:
-    """As `check`, of a function that judges one partition's entry, beside what it names.
+    """Add the function below to `CHECKS`, to be asked for each entry of `partitions`, with the system it stands in.
 
     Args:
         finding: the kind, which no other check has.
 
     Returns:
-        What adds it.
+        The decorator; below its name stands the check of the whole system.
     """
     return lambda judge: check(finding)(
         lambda system: chain.from_iterable(judge(system, partition) for partition in system.partitions.values())

@@ -9,7 +9,7 @@ from rarms_iac.powershell.inspection.layout import check_layout, split_script, w
 from rarms_iac.powershell.inspection.recorded import check_around_plan, check_module
 from rarms_iac.powershell.inspection.steps import check_recorded_plan, check_steps
 from rarms_iac.powershell.templates import ENTRY
-from rarms_iac.powershell.tree import NotParsed, sound
+from rarms_iac.powershell.tree import NotParsed, parse_strictly
 from rarms_iac.storage.script_signature import without_key_signature
 
 BYTES = Finding.error("RARMS200", "A script is not pure ASCII with CRLF")
@@ -38,7 +38,7 @@ def inspect(script: bytes, name: str = "script.ps1", *, entry: str = ENTRY) -> t
     if problems := tuple(check_layout(name, parts, entry)):
         return problems
     try:
-        root = sound(without_fixed(text, entry))
+        root = parse_strictly(without_fixed(text, entry))
     except NotParsed as error:
         return (_not_parsed(name, error),)
     return tuple(check_steps(name, root, entry))
@@ -64,7 +64,7 @@ def inspect_recorded(
         return problems[:1]
     text = without_key_signature(script.decode("ascii"))
     try:
-        root = sound(without_fixed(text))
+        root = parse_strictly(without_fixed(text))
     except NotParsed as error:
         return (_not_parsed(name, error),)
     checks = (check_recorded_plan(name, root), check_around_plan(name, text, root), check_module(name, text, module))

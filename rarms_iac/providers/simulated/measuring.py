@@ -61,7 +61,7 @@ def demand_of(component: Component, priority: int = ORDINARY) -> JobDemand:
     )
 
 
-def load_of(interference: Interference, reserve: int = 0) -> ModelLoad:
+def model_load(interference: Interference, reserve: int = 0) -> ModelLoad:
     """The load that interferes, where its partition reserves so many per cent of each of its processors.
 
     Of another program nothing is known, so it is taken for one that never waits.
@@ -130,7 +130,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         )
 
     @contextmanager
-    def run(self, work: Work) -> Iterator["Simulated"]:
+    def run(self, work: Work) -> Iterator["SimulatedRun"]:
         content = self.load()
         machines = tuple(self._machine(content, partition, work.application) for partition in work.partitions)
         idle = self._idle(content, work)
@@ -138,7 +138,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
             lps=self._host.logical_processors, machines=(*machines, *idle), interrupts=QUIET_INTERRUPTS
         )
         jobs = self._simulate(machine, work.seed)
-        yield Simulated(jobs=jobs, work=work)
+        yield SimulatedRun(jobs=jobs, work=work)
 
     def _machine(self, content: Content, partition_work: PartitionWork, application: str) -> VirtualMachine:
         """One operating system of the work, with what the host's file says of its partition."""
@@ -148,11 +148,11 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
                 name=self.name,
                 vps=self._host.logical_processors,
                 components=tuple(self._demand(component, content, "") for component in partition_work.components),
-                loads=() if load is None else (load_of(load),),
+                loads=() if load is None else (model_load(load),),
                 partitioned=False,
             )
         machine = self._running(content, partition_work.partition, application)
-        loads = () if load is None else (load_of(load, machine.settings.reserve),)
+        loads = () if load is None else (model_load(load, machine.settings.reserve),)
         demands = tuple(self._demand(component, content, machine.id) for component in partition_work.components)
         return _partition(machine, partition_work.partition, components=demands, loads=loads)
 
@@ -181,7 +181,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
 
 
 @dataclass(slots=True, kw_only=True)
-class Simulated:
+class SimulatedRun:
     """A `Running` whose time is the model's."""
 
     jobs: Iterator[JobDone]

@@ -27,6 +27,8 @@ LONGEST_NAME = 100
 """Characters of a machine's name (windows.md 10)."""
 MOST_PROCESSORS = {1: 64, 2: 240}
 """Virtual processors by generation (windows.md 2)."""
+SERVER_2016, WINDOWS_10 = 14393, 10240
+"""Builds from which static memory changes while the machine runs: of a server and of a client (windows.md 3)."""
 CAPACITY = 100  # per cent of a logical processor
 TRIES = 20_000
 """Placements that are tried before a doubtful case counts as fitting: the documented limit is only the sum."""
@@ -53,7 +55,11 @@ def _first_fit(items: list[int], processors: int) -> bool:
 
 
 def _search(items: list[int], processors: int) -> bool:
-    """Every way of placing the largest first, amounts of room tried once, as far as `TRIES` go; the fullest first."""
+    """Whether some placement holds all; also true where `TRIES` placements did not tell.
+
+    The largest item comes first, the fullest processor that has room for it is tried first, and of processors with
+    equal room one alone.
+    """
     untried = [(0, (CAPACITY,) * processors)]  # the next item, and the room on each processor
     for _ in range(TRIES):
         if not untried:
@@ -66,10 +72,6 @@ def _search(items: list[int], processors: int) -> bool:
             at = by_room[room]
             untried.append((number + 1, (*free[:at], room - items[number], *free[at + 1 :])))
     return True
-
-
-SERVER_2016, WINDOWS_10 = 14393, 10240
-"""Builds from which static memory changes while the machine runs: of a server and of a client (windows.md 3)."""
 
 
 class Refusal(Exception):

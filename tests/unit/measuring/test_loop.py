@@ -17,7 +17,7 @@ from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, Settin
 from rarms_iac.model.run import SampleCount
 from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.model.system import Threshold
-from rarms_iac.providers.simulated.measuring import Simulated
+from rarms_iac.providers.simulated.measuring import SimulatedRun
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 from rarms_iac.statistics.curves import curves_of, least_reserve
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
@@ -113,7 +113,7 @@ def counted(load: float) -> SettingEvidence:
 def counting(monkeypatch: pytest.MonkeyPatch, loads: Sequence[float]) -> None:
     """Each try comes with the next count."""
     counts = iter(map(counted, loads))
-    monkeypatch.setattr(Simulated, "evidence", lambda _running: next(counts))
+    monkeypatch.setattr(SimulatedRun, "evidence", lambda _running: next(counts))
 
 
 def test_a_disturbed_setting_is_measured_again_and_says_so(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from rarms_iac.model.layout import Making
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.plan_basis import HostContext
 from rarms_iac.model.state import Mark, Partition, TaskClass, TaskRecord
-from rarms_iac.powershell.tree import NotParsed, ShapeNode, shape_of, sound
+from rarms_iac.powershell.tree import NotParsed, ShapeNode, parse_strictly, shape_of
 from tests import builders_plan as build
 
 
@@ -78,7 +78,7 @@ def rendered_plan(
 
 def shape(script: str) -> tuple[ShapeNode, ...]:
     """The tree of a whole script."""
-    return shape_of([sound(script)])
+    return shape_of([parse_strictly(script)])
 
 
 def same_structure(template: str, script: str) -> bool:

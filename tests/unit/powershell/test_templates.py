@@ -17,7 +17,7 @@ from rarms_iac.powershell.templates import (
     shipped_module,
     without_signature,
 )
-from rarms_iac.powershell.tree import ShapeNode, sound, text_of
+from rarms_iac.powershell.tree import ShapeNode, parse_strictly, text_of
 from tests.unit.powershell.plans import all_changes, rendered_plan, shape
 
 SCRIPTS = {
@@ -41,7 +41,7 @@ def test_the_module_can_be_read_in_one_sitting() -> None:
 
 def test_nothing_runs_while_the_module_is_imported() -> None:
     """At its top stand settings, constants and functions."""
-    (program,) = [node for node in sound(MODULE).children if node.type == "statement_list"]
+    (program,) = [node for node in parse_strictly(MODULE).children if node.type == "statement_list"]
     texts = [text_of(node) for node in program.children if node.type not in {"comment", "function_statement"}]
 
     assert [text for text in texts if not re.match(r"Set-StrictMode -Version 3.0$|\$[A-Za-z:]+ = ['@\[]", text)] == []

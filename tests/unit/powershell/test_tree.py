@@ -1,7 +1,7 @@
 import pytest
 
 from rarms_iac.powershell.literals import literal
-from rarms_iac.powershell.tree import LITERAL, NotParsed, sound
+from rarms_iac.powershell.tree import LITERAL, NotParsed, parse_strictly
 from tests.effort import LONG
 from tests.unit.powershell.hostile import PIECES, QUOTES, hostile_texts
 from tests.unit.powershell.plans import same_structure, shape
@@ -86,10 +86,10 @@ def test_a_shape_forgets_values_and_remarks_only() -> None:
 )
 def test_a_line_that_begins_with_a_pipe_is_an_error(script: str) -> None:
     with pytest.raises(NotParsed):
-        sound(script)
+        parse_strictly(script)
 
 
 def test_a_backtick_outside_of_texts_and_remarks_is_an_error() -> None:
-    sound("Get-Item -Path 'a`b'  # c`d\n")
+    parse_strictly("Get-Item -Path 'a`b'  # c`d\n")
     with pytest.raises(NotParsed, match="line 2: a backtick"):
-        sound("Get-Item -Path 'a`b'\nGet-Item `\n -Path 'x'\n")
+        parse_strictly("Get-Item -Path 'a`b'\nGet-Item `\n -Path 'x'\n")

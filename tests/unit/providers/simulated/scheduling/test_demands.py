@@ -3,7 +3,7 @@
 import pytest
 
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, Browser, BusyLoop, CommandLoad
-from rarms_iac.providers.simulated.measuring import demand_of, load_of
+from rarms_iac.providers.simulated.measuring import demand_of, model_load
 from rarms_iac.providers.simulated.scheduling.machine import BurstLoads, JobDemand
 from tests.builders import a_component, a_run, a_simulation
 
@@ -31,14 +31,14 @@ def test_a_periodic_component_keeps_its_period() -> None:
 
 
 def test_bursts_without_a_duty_take_what_their_partition_reserves() -> None:
-    assert load_of(LOADS_WITHOUT_ENTRY["bursts-50"], 80) == BurstLoads(burst_ms=40.0, gap_ms=10.0)
-    assert load_of(LOADS_WITHOUT_ENTRY["bursts-50-half"], 80) == BurstLoads(burst_ms=25.0, gap_ms=25.0)
+    assert model_load(LOADS_WITHOUT_ENTRY["bursts-50"], 80) == BurstLoads(burst_ms=40.0, gap_ms=10.0)
+    assert model_load(LOADS_WITHOUT_ENTRY["bursts-50-half"], 80) == BurstLoads(burst_ms=25.0, gap_ms=25.0)
 
 
 @pytest.mark.parametrize("load", [BusyLoop(), BusyLoop(threads=3), Browser(instances=5)])
 def test_a_load_that_the_model_knows_is_itself(load: BusyLoop | Browser) -> None:
-    assert load_of(load) == load
+    assert model_load(load) == load
 
 
 def test_any_other_program_is_taken_for_one_that_never_waits() -> None:
-    assert load_of(CommandLoad(command=("stress",), instances=2)) == BusyLoop(threads=2)
+    assert model_load(CommandLoad(command=("stress",), instances=2)) == BusyLoop(threads=2)
