@@ -3,7 +3,7 @@
 import sys
 
 ADMINISTRATORS_ONLY = "O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)"
-"""As `templates/powershell/parts/lock.ps1` has it."""
+"""As `templates/powershell/Rarms/Rarms.psm1` has it."""
 
 OURS_ONLY = "D:P(A;OICI;FA;;;OW)(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)"
 """Only the owner, Administrators and SYSTEM, at any place that `TEMP` names."""

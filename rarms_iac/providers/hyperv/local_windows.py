@@ -43,7 +43,7 @@ EXPLANATIONS = {
     ACCESS_DENIED: "WMI lets only Administrators and Hyper-V Administrators ask that",
     NO_NAMESPACE: "this Windows has no such WMI namespace: its role Hyper-V is not installed",
 }
-OWNER = "owner.txt"  # of `templates/powershell/parts/lock.ps1`: open while a run holds the computer
+OWNER = "owner.txt"  # of `templates/powershell/Rarms/Rarms.psm1`: open while a run holds the computer
 HYPERV_ADMINISTRATORS = "S-1-5-32-578"
 EVENT = "*[System[Provider[@Name='Microsoft-Windows-Hyper-V-Hypervisor'] and EventID=2]]"
 KINDS = {
