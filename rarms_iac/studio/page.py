@@ -220,10 +220,13 @@ def _is_next(plan: PlanOnPage, command: NextCommand | None) -> bool:
 
 
 def _can_undo(known: Knowledge, application: str) -> bool:
-    """Whether the last run on a host is the application's, and an apply or an undo that did not end."""
+    """Whether the last run on a host is the application's, and an apply or an undo that did not end.
+
+    What a measurement started again is no apply that an engineer means: to undo it would stop the application.
+    """
     last = [runs[-1] for runs in known.history.hosts.values() if runs] if known.history else []
     own = [run for run in last if run.application == application]
-    return any(run.run is RunKind.APPLY or run.closing is None for run in own)
+    return any((run.run is RunKind.APPLY and not run.measurement) or run.closing is None for run in own)
 
 
 def _report(known: Knowledge, workspace: Workspace) -> Report:

@@ -167,7 +167,7 @@ def _proven(proofs: Sequence[ComponentProof]) -> Sequence[str]:
 def describe_run(run: PastRun) -> str:
     """`apply of plan 0123, done; by ann@lab, process 7, 2026-11-22 10:11:12 UTC`."""
     robot = f" on {run.robot}" if run.robot else ""
-    return f"{run.run.value} of plan {run.plan}{robot}, {_ending(run)}; by {run.started_by}, {run.started_at}"
+    return f"{_describe_kind(run)} of plan {run.plan}{robot}, {_ending(run)}; by {run.started_by}, {run.started_at}"
 
 
 def history_text(history: History) -> "RenderableType":
@@ -187,9 +187,20 @@ def history_rows(runs: Sequence[PastRun]) -> Sequence[tuple[str, ...]]:
         runs: of a host, the oldest first.
     """
     return [
-        (run.started_at, run.run.value, run.plan, _whose(run), run.started_by, _ending(run, later))
+        (run.started_at, _describe_kind(run), run.plan, _whose(run), run.started_by, _ending(run, later))
         for run, later in _with_later(runs)
     ]
+
+
+def _describe_kind(run: PastRun) -> str:
+    """What it was; plans of a measurement are none of an engineer."""
+    match run.measurement:
+        case "stop" if run.run is RunKind.APPLY:
+            return "stop to measure"
+        case "start" if run.run is RunKind.APPLY:
+            return "start after measuring"
+        case _:
+            return run.run.value
 
 
 def _whose(run: PastRun) -> str:

@@ -9,7 +9,6 @@ from typing import Literal
 from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.experiments.stopping import (
     finish_stop_or_start,
-    is_for_measuring,
     own_running,
     start_again,
     stop_to_measure,
@@ -23,6 +22,7 @@ from rarms_iac.measuring.wall_times import WallTimes
 from rarms_iac.model.commands import START, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts
 from rarms_iac.model.host import SimulatedHost
+from rarms_iac.model.journal import part_of_measurement
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.system import Component
 from rarms_iac.model.wording import in_a_row
@@ -74,7 +74,7 @@ def hold_hosts(session: MeasuringSession, names: Iterable[str]) -> Iterator[Meas
         UseCaseError: A host is held by another run, or has an unfinished run (refused); or what a `HostError` inside
             the context becomes.
     """
-    refuse_unfinished(session.hosts, unless=is_for_measuring)
+    refuse_unfinished(session.hosts, unless=lambda run: bool(part_of_measurement(run)))
     held: dict[str, MeasuringHost] = {}
     with host_errors(), ExitStack() as locks:
         for name in sorted(set(names)):

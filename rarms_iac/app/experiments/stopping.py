@@ -14,10 +14,9 @@ from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.requested_changes import stopped_partition
 from rarms_iac.applying.run_report import RunEnding, RunReporter
 from rarms_iac.measuring import measuring_findings
-from rarms_iac.model.changes import Update
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Facts
-from rarms_iac.model.journal import Journal, ScriptRun
+from rarms_iac.model.journal import part_of_measurement
 from rarms_iac.model.plan import Purpose
 from rarms_iac.model.state import Partition, State, StoppedBy
 from rarms_iac.model.wording import natural_order
@@ -120,29 +119,6 @@ def stopped_to_measure(state: State, application: str) -> State:
     return replace(state, partitions=tuple(map(stopped, state.partitions)))
 
 
-def is_for_measuring(run: Journal | ScriptRun) -> bool:
-    """Tell whether a run does nothing but stop partitions to measure, or start them again.
-
-    Args:
-        run: finished or not.
-
-    Returns:
-        False for a run that changes nothing, and for a script's.
-    """
-    if not isinstance(run, Journal) or not run.started.host_plan.changes:
-        return False
-    return all(
-        isinstance(change, Update) and _is_stopped_to_measure(change.before, change.after)
-        for change in run.started.host_plan.changes
-    )
-
-
-def _is_stopped_to_measure(before: object, after: object) -> bool:
-    both = (before, after)
-    marks = [partition.mark for partition in both if isinstance(partition, Partition) and partition.mark]
-    return any(mark.stopped_by is StoppedBy.MEASUREMENT for mark in marks)
-
-
 def finish_stop_or_start(host: MeasuringHost, reporter: Reporter) -> None:
     """Finish a run that was killed while it stopped partitions to measure, or started them again.
 
@@ -154,7 +130,7 @@ def finish_stop_or_start(host: MeasuringHost, reporter: Reporter) -> None:
         UseCaseError: It cannot be finished (failed).
     """
     journal = host.unfinished()
-    if journal is None or not is_for_measuring(journal):
+    if journal is None or not part_of_measurement(journal):
         return
     finished = finish_unfinished([host], RunReporter(), _never)
     if finished is None or finished.report.ending is not RunEnding.DONE:

@@ -81,6 +81,17 @@ def test_a_plan_is_applied_once_after_the_name_was_typed(client: Client) -> None
     assert 'data-action="undo"' not in client.get().text, "there is nothing left to undo"
 
 
+def test_an_undo_is_not_offered_for_what_a_measurement_stopped_and_started_again(client: Client, folder: Path) -> None:
+    assert rarms("apply", "--auto-approve", "-f", str(folder)).code == 0
+    assert 'data-action="undo"' in client.get().text
+
+    assert done(client, "measure", components=["control"], first=50, last=50, stop_partitions=True)["ending"] == "done"
+
+    page = client.get().text
+    assert 'data-is="Run">start after measuring<' in page
+    assert 'data-action="undo"' not in page
+
+
 def test_a_proof_asks_for_the_idle_time_of_the_hosts(client: Client) -> None:
     refused = done(client, "prove")
 

@@ -63,6 +63,17 @@ def test_what_was_stopped_runs_again_and_the_log_is_that_of_a_quiet_host() -> No
     assert (rarms("plan").code, rarms("drift").code) == (0, 0)
 
 
+def test_history_says_which_runs_stopped_and_started_for_a_measurement() -> None:
+    assert rarms(*SWEEP, "--stop-partitions").code == 0
+    assert rarms("stop", "speech", "--auto-approve").code == 0
+    assert rarms("start", "speech", "--auto-approve").code == 0
+
+    [_, *rows] = rarms("history").out.splitlines()
+
+    kinds = [re.split(r" {2,}", row.strip())[1] for row in rows]
+    assert kinds == ["apply", "apply", "start after measuring", "stop to measure", "apply"]
+
+
 def test_what_is_recorded_already_stops_nothing() -> None:
     assert rarms(*SWEEP, "--stop-partitions").code == 0
 
