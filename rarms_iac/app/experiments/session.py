@@ -7,12 +7,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from rarms_iac.app.control import UNATTENDED, Control
-from rarms_iac.app.experiments.stopping import (
-    finish_stop_or_start,
-    own_running,
-    start_again,
-    stop_to_measure,
-)
+from rarms_iac.app.experiments.stopping import finish_stop_or_start, own_running, start_again, stop_to_measure
 from rarms_iac.app.hosts import Hosts, host_errors, owner, refuse_unfinished
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring import measuring_findings
