@@ -122,7 +122,7 @@ class TuningSubject:
             criticalities={name: self.system.components[name].criticality for coi in self.cois for name in coi.members},
         )
 
-    def packed(self, layout: Sequence[Coi]) -> Packing | NoPacking:
+    def packing_of(self, layout: Sequence[Coi]) -> Packing | NoPacking:
         """Place these components on the hosts, beside what is not tuned.
 
         Args:
@@ -169,7 +169,7 @@ class LayoutFit:
         Returns:
             True only where a placement was found.
         """
-        packing = self.subject.packed(layout)
+        packing = self.subject.packing_of(layout)
         self.unsure = self.unsure or (isinstance(packing, NoPacking) and not packing.proven)
         return isinstance(packing, Packing)
 

@@ -1,7 +1,8 @@
 """The choice of hosts as a program in whole numbers: a variable for each partition on each host that it may run on.
 
-A host bounds what its partitions reserve and their memory. Whether their virtual processors find logical ones is not in
-the rows: where a set satisfies them all and still cannot be laid, it is forbidden when it comes up (`forbid`).
+A host bounds what its partitions reserve, their memory, and what its cores can take (`THRESHOLDS`). Whether each
+virtual processor finds a logical one is more than these rows say: where a set satisfies all of them and still finds no
+places, it is forbidden when it comes up (`forbid`).
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -69,13 +69,13 @@ def new_settings(operation: operations.CreatePartition, scope: Scope) -> Partiti
 
 
 def with_new_machine(content: Content, settings: PartitionSettings) -> Content:
-    """With one machine more."""
+    """The content with one machine more."""
     machine = SimulatedMachine(id=next_id(content, settings.name), settings=settings, state=RunState.OFF)
     return replace(content, made=content.made + 1).with_machine(machine)
 
 
 def with_restored_machine(content: Content, operation: operations.RestorePartition) -> Content:
-    """With a machine again that was removed, off, and with rarms' task classes in its guest."""
+    """The content with a machine again that was removed: off, and with rarms' task classes in its guest."""
     notes = write_mark(operation.other_notes, operation.mark) if operation.mark else operation.other_notes
     machine = SimulatedMachine(id=operation.machine, settings=operation.settings, state=RunState.OFF, notes=notes)
     if not operation.tasks:
@@ -91,7 +91,7 @@ def with_restored_machine(content: Content, operation: operations.RestorePartiti
 def with_new_disk(
     content: Content, machine: str, operation: operations.CreatePartition, folder: str, scope: Scope
 ) -> Content:
-    """With the disk of a machine that grows out of an image."""
+    """The content with one disk more, of a machine, which grows out of an image."""
     path = operations.disk_path(operation, scope.plan, folder)
     disk = Disk(path=path, kind=DiskKind.DIFFERENCING, parent=operation.image, machine=machine)
     return content.with_disk(disk)
