@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from threading import Lock
 
@@ -21,7 +22,7 @@ from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.app.wiring import HOSTS, state_folder
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.model.diagnostics import Diagnostic, Sources, first_of_each_kind, in_order
-from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.storage.disk import MEASUREMENTS
 
 
@@ -34,12 +35,22 @@ class Knowledge:
     report: Report | None = None
     overview: Overview | None = None
     history: History | None = None
+    looked_at: str = ""  # when the hosts were looked at: `10:11:12 UTC`; empty: they were not
     findings: tuple[Diagnostic, ...] = ()
     sources: Sources = field(default_factory=dict)  # that the findings point into
 
 
 LOOK_SECONDS = 30
 """How old may be what is known of a host whose files lie on another machine, or are none, or that a run holds."""
+
+
+def is_followed(host: Host) -> bool:
+    """Whether each change of a host is noticed, and who holds it is seen: its files lie on this machine.
+
+    Args:
+        host: of the manifest.
+    """
+    return host.provider is ProviderKind.SIMULATED or state_folder(host) is not None
 
 
 def files_version(source: ManifestSource, folders: Sequence[Path]) -> str:
@@ -83,9 +94,10 @@ def look(source: ManifestSource, version: str) -> Knowledge:
         report = measured_report(manifest, with_candidates=True)
         known = replace(known, report=report)
         hosts = select_hosts(manifest, HostSelection())
+        looked_at = datetime.now(UTC).strftime("%H:%M:%S UTC")
         overview = overview_of(hosts, report)
         findings = first_of_each_kind(in_order((*manifest.findings, *overview.problems)))
-        known = replace(known, overview=overview, findings=findings)
+        known = replace(known, overview=overview, findings=findings, looked_at=looked_at)
         return replace(known, history=history_of_hosts(hosts))
     except UseCaseError as error:
         findings = first_of_each_kind(in_order((*known.findings, *error.findings)))
@@ -130,10 +142,10 @@ class Watch:
 
     def _version(self) -> str:
         hosts = self._known.manifest.system.hosts.values() if self._known and self._known.manifest else ()
-        folders = [state_folder(host) for host in hosts if host.provider is not ProviderKind.SIMULATED]
+        folders = [folder for host in hosts if (folder := state_folder(host)) is not None]
         is_held = self._known and self._known.overview and any(host.held_by for host in self._known.overview.hosts)
-        looks = f"-{self._looks}" if None in folders or is_held else ""  # a run that is killed changes no file
-        return f"{files_version(self._source, [folder for folder in folders if folder])}{looks}"
+        is_looked_at = is_held or not all(map(is_followed, hosts))  # a run that is killed changes no file
+        return f"{files_version(self._source, folders)}{f'-{self._looks}' if is_looked_at else ''}"
 
     def forget(self) -> None:
         """Have everything looked up anew: a host that is no file may have changed."""

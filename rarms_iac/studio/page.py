@@ -23,7 +23,7 @@ from rarms_iac.model.journal import RunKind
 from rarms_iac.model.quantities import share_of_processors, show_processors
 from rarms_iac.model.wording import natural_order
 from rarms_iac.studio.actions import Workspace
-from rarms_iac.studio.knowledge import Knowledge
+from rarms_iac.studio.knowledge import LOOK_SECONDS, Knowledge, is_followed
 from rarms_iac.studio.plan_page import PlanOnPage, plan_on_page
 from rarms_iac.views.reports.html import render_page
 from rarms_iac.views.reports.page import on_page
@@ -61,6 +61,7 @@ class HostOnPage:
     parts: tuple[BarPart, ...]
     partitions: tuple[tuple[str, str, str, str], ...]  # name, LPs, share of processors, how it is
     problems: tuple[str, ...]
+    remark: str  # when it was looked at, where not each change is noticed; else empty
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,7 +178,7 @@ def page_of(
         application=report.application,
         read_only=read_only,
         manifest_options=manifest_options,
-        hosts=tuple(map(_host, hosts)),
+        hosts=tuple(_host(host, _remark(host.name, known)) for host in hosts),
         components=tuple(_components(known, report)),
         is_running=is_running,
         held="" if is_running else describe_holders(hosts),
@@ -235,11 +236,28 @@ def _report(known: Knowledge, workspace: Workspace) -> Report:
     return known.report or Report(application=name, description="", measurements=(), capacities=())
 
 
-def _host(host: HostOverview) -> HostOnPage:
+def _remark(host: str, known: Knowledge) -> str:
+    assert known.manifest is not None, "it names the host"
+    if is_followed(known.manifest.system.hosts[host]):
+        return ""
+    return (
+        f"Asked at {known.looked_at}. What is changed there by others is seen within {LOOK_SECONDS} s while nothing "
+        "runs here; whether another run holds this host is not seen."
+    )
+
+
+def _host(host: HostOverview, remark: str) -> HostOnPage:
     totals = host.totals
     if totals is None:
         problems = tuple(plain_text(sentences(problem.detail, problem.advice)) for problem in host.problems)
-        return HostOnPage(name=host.name, sentence="could not be looked at", parts=(), partitions=(), problems=problems)
+        return HostOnPage(
+            name=host.name,
+            sentence="could not be looked at",
+            parts=(),
+            partitions=(),
+            problems=problems,
+            remark=remark,
+        )
     own = sorted(host.partitions, key=lambda partition: natural_order(partition.name))
     amounts = [("used", partition.reserved_lp, partition.name) for partition in own]
     amounts += [("foreign", host.unmanaged_lp, "unmanaged machines")]
@@ -255,6 +273,7 @@ def _host(host: HostOverview) -> HostOnPage:
         parts=tuple(_parts([*amounts, unpromised], totals.host_lp)),
         partitions=tuple(map(_partition, own)),
         problems=(),
+        remark=remark,
     )
 
 

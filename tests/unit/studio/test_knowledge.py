@@ -8,7 +8,9 @@ import pytest
 
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.providers.cgroups import provider
+from rarms_iac.studio.actions import Workspace
 from rarms_iac.studio.knowledge import LOOK_SECONDS, Watch
+from rarms_iac.studio.page import page_of
 
 MANIFEST = """\
 schema: rarms/v1
@@ -58,3 +60,20 @@ def test_a_simulated_host_is_looked_at_when_its_file_changes_alone(tmp_path: Pat
 
     now[0] += 2 * LOOK_SECONDS
     assert watch.version(is_running=False) == before
+
+
+@pytest.mark.parametrize(
+    ("host", "says"),
+    [
+        ("provider: linux, connect: { ssh: robot@robot.invalid }", True),
+        ("provider: simulated", False),
+    ],
+)
+def test_the_page_says_when_a_host_was_asked_that_it_cannot_follow(tmp_path: Path, host: str, says: bool) -> None:
+    known = watch_of(tmp_path, host).knowledge()
+    workspace = Workspace(source=ManifestSource(manifest=str(tmp_path)))
+
+    page = page_of(known, workspace, version="", is_running=False, manifest_options="", read_only=False).decode()
+
+    assert (f"Asked at {known.looked_at}." in page) == says
+    assert ("whether another run holds this host is not seen" in page) == says

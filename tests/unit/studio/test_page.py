@@ -35,6 +35,7 @@ STUDIO = StudioOnPage(
             parts=(BarPart(kind="x", start="x", width="x", title="x"),),
             partitions=(("x", "x", "x", "x"),),
             problems=("x",),
+            remark="x",
         ),
     ),
     components=(
