@@ -48,7 +48,7 @@ class StepBuilder:
     now: Partition
     reason: Reason
     grace_ms: int = ceil(GRACE)  # for its guest to shut down
-    forces: bool = True  # the host can force it to, before it turns the machine off
+    forces: bool = True  # the host can force the guest to, before it turns the machine off
     new: bool = False  # made by this plan: its own undo removes it, and its first values are the host's affair
 
     def step(self, operation: MachineOperation, names: tuple[str, ...], why: str, *, title: str = "") -> Step:
