@@ -24,6 +24,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Plan
+from rarms_iac.model.step_titles import reversal
 from rarms_iac.model.wording import quoted
 from rarms_iac.powershell.templates import without_signature
 from rarms_iac.providers.channel import CommandChannel
@@ -116,10 +117,10 @@ def _is_signed_run(run: Journal | ScriptRun, key: bytes) -> bool:
     started = run.started
     if not is_signed(started.plan, started.application, started.host_plan, key):
         return False
-    known = started.host_plan.steps
+    known, changes = started.host_plan.steps, started.host_plan.changes_by_address
     if started.run is RunKind.APPLY:
         return started.steps == known
-    undone = [step.reversed(str(step.undo.operation)) for step in known if step.undo.operation is not None]
+    undone = [reversal(step, changes) for step in known if step.undo.operation is not None]
     return all(step in undone for step in started.steps)
 
 

@@ -21,6 +21,7 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunOrigin, RunStarted, ScriptRun, history_of
 from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.model.state import Rights
+from rarms_iac.model.step_titles import reversal
 from rarms_iac.providers.interface import NO_WAITING, HostError, LiveHost, ScriptedHost, StepwiseHost, WaitLimits
 
 
@@ -95,9 +96,12 @@ def steps_undone(journal: Journal | ScriptRun) -> tuple[UndoneStep, ...]:
     """List what an undo would do, in its order, and what it cannot, for a person."""
     match journal:
         case Journal():
+            changes = journal.started.host_plan.changes_by_address
             return tuple(
                 UndoneStep(
-                    address=str(step.address), title=str(step.undo.operation or step.title), level=step.undo.level
+                    address=str(step.address),
+                    title=reversal(step, changes).title if step.undo.operation else step.title,
+                    level=step.undo.level,
                 )
                 for _, step in steps_to_undo(journal)
                 if step.undo.operation is not None or step.undo.level is not UndoLevel.FULL  # it goes with its machine
@@ -145,9 +149,8 @@ def not_undone_findings(host: str, journal: Journal | ScriptRun) -> tuple[Diagno
 def undo_run(journal: Journal, origin: RunOrigin) -> RunStarted:
     """The run that takes the journal's steps back. It raises the serial: what was planned before it is stale."""
     started = journal.started
-    steps = tuple(
-        step.reversed(str(step.undo.operation)) for _, step in steps_to_undo(journal) if step.undo.operation is not None
-    )
+    changes = started.host_plan.changes_by_address
+    steps = tuple(reversal(step, changes) for _, step in steps_to_undo(journal) if step.undo.operation is not None)
     return replace(
         started,
         run=RunKind.UNDO,

@@ -7,7 +7,7 @@ from math import ceil
 from rarms_iac.diff.claims import claim_of
 from rarms_iac.diff.readings import partition_readings
 from rarms_iac.model.changes import Address, Reason
-from rarms_iac.model.operation_effects import mark_operation, partition_after, reverse
+from rarms_iac.model.operation_effects import applied, mark_operation, partition_after, reverse
 from rarms_iac.model.operations import (
     MachineOperation,
     RenamePartition,
@@ -21,8 +21,9 @@ from rarms_iac.model.operations import (
     forced_after_ms,
 )
 from rarms_iac.model.plan import Readings, Step, Undo, UndoLevel
-from rarms_iac.model.quantities import plain, show_lp_percent, show_period, write_bytes
+from rarms_iac.model.quantities import plain
 from rarms_iac.model.state import NO_GENERATION, SECURE_BOOT_OFF, Facet, Mark, Partition, PartitionSettings, RunState
+from rarms_iac.model.step_titles import change_title, new_title
 from rarms_iac.model.system import GRACE, Disruption
 
 STARTS_ANEW = "it starts anew: what its programs had in memory is lost"
@@ -112,7 +113,8 @@ def mark_step(builder: StepBuilder, mark: Mark, why: str) -> Step:
     """
     address = builder.address
     operation = mark_operation(mark, address.partition, address.machine)
-    return builder.step(operation, ("mark", "set"), why, title=f"{operation}, set {mark.written}")
+    settings = builder.now.settings
+    return builder.step(operation, ("mark", "set"), why, title=change_title(operation, settings, settings))
 
 
 def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: PartitionSettings) -> Step:
@@ -139,11 +141,12 @@ def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: 
     )
     needs_state = needs_state or "stop_action" in fields
     operation = _operation(facet, builder.address, new, fields)
+    title = new_title(operation, new) if builder.new else change_title(operation, old, new)
     return builder.step(
         operation,
         (*fields, *(("state",) if needs_state else ())),
         _why_here(facet, old, new, is_new=builder.new),
-        title=_new_title(operation, new) if builder.new else _title(facet, old, new),
+        title=title,
     )
 
 
@@ -177,52 +180,6 @@ def _operation(facet: Facet, address: Address, to: PartitionSettings, fields: tu
             raise AssertionError("names and generations have steps of their own")
 
 
-def _new_title(operation: MachineOperation, to: PartitionSettings) -> str:
-    """What a new machine gets, its reserve in both units."""
-    if not isinstance(operation, SetCpu):
-        return str(operation)
-    reserve = f"reserve {_lp(to)} ({to.reserve} % of {_each(to)})"
-    period = f", counted every {show_period(to.quota_period_us)}" if to.quota_period_us else ""
-    return f"{reserve}, limit {to.limit} % of {_each(to)}{period}, weight {to.weight}"
-
-
-def _reserve_title(old: PartitionSettings, to: PartitionSettings) -> str:
-    """From what to what in logical processors, and in per cent of the machine's own."""
-    percents = f"{old.reserve} -> {to.reserve} % of {_each(to)}"
-    if old.processors != to.processors:
-        percents = f"{old.reserve} % of {_each(old)} -> {to.reserve} % of {_each(to)}"
-    return f"reserve {_lp(old).removesuffix(' LP')} -> {_lp(to)} ({percents})"
-
-
-def _lp(settings: PartitionSettings) -> str:
-    return show_lp_percent(settings.reserve * settings.processors)
-
-
-def _each(settings: PartitionSettings) -> str:
-    return "its processor" if settings.processors == 1 else f"each of {settings.processors} processors"
-
-
-def _title(facet: Facet, old: PartitionSettings, to: PartitionSettings) -> str:
-    """From what to what; empty where the operation says all there is to say."""
-    match facet:
-        case Facet.PROCESSORS:
-            return f"processors {old.processors} -> {to.processors}"
-        case Facet.CPU:
-            changes = [_reserve_title(old, to)] if old.reserve != to.reserve else []
-            changes += [f"limit {old.limit} -> {to.limit} % of {_each(to)}"] if old.limit != to.limit else []
-            changes += [f"weight {old.weight} -> {to.weight}"] if old.weight != to.weight else []
-            if old.quota_period_us != to.quota_period_us:
-                changes.append(f"period {show_period(old.quota_period_us)} -> {show_period(to.quota_period_us)}")
-            return ", ".join(changes)
-        case Facet.MEMORY:
-            static = "" if old.dynamic_memory == to.dynamic_memory else ", static"
-            return f"memory {write_bytes(old.memory)} -> {write_bytes(to.memory)}{static}"
-        case Facet.SECURE_BOOT:
-            return f"secure boot {old.secure_boot} -> {to.secure_boot}"
-        case _:
-            return ""
-
-
 def _why_here(facet: Facet, old: PartitionSettings, to: PartitionSettings, *, is_new: bool) -> str:
     if facet in {Facet.PROCESSORS, Facet.SECURE_BOOT}:
         return "only while it is off"
@@ -246,13 +203,10 @@ def rename_step(builder: StepBuilder, name: str) -> Step:
     Returns:
         The step, whose undo gives the old name back.
     """
-    address = builder.address
-    return builder.step(
-        RenamePartition(partition=address.partition, name=name, machine=address.machine),
-        ("name",),
-        "its settings stay",
-        title=f"name {builder.now.settings.name} -> {name}",
-    )
+    address, settings = builder.address, builder.now.settings
+    operation = RenamePartition(partition=address.partition, name=name, machine=address.machine)
+    title = change_title(operation, settings, applied(settings, operation))
+    return builder.step(operation, ("name",), "its settings stay", title=title)
 
 
 def stop_step(builder: StepBuilder, why: str) -> Step:

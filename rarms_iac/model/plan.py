@@ -182,6 +182,11 @@ class HostPlan:
         return {**remove, **{name: command("start", name) for name in self.stopped}}
 
     @property
+    def changes_by_address(self) -> Mapping[Address, Change]:
+        """The changes, each by its address."""
+        return {change.address: change for change in self.changes}
+
+    @property
     def host_totals(self) -> HostTotals | None:
         """What the host has, and has promised once the plan is done; None: not known."""
         return None if self.totals is None else host_totals(self.host, self.facts, self.totals)

@@ -25,6 +25,7 @@ from rarms_iac.model.plan import (
     partition_summaries,
 )
 from rarms_iac.model.state import Partition, Tie
+from rarms_iac.model.step_titles import reversal
 from rarms_iac.model.wording import remark
 from rarms_iac.powershell.guests import back, forward, step_of
 from rarms_iac.powershell.literals import Literal, literal
@@ -154,6 +155,7 @@ def render_undo(
     for number, done in enumerate(_forward(host_plan, plan, inside)):
         for step in done.steps:
             first.setdefault(id(step), (number, step))
+    changes = host_plan.changes_by_address
     steps: list[_GuardedPiece] = []
     lost: dict[Address, int] = {}  # what was done to a machine before it was removed went with it
     for undoes, step in reversed(first.values()):
@@ -161,7 +163,7 @@ def render_undo(
             lost[step.address] = undoes
         if step.undo.operation is None or isinstance(step.undo.operation, RestorePartition):
             continue
-        back = step.reversed(str(step.undo.operation))
+        back = reversal(step, changes)
         if isinstance(step.operation, CreatePartition):
             pieces = creation_undo_pieces(back, step.operation, _new_files(host_plan, plan))
         else:
@@ -370,6 +372,7 @@ def _blocks(kind: RunKind, host_plan: HostPlan, steps: Sequence[_GuardedPiece]) 
         yield PlanBlock(
             owner=owner[0],
             reason=reason,
+            action=pieces[0].piece.action,
             place=str(first.place) if first.place else "",
             is_first=owner[0] not in owners,
             statements=tuple(_statements(pieces)),

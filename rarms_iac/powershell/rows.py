@@ -33,6 +33,7 @@ class PlanBlock:
 
     owner: str
     reason: str  # of its banner; empty: it has none
+    action: str  # of its first step
     place: str  # in the manifest
     is_first: bool  # of its owner's
     statements: tuple[TargetText | StepText, ...]
@@ -80,8 +81,9 @@ def _table(alike: Sequence[PlanBlock]) -> Iterator[str]:
         if len(set(values)) > 1 and values not in columns:
             columns[values] = _column(same[0][0], columns.values())
     first = alike[0]
-    reason = f": {first.reason}" if first.reason else ""
-    yield from _banner(first, f"{first.owner} and {len(alike) - 1} more alike{reason}")
+    abouts = {block.reason or block.action for block in alike}
+    about = abouts.pop() if len(abouts) == 1 else "as each row says"
+    yield from _banner(first, f"{first.owner} and {len(alike) - 1} more alike: {about}")
     rows = [{name: values[at] for values, name in columns.items()} for at in range(len(alike))]
     yield from table_lines(rows, [remark(block.place) for block in alike])
     names = iter([columns.get(tuple(value for _, value in same)) for same in zip(*literals, strict=True)])

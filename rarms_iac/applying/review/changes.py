@@ -40,7 +40,7 @@ def review_changes_from_outside(request: PlanRequest, desired: Desired, plan: Ho
     """Tell which differences the plan takes away that did not come from the manifest."""
     if request.purpose is not Purpose.APPLY or not plan.changes:
         return
-    addresses = {change.address: change for change in plan.changes}
+    addresses = plan.changes_by_address
     by_name = {str(address): address for address in addresses}
     for drift in drift_of_marks(desired.observed, request.application, request.after_last_run(desired.host)):
         address = by_name.get(str(drift.address))

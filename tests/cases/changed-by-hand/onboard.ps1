@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 1b1741768eb680cbb5636d8a1ed44d5b4931051cfcd06f8b7684e415e7059219, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo ccda226d0635dc3d387fea0ada0b8373b577ac03e0acc35f42002e6ed578e8f7, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '5624ee650ec9'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '1b1741768eb680cbb5636d8a1ed44d5b4931051cfcd06f8b7684e415e7059219'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'ccda226d0635dc3d387fea0ada0b8373b577ac03e0acc35f42002e6ed578e8f7'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -4,7 +4,7 @@
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
-    vision: changed (reserve 55 % of each VP, limit 100 % of each VP, weight 100)
+    vision: changed (reserve 1.6 -> 1.1 LP (80 -> 55 % of each of 2 processors))
     Only these calls change something (and how often): Set-VMProcessor 1.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -44,7 +44,7 @@ $plan = {
     }
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'reserve 55 % of each VP, limit 100 % of each VP, weight 100' -Undoes 0 -Same @{ limit = 100; weight = 100 } -Before @{
+    Add-Step -Action 'reserve 1.6 -> 1.1 LP (80 -> 55 % of each of 2 processors)' -Undoes 0 -Same @{ limit = 100; weight = 100 } -Before @{
         reserve = 80
     } -After @{
         reserve = 55

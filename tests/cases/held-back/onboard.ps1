@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 44b0b9c31e2c, rarms 0.1.0. SHA-256: the undo 58548bd02f96e79e0cf55fdf2af84e88ff99fa30e0e371aaaf80864e3d3e1ffa, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
+    Manifest 44b0b9c31e2c, rarms 0.1.0. SHA-256: the undo ec738574233c38583416433499f2c9a9c81b1065f387a3761aabd883532127e1, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '041c3ae8697c'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '58548bd02f96e79e0cf55fdf2af84e88ff99fa30e0e371aaaf80864e3d3e1ffa'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'ec738574233c38583416433499f2c9a9c81b1065f387a3761aabd883532127e1'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 98f7ca9cd55ad69b27419da5ab4585ad460e395ad994a6e49e1c302747691250, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
+    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 38d1c190694be54e2deadfb28134631ec8d9ba6ce9ccdd62f93053c088b3bd42, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f937e393b94e'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '98f7ca9cd55ad69b27419da5ab4585ad460e395ad994a6e49e1c302747691250'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '38d1c190694be54e2deadfb28134631ec8d9ba6ce9ccdd62f93053c088b3bd42'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -4,7 +4,7 @@
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
-    speech: changed (memory 512 MiB)
+    speech: changed (memory 1 GiB -> 512 MiB)
     Only these calls change something (and how often): Set-VMMemory 1, Write-Mark 1.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -44,7 +44,7 @@ $plan = {
     }
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'memory 512 MiB' -Undoes 0 -Same @{ dynamic_memory = $false; mark = 'robot/speech' } -Before @{
+    Add-Step -Action 'memory 1 GiB -> 512 MiB' -Undoes 0 -Same @{ dynamic_memory = $false; mark = 'robot/speech' } -Before @{
         memory = 1073741824; set = '2c6d7af35b8b'
     } -After @{
         memory = 536870912; set = '9318451c660e'

@@ -4,7 +4,7 @@
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
-    vision: changed, stopped, started (memory 1 GiB). It is down for at least as long as it takes to start, and at most 120 s longer
+    vision: changed, stopped, started (memory 512 MiB -> 1 GiB). It is down for at least as long as it takes to start, and at most 120 s longer
     Only these calls change something (and how often): Set-VMMemory 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson
@@ -47,7 +47,7 @@ $plan = {
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 2 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'memory 1 GiB' -Undoes 1 -Same @{ dynamic_memory = $false; mark = 'robot/vision'; state = 'off' } -Before @{
+    Add-Step -Action 'memory 512 MiB -> 1 GiB' -Undoes 1 -Same @{ dynamic_memory = $false; mark = 'robot/vision'; state = 'off' } -Before @{
         memory = 536870912; set = '9772f0245732'
     } -After @{
         memory = 1073741824; set = '28cc232b41a1'

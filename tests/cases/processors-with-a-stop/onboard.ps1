@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo c71a59a3a372d6fbc123dad35ff689493e5c8272fc0d880b0167767c12a29f4a, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
+    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 2e3dd1d32c351390a6ab5225c0c7abcb2fc6a984fac7228b7499418c6f7c0eaa, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f9440b99ae98'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'c71a59a3a372d6fbc123dad35ff689493e5c8272fc0d880b0167767c12a29f4a'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '2e3dd1d32c351390a6ab5225c0c7abcb2fc6a984fac7228b7499418c6f7c0eaa'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

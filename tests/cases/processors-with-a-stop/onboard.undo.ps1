@@ -4,7 +4,7 @@
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
-    speech: changed, stopped, started (processors 1; reserve 40 % of each VP, limit 100 % of each VP, weight 100). It is down for at least as long as it takes to start, and at most 120 s longer
+    speech: changed, stopped, started (processors 2 -> 1; reserve 0.4 -> 0.4 LP (20 % of each of 2 processors -> 40 % of its processor)). It is down for at least as long as it takes to start, and at most 120 s longer
     Only these calls change something (and how often): Set-VMProcessor 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson
@@ -47,7 +47,7 @@ $plan = {
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 2 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'processors 1; reserve 40 % of each VP, limit 100 % of each VP, weight 100' -Undoes 1 -Same @{ limit = 100; mark = 'robot/speech'; state = 'off'; weight = 100 } -Before @{
+    Add-Step -Action 'processors 2 -> 1; reserve 0.4 -> 0.4 LP (20 % of each of 2 processors -> 40 % of its processor)' -Undoes 1 -Same @{ limit = 100; mark = 'robot/speech'; state = 'off'; weight = 100 } -Before @{
         processors = 2; reserve = 20; set = '9574858e36ae'
     } -After @{
         processors = 1; reserve = 40; set = '9318451c660e'

@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 99bc47caa5e2, rarms 0.1.0. SHA-256: the undo eaacb05cdfd6f4157e18e4445d0484f940022369a313036f53be76e6d640cf6f, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
+    Manifest 99bc47caa5e2, rarms 0.1.0. SHA-256: the undo 1d8e6ecd82e5ddefee3ada50027be0fb4b64731a038683221fdd44ddd9fce5ce, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '5ec16420c606'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'eaacb05cdfd6f4157e18e4445d0484f940022369a313036f53be76e6d640cf6f'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '1d8e6ecd82e5ddefee3ada50027be0fb4b64731a038683221fdd44ddd9fce5ce'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -4,7 +4,7 @@
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
-    voice: changed (give it its name speech)
+    voice: changed (name voice -> speech)
     Only these calls change something (and how often): Rename-VM 1, Write-Mark 1.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -44,7 +44,7 @@ $plan = {
     }
     # === voice: takes back what the apply script did to it, the last step first (rarms.yaml:13:3) =
     Use-Target -Address 'partition/voice' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'give it its name speech; mark it as robot/speech' -Undoes 0 -Before @{
+    Add-Step -Action 'name voice -> speech; mark it as robot/speech, set 9318451c660e' -Undoes 0 -Before @{
         mark = 'robot/voice'; name = 'voice'; set = 'f1e28b778d77'
     } -After @{
         mark = 'robot/speech'; name = 'speech'; set = '9318451c660e'

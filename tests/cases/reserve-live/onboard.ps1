@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo a8d6a1fec076a7d7116a0c77623c07f7f2efbc928c23da44ca92d9484a06a0f0, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 1b20bbcd29b91de39b96b7d619f875ec52755cafa6035d9a032b7f1fb39919f2, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'fa7e420ca40a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'a8d6a1fec076a7d7116a0c77623c07f7f2efbc928c23da44ca92d9484a06a0f0'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '1b20bbcd29b91de39b96b7d619f875ec52755cafa6035d9a032b7f1fb39919f2'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

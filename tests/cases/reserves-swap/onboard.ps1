@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo c2c6a310b0df71aaa5148865cc6dbb3a8b8e9002a6eeb2122cb72cf60ed9f3f6, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
+    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo f4751817ec96a209d8ed864b7f51c16eae178bca8e091479263ce04a6f1af49e, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '9159b2b135da'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'c2c6a310b0df71aaa5148865cc6dbb3a8b8e9002a6eeb2122cb72cf60ed9f3f6'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'f4751817ec96a209d8ed864b7f51c16eae178bca8e091479263ce04a6f1af49e'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

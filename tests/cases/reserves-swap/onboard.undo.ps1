@@ -4,8 +4,8 @@
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
-    speech: changed (reserve 20 % of each VP, limit 100 % of each VP, weight 100)
-    vision: changed (reserve 60 % of each VP, limit 100 % of each VP, weight 100)
+    speech: changed (reserve 2.4 -> 0.8 LP (60 -> 20 % of each of 4 processors))
+    vision: changed (reserve 0.8 -> 2.4 LP (20 -> 60 % of each of 4 processors))
     Only these calls change something (and how often): Set-VMProcessor 2, Write-Mark 2.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -45,7 +45,7 @@ $plan = {
     }
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'reserve 20 % of each VP, limit 100 % of each VP, weight 100' -Undoes 1 -Same @{ limit = 100; mark = 'robot/speech'; weight = 100 } -Before @{
+    Add-Step -Action 'reserve 2.4 -> 0.8 LP (60 -> 20 % of each of 4 processors)' -Undoes 1 -Same @{ limit = 100; mark = 'robot/speech'; weight = 100 } -Before @{
         reserve = 60; set = 'c959e400da4b'
     } -After @{
         reserve = 20; set = '9a283df8dc93'
@@ -56,7 +56,7 @@ $plan = {
 
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'reserve 60 % of each VP, limit 100 % of each VP, weight 100' -Undoes 0 -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 1073741824 } -Same @{ limit = 100; mark = 'robot/vision'; weight = 100 } -Before @{
+    Add-Step -Action 'reserve 0.8 -> 2.4 LP (20 -> 60 % of each of 4 processors)' -Undoes 0 -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 1073741824 } -Same @{ limit = 100; mark = 'robot/vision'; weight = 100 } -Before @{
         reserve = 20; set = '2a25f044217c'
     } -After @{
         reserve = 60; set = 'a68c426474c6'

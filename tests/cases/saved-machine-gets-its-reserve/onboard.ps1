@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 36fb48d74389953734d4d8f7f290b3ab5506bc978ad847425c004bf0a91f175e, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo c44cfb4d43a5767cc47e4d88fa1611f4c71bd7a175538bdf38b7b6cb291651ed, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '3805e054716a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '36fb48d74389953734d4d8f7f290b3ab5506bc978ad847425c004bf0a91f175e'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'c44cfb4d43a5767cc47e4d88fa1611f4c71bd7a175538bdf38b7b6cb291651ed'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

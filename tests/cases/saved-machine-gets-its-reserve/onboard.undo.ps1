@@ -4,7 +4,7 @@
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
-    vision: changed, stopped (reserve 80 % of each VP, limit 100 % of each VP, weight 100). It is off after 120 s at the latest, and stays off
+    vision: changed, stopped (reserve 0.8 -> 1.6 LP (40 -> 80 % of each of 2 processors), weight 200 -> 100). It is off after 120 s at the latest, and stays off
     Only these calls change something (and how often): Set-VMProcessor 1, Stop-Partition 1, Write-Mark 1.
     Not undone: it is turned off, not saved again
 .PARAMETER AsJson
@@ -45,7 +45,7 @@ $plan = {
     }
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'reserve 80 % of each VP, limit 100 % of each VP, weight 100' -Undoes 1 -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Same @{ limit = 100; mark = 'robot/vision' } -Before @{
+    Add-Step -Action 'reserve 0.8 -> 1.6 LP (40 -> 80 % of each of 2 processors), weight 200 -> 100' -Undoes 1 -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Same @{ limit = 100; mark = 'robot/vision' } -Before @{
         reserve = 40; set = 'd38b532de154'; weight = 200
     } -After @{
         reserve = 80; set = '28cc232b41a1'; weight = 100

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 8c6af2d9181e, rarms 0.1.0. SHA-256: the undo 1c9af4c070e1185a3affc3b57eaedb757d62f3f460768da27e59e66760b07973, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
+    Manifest 8c6af2d9181e, rarms 0.1.0. SHA-256: the undo 304e2626a701d44925fe248eb8abb5878d024f544ff16e7f08128ad9265bfc8f, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ac9942186f87'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '1c9af4c070e1185a3affc3b57eaedb757d62f3f460768da27e59e66760b07973'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '304e2626a701d44925fe248eb8abb5878d024f544ff16e7f08128ad9265bfc8f'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

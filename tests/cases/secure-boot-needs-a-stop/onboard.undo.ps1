@@ -4,7 +4,7 @@
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
-    speech: changed, stopped, started (secure boot MicrosoftWindows). It is down for at least as long as it takes to start, and at most 120 s longer
+    speech: changed, stopped, started (secure boot off -> MicrosoftWindows). It is down for at least as long as it takes to start, and at most 120 s longer
     Only these calls change something (and how often): Set-VMFirmware 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson
@@ -47,7 +47,7 @@ $plan = {
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 2 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'secure boot MicrosoftWindows' -Undoes 1 -Same @{ mark = 'robot/speech'; state = 'off' } -Before @{
+    Add-Step -Action 'secure boot off -> MicrosoftWindows' -Undoes 1 -Same @{ mark = 'robot/speech'; state = 'off' } -Before @{
         secure_boot = 'off'; set = 'd07928dfea69'
     } -After @{
         secure_boot = 'MicrosoftWindows'; set = '9318451c660e'

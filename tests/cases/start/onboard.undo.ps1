@@ -46,7 +46,7 @@ $plan = {
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 1 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'mark it as robot/vision' -Undoes 0 -Same @{ mark = 'robot/vision' } -Before @{ set = '28cc232b41a1' } -After @{ set = '28cc232b41a1 stopped' } -Set { Write-Mark }
+    Add-Step -Action 'mark it as robot/vision, set 28cc232b41a1 stopped' -Undoes 0 -Same @{ mark = 'robot/vision' } -Before @{ set = '28cc232b41a1' } -After @{ set = '28cc232b41a1 stopped' } -Set { Write-Mark }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo dfe24658612107f83c1be7c633c91ffaf9728a4efb9b7157b0bdacb26c8ae366, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 5c2d6b12dcb0dffd4b222f7edd63e9fdee7d57eeeee7e1b982a39f5324a1636c, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'b68c00c686ad'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'dfe24658612107f83c1be7c633c91ffaf9728a4efb9b7157b0bdacb26c8ae366'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '5c2d6b12dcb0dffd4b222f7edd63e9fdee7d57eeeee7e1b982a39f5324a1636c'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

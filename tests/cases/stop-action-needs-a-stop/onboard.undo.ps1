@@ -4,7 +4,7 @@
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
-    vision: changed, stopped, started (when the host starts: start if running; when the host stops: save; reserve 80 % of each VP, limit 100 % of each VP, weight 100). It is down for at least as long as it takes to start, and at most 120 s longer
+    vision: changed, stopped, started (when the host starts: start if running; when the host stops: save; reserve 0.8 -> 1.6 LP (40 -> 80 % of each of 2 processors), weight 200 -> 100). It is down for at least as long as it takes to start, and at most 120 s longer
     Only these calls change something (and how often): Set-VM 1, Set-VMProcessor 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson
@@ -47,7 +47,7 @@ $plan = {
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 2 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'when the host starts: start if running; when the host stops: save; reserve 80 % of each VP, limit 100 % of each VP, weight 100' -Undoes 1 -Same @{ limit = 100; mark = 'robot/vision'; state = 'off' } -Before @{
+    Add-Step -Action 'when the host starts: start if running; when the host stops: save; reserve 0.8 -> 1.6 LP (40 -> 80 % of each of 2 processors), weight 200 -> 100' -Undoes 1 -Same @{ limit = 100; mark = 'robot/vision'; state = 'off' } -Before @{
         reserve = 40; set = 'd38b532de154'; start_action = 'start'; stop_action = 'shut_down'; weight = 200
     } -After @{
         reserve = 80; set = '28cc232b41a1'; start_action = 'start_if_running'; stop_action = 'save'; weight = 100

@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo ad28cac805c5dae58b8bd51ab78d38e8bc218925aa1387a6b503c1a992c02144, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo f3a7efea85eda94c4952d454fa5bf2bd366c9ae0d7f6e1033c6b9b211869e6a0, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '99b39b22c1b6'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'ad28cac805c5dae58b8bd51ab78d38e8bc218925aa1387a6b503c1a992c02144'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'f3a7efea85eda94c4952d454fa5bf2bd366c9ae0d7f6e1033c6b9b211869e6a0'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

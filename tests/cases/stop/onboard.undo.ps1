@@ -46,7 +46,7 @@ $plan = {
     }
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'mark it as robot/vision' -Undoes 3 -Same @{ mark = 'robot/vision' } -Before @{ set = '28cc232b41a1 stopped' } -After @{ set = '28cc232b41a1' } -Set { Write-Mark }
+    Add-Step -Action 'mark it as robot/vision, set 28cc232b41a1' -Undoes 3 -Same @{ mark = 'robot/vision' } -Before @{ set = '28cc232b41a1 stopped' } -After @{ set = '28cc232b41a1' } -Set { Write-Mark }
     # === vision: start it (rarms.yaml:12:3) =======================================================
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'start it' -Undoes 2 -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{
@@ -57,7 +57,7 @@ $plan = {
 
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'mark it as robot/speech' -Undoes 1 -Same @{ mark = 'robot/speech' } -Before @{ set = '9318451c660e stopped' } -After @{ set = '9318451c660e' } -Set { Write-Mark }
+    Add-Step -Action 'mark it as robot/speech, set 9318451c660e' -Undoes 1 -Same @{ mark = 'robot/speech' } -Before @{ set = '9318451c660e stopped' } -After @{ set = '9318451c660e' } -Set { Write-Mark }
     # === speech: start it (rarms.yaml:13:3) =======================================================
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'start it' -Undoes 0 -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{

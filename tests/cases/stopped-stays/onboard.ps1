@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 564f45d5d37b17ba226e3c041bdca6458a2a6afa389a61c1dae5959f2b1dc91f, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo ad1f0f93b178b14b976ec46748ae93171344a3b52632e62a6b443acfd1a38703, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '0e3cec8f49ca'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '564f45d5d37b17ba226e3c041bdca6458a2a6afa389a61c1dae5959f2b1dc91f'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'ad1f0f93b178b14b976ec46748ae93171344a3b52632e62a6b443acfd1a38703'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

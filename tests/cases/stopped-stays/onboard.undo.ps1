@@ -46,7 +46,7 @@ $plan = {
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 1 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'mark it as robot/speech' -Undoes 0 -Same @{ mark = 'robot/speech' } -Before @{ set = '9318451c660e' } -After @{ set = '9318451c660e measuring' } -Set { Write-Mark }
+    Add-Step -Action 'mark it as robot/speech, set 9318451c660e measuring' -Undoes 0 -Same @{ mark = 'robot/speech' } -Before @{ set = '9318451c660e' } -After @{ set = '9318451c660e measuring' } -Set { Write-Mark }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')

@@ -174,10 +174,13 @@ def test_an_undo_is_told_by_what_it_does(lab: Lab) -> None:
         "partition/speech: remove the machine",
     ]
 
+    (mark,) = (
+        each.mark for each in lab.observe()["onboard"].partitions if each.settings.name == "vision" and each.mark
+    )
     lab.apply(with_reserve(lab, "20 %").plan())
     assert told(lab) == [
-        "partition/vision: mark it as robot/vision",
-        "partition/vision: reserve 40 % of each VP, limit 100 % of each VP, weight 900",
+        f"partition/vision: mark it as robot/vision, set {mark.set}",
+        "partition/vision: reserve 0.4 -> 0.8 LP (20 -> 40 % of each of 2 processors)",
     ]
 
 

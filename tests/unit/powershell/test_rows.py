@@ -9,7 +9,8 @@ from rarms_iac.model.changes import Change
 from rarms_iac.powershell.inspection.inspect import inspect, inspect_recorded
 from rarms_iac.powershell.outline import ScriptStep, outline
 from rarms_iac.powershell.render import render_scripts
-from rarms_iac.powershell.templates import shipped_module
+from rarms_iac.powershell.rows import PlanBlock, plan_lines
+from rarms_iac.powershell.templates import StepText, shipped_module
 from tests import builders_plan as build
 from tests.builders import codes
 from tests.unit.powershell.mutations import IN_THE_PLAN
@@ -115,3 +116,25 @@ def test_a_table_stands_where_it_is_shorter_alone() -> None:
     few = scripts_of(CHANGES["changed"][:1])[APPLY]
 
     assert "$rows" not in few
+
+
+def test_a_table_whose_blocks_have_no_banner_says_what_its_steps_do() -> None:
+    def lines(*actions: str) -> list[str]:
+        blocks = (
+            PlanBlock(
+                owner=f"part-{at}",
+                reason="",
+                action=action,
+                place="",
+                is_first=False,
+                statements=tuple(
+                    StepText(action=f"'{action}'", same={}, before={}, after={}, calls=(f"Stop-VM -Name 'part-{at}'",))
+                    for _ in range(3)
+                ),
+            )
+            for at, action in enumerate(actions)
+        )
+        return list(plan_lines(blocks))
+
+    assert lines(*["stop it"] * 6)[0].startswith("    # === part-0 and 5 more alike: stop it =")
+    assert lines(*map(str, range(6)))[0].startswith("    # === part-0 and 5 more alike: as each row says =")
