@@ -43,6 +43,9 @@ const counted = (capacity, cards) => cards.filter((card) => card.platform === ca
 // The cards whose lines no measured reserve achieves: what they need, and with it the total, is not known.
 export const notAchieved = (capacity, cards) => counted(capacity, cards).filter((card) => card.reserve === null);
 
+// The cards whose lines count in the total though the manifest fixes their reserve: writing their level leaves it.
+export const fixedOtherwise = (capacity, cards) => counted(capacity, cards).filter((card) => !card.decides && card.reserve !== null);
+
 // In hundredths of a logical processor, without those that are not achieved: what the manifest fixes for these stays.
 // `reserve` of a card is what `reserveOf` said of it last.
 export const totalOf = (capacity, cards) => {

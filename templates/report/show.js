@@ -1,6 +1,6 @@
 // What the page says of the lines: of a plot, of its card, and of every platform.
 import { heightOf } from "./axis.js";
-import { counts, leastReserve, notAchieved, reserveOf, totalOf, wanted } from "./lookup.js";
+import { counts, fixedOtherwise, leastReserve, notAchieved, reserveOf, totalOf, wanted } from "./lookup.js";
 
 export const element = (id) => document.getElementById(id);
 
@@ -124,7 +124,9 @@ export const showTotals = (page) => {
     const fit = element(`fit-${place + 1}`);
     const sentence = fit.querySelector(".sentence");
     const reserved = `${unknown.length > 0 ? "At least " : ""}${inProcessors(total)} of ${capacity.processors} LP reserved`;
-    textOf(sentence, `${reserved} (${shareOfHost(total / capacity.processors)} % of ${capacity.name})${capacity.beside}. ${message}.`);
+    const otherwise = fixedOtherwise(capacity, page.cards).map((card) => card.name);
+    const fixed = otherwise.length > 0 ? ` This counts ${otherwise.join(", ")} by the lines; the manifest fixes another reserve, which stays until it says measured.` : "";
+    textOf(sentence, `${reserved} (${shareOfHost(total / capacity.processors)} % of ${capacity.name})${capacity.beside}. ${message}.${fixed}`);
     sentence.classList.toggle("over-full", !fits);
     fit.querySelector(".used").setAttribute("width", Math.min(total / capacity.processors, 100).toFixed(3));
     fit.querySelector(".used").classList.toggle("over", !fits);
