@@ -12,7 +12,7 @@ from fractions import Fraction
 from math import ceil, floor, isfinite, log10
 from typing import NewType
 
-from rarms_iac.model.wording import quoted
+from rarms_iac.model.wording import in_a_row, quoted
 
 Milliseconds = NewType("Milliseconds", Fraction)
 Bytes = NewType("Bytes", int)
@@ -61,7 +61,7 @@ class NotAQuantity(ValueError):
     """The text is not one number and one of the units that fit."""
 
     def __init__(self, text: str, units: tuple[str, ...]) -> None:
-        super().__init__(f"{quoted(text)} is not a number with one of the units {', '.join(units)}")
+        super().__init__(f"{quoted(text)} is not a number with the unit {in_a_row(units, 'or')}")
         self.text = text
         self.units = units
 

@@ -86,9 +86,9 @@ def test_an_editor_finds_nothing_wrong_with_what_init_writes_and_says_what_a_qua
         problems = editor.problems(wrong)
 
     assert [problem.split(": ", 1)[1] for problem in problems] == [
-        "Write a number above 0 with one of the units B, KiB, MiB, GiB, TiB, as in `512 MiB`.",
-        "Write a number with one of the units us, ms, s, min, h, as in `88 ms`.",
-        "Write `measured` or a number with one of the units %, LP, as in `measured` or `70 %` or `1.4 LP`.",
+        "Write a number above 0 with the unit B, KiB, MiB, GiB or TiB, as in `512 MiB`.",
+        "Write a number with the unit us, ms, s, min or h, as in `88 ms`.",
+        "Write `measured` or a number with the unit % or LP, as in `measured` or `70 %` or `1.4 LP`.",
     ]
 
 

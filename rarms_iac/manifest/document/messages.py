@@ -201,9 +201,9 @@ def _tag(error: StructureError) -> Diagnostic:
 
 def _quantity(error: StructureError) -> Diagnostic:
     units: tuple[str, ...] = error.facts["units"]
-    fitting, word = ", ".join(units), error.facts["also"]
+    fitting, word = in_a_row(units, "or"), error.facts["also"]
     example = " or ".join(error.facts["examples"]) + (f", or the word {word}" if word else "")
-    advice = f"Write a number with one of the units {fitting}. Example: {example}."
+    advice = f"Write a number with the unit {fitting}. Example: {example}."
     match error.value:
         case bool() | None | dict() | list():
             detail = f"{error.name} must be a number with a unit, but it is {_kind_of(error.value)}."

@@ -33,6 +33,7 @@ from rarms_iac.model.quantities import (
     units_of,
 )
 from rarms_iac.model.system import Measured, Threshold
+from rarms_iac.model.wording import in_a_row
 
 _EXAMPLES = {
     Unit.TIME: "88 ms",
@@ -64,7 +65,7 @@ def quantity_schema(*kinds: Unit, positive: bool = False, also: str = "") -> dic
     return {
         "type": "string",
         "pattern": rf"^{some}[0-9]{{1,15}}(\.[0-9]{{1,15}})? ?({'|'.join(forms)})$",
-        "errorMessage": f"Write {number} with one of the units {', '.join(units)}, as in "
+        "errorMessage": f"Write {number} with the unit {in_a_row(units, 'or')}, as in "
         f"{' or '.join(f'`{example}`' for example in examples)}.",
         "examples": examples,
     }
@@ -212,8 +213,13 @@ def _broken(index: PerformanceIndex, written: Any) -> Iterator[BrokenRule]:
         yield (index.name, other), "rarms_direction", facts
     elif index.direction not in written:
         yield (index.name, index.direction), "missing", {}
-    if index.direction in written and not _is_quantity(index, written[index.direction]):
+    if index.direction not in written:
+        return
+    text = written[index.direction]
+    if not _is_quantity(index, text):
         yield (index.name, index.direction), "rarms_quantity", _facts_of_quantity((index.unit,))
+    elif index.unit is Unit.SHARE and _threshold(index, text).value > 100:
+        yield (index.name, index.direction), "less_than_equal", {"le": "100 %"}
 
 
 def _is_quantity(index: PerformanceIndex, text: Any) -> bool:

@@ -154,8 +154,8 @@ def test_an_index_without_threshold_gets_one(here: Path) -> None:
     ("words", "message"),
     [
         (["visoin", "--at", "90 ms"], 'Did you mean "vision"?'),
-        (["vision", "--at", "90"], "not a number with one of the units"),
-        (["vision", "--at", "90 %"], "not a number with one of the units"),
+        (["vision", "--at", "90"], "not a number with the unit us, ms, s, min or h"),
+        (["vision", "--at", "90 %"], "not a number with the unit us, ms, s, min or h"),
         (["vision", "--at", "90 ms", "--index", "speed"], "no performance index"),
     ],
 )
