@@ -90,7 +90,8 @@ def _outcome(result: ExperimentResult, loads: str) -> tuple[str, str, str]:
         case Swept():
             remark = "measured"
         case Stopped():
-            remark = "stopped"
+            enough = "" if result.planned is None else f"{_amount(result, result.planned)} enough so far"
+            return "", "-", ", ".join(filter(None, ["stopped", enough, loads]))
         case _:
             assert_never(result.conclusion)
     return "", "-", ", ".join(filter(None, [remark, _planned(result, None), loads]))

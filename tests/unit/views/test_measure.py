@@ -114,6 +114,16 @@ def test_what_the_errors_mean_stands_below_a_verdict_and_nowhere_else() -> None:
     assert "wrong in" not in text([stopped])
 
 
+def test_a_search_that_was_stopped_promises_no_plan() -> None:
+    """Other loads may not be measured yet, and then `plan` refuses."""
+    stopped = replace(found(105.0), conclusion=Stopped(), planned=60)
+
+    summary = " ".join(text([stopped]).split())
+
+    assert "stopped, 1.2 LP enough so far" in summary
+    assert "a plan reserves" not in summary
+
+
 def test_of_a_maximum_no_error_is_told_that_is_not_known() -> None:
     longest = {"maximum_response_time": at_most(500)}
     system = a_system(components=[a_component("vision", criticality=9, apt=longest, run=RUN, simulation=DEMAND)])
