@@ -79,8 +79,8 @@ def _of_member(
         yield planning_findings.ON_NEIGHBOURS.at(
             places.key("components", member.name, "apt", tails[0]),
             f"{in_a_row(tails)} of {member.name} depends on its neighbours: what "
-            f"{counted(around.others, 'other partition')} on {around.host.name} do within {SCHEDULER_WINDOW_MS} ms "
-            "decides it.",
+            f"{counted(around.others, 'other partition')} on {around.host.name} "
+            f"{'does' if around.others == 1 else 'do'} within {SCHEDULER_WINDOW_MS} ms decides it.",
             prose("Prove it in the layout that is applied: ", command("prove"), "."),
             address=f"component/{member.name}",
             values={**values, "indexes": tuple(tails)},

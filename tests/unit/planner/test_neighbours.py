@@ -76,7 +76,7 @@ def test_measured_beside_bursts_a_tail_depends_on_its_neighbours_and_that_is_a_n
 
     assert severity == "note"
     assert detail == (
-        "p95_response_time of vision depends on its neighbours: what 1 other partition on onboard do within 100 ms "
+        "p95_response_time of vision depends on its neighbours: what 1 other partition on onboard does within 100 ms "
         "decides it."
     )
 
