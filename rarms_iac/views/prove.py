@@ -55,9 +55,14 @@ def _verdict(verdict: IndexVerdict) -> str:
 
 
 def describe_proof_setting(proof: ComponentProof) -> str:
-    """`2026-02-01T12:00:00Z, on onboard at 40 % beside busy-loop`: when and under what it ran with all others."""
+    """`2026-02-01 12:00:00 UTC, on onboard with 40 % of its VPs beside busy-loop`: when and under what it ran."""
     with_load = f"beside {proof.interference}" if proof.interference else "beside no load"
-    return f"{proof.when}, on {proof.host} with {proof.reserve} % of its VPs {with_load}"
+    return f"{proof_time(proof)}, on {proof.host} with {proof.reserve} % of its VPs {with_load}"
+
+
+def proof_time(proof: ComponentProof) -> str:
+    """When it was proven, as all times are shown: `2026-02-01 12:00:00 UTC`."""
+    return proof.when.replace("T", " ").replace("Z", " UTC")
 
 
 def describe_verdict(index: PerformanceIndex, verdict: VerdictWord) -> str:

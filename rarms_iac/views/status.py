@@ -15,7 +15,7 @@ from rarms_iac.model.wording import counted, in_a_row, natural_order
 from rarms_iac.views.changes import members_of
 from rarms_iac.views.console import CHANGED, DIM, STRONG, paragraph, stack, styled, table
 from rarms_iac.views.drift import TITLES, name_findings
-from rarms_iac.views.prove import describe_proof_setting, describe_verdict
+from rarms_iac.views.prove import describe_proof_setting, describe_verdict, proof_time
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -147,7 +147,7 @@ def _proven(proofs: Sequence[ComponentProof]) -> Sequence[str]:
     for load in dict.fromkeys(proof.interference for proof in proofs):
         of_load = [proof for proof in proofs if proof.interference == load]
         holding = [proof for proof in of_load if proof.met and not proof.outdated]
-        times = sorted({proof.when.replace("T", " ").replace("Z", " UTC") for proof in holding})
+        times = sorted({proof_time(proof) for proof in holding})
         when = f", proven at {times[0]}" if times else ""
         when = f", the first proven at {times[0]}, the last at {times[-1]}" if len(times) > 1 else when
         thresholds = f"{len(holding)} of {counted(len(of_load), 'threshold')}"
