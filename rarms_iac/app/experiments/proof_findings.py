@@ -108,9 +108,9 @@ def _more_samples(verdict: IndexVerdict) -> Wording:
         return "It is too near its threshold for any number of samples: raise its reservation, or relax its APT."
     many = verdict.samples_needed
     return prose(
-        f"About {many} samples would show it: ",
+        f"About {many} samples may tell: ",
         command("prove", samples=many),
-        ", with `policy: { measuring: { proof: ... } }` as long as that takes. Or raise its reservation.",
+        ". Or raise its reservation.",
     )
 
 

@@ -38,7 +38,7 @@ from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.series import Series
 from rarms_iac.model.state import State
-from rarms_iac.model.system import Component, System
+from rarms_iac.model.system import Component, System, run_of
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import groups_of
@@ -208,7 +208,11 @@ def _describe_wall_time(hosts: Hosts, host: str, layout: AppliedLayout, loads: S
                 took[entry.interference] = entry.wall_seconds
     if not all(took.get(load) for load in loads):
         return "how long that takes here is not known yet"
-    return f"about {show_duration(1000 * sum(took[load] for load in loads))}, as the last proof took"
+    last = f"about {show_duration(1000 * sum(took[load] for load in loads))}, as the last proof took"
+    components = hosts.system.components
+    if any(run_of(each).until != run_of(components[each.name]).until for each in layout.judged):
+        return f"{last}, or longer if that took fewer samples"
+    return last
 
 
 def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]) -> None:

@@ -705,7 +705,7 @@ OTHER_TESTS = {
     "Take it back with that application's manifest: ": "tests/system/test_cli_route.py",
     "Release it first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
     "Release that one first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
-    "samples would show it": "tests/unit/app/experiments/test_prove.py",
+    "samples may tell: ": "tests/unit/app/experiments/test_prove.py",
     "Free some, or prove what it is without a load": "tests/unit/app/experiments/test_prove.py",
     "or prove what holds without a load": "tests/unit/app/experiments/test_prove.py",
     "Name the components that matter": "test_of_a_large_page_components_can_be_named",

@@ -175,6 +175,8 @@ def test_each_load_of_the_policy_is_proven_and_recorded(here: Path) -> None:
     assert f"{begins} of onboard (simulated): how long that takes here is not known yet." in announced
     again = " ".join(prove("--interference", "busy-loop").err.split())
     assert re.search(r"of onboard \(simulated\): about [0-9.]+ m?s, as the last proof took\.", again), again
+    longer = " ".join(prove("--interference", "busy-loop", "--samples", "300").err.split())
+    assert "as the last proof took, or longer if that took fewer samples." in longer
 
 
 def test_a_weaker_proof_takes_no_miss_back(here: Path) -> None:
