@@ -17,7 +17,7 @@ from rarms_iac.app.report_model import Report
 from rarms_iac.app.status import HostOverview, NextCommand, PartitionStatus
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.model.commands import PLAN, START, plain_text, sentences
-from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.journal import RunKind
 from rarms_iac.model.quantities import share_of_processors, show_processors
@@ -192,20 +192,22 @@ def page_of(
         can_undo=_can_undo(known, report.application),
         has_manifest=known.manifest is not None,
     )
-    return render_studio(report, known.findings, studio)
+    return render_studio(report, known.findings, known.sources, studio)
 
 
-def render_studio(report: Report, findings: Sequence[Diagnostic], studio: StudioOnPage) -> bytes:
+def render_studio(report: Report, findings: Sequence[Diagnostic], sources: Sources, studio: StudioOnPage) -> bytes:
     """Fill the template in: HTML in UTF-8.
 
     Args:
         report: what was measured.
         findings: of the application.
+        sources: that the findings point into.
         studio: what the server adds.
     """
     return render_page(
         report,
         findings=findings,
+        sources=sources,
         manifest_options=studio.manifest_options,
         style="",
         script="",

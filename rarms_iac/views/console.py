@@ -203,7 +203,7 @@ class _FittedTable:
         while sum(widths) + between > options.max_width:
             shrinkable = [number for number, width in enumerate(widths) if width > self.least[number]]
             if not shrinkable:
-                yield self._stacked()
+                yield self._stacked(options.max_width)
                 return
             widths[max(shrinkable, key=widths.__getitem__)] -= 1
         if self.header:
@@ -224,14 +224,22 @@ class _FittedTable:
                 text.append_text(words).append("" if number in self.right else fill)
             yield text
 
-    def _stacked(self) -> "RenderableType":
-        """Each row as its first cell, with the others below it: what a column is called stands before its cell."""
+    def _stacked(self, width: int) -> "RenderableType":
+        """Each row as its first cell, with the others below it: what a column is called stands before its cell.
+
+        A cell is not broken where it fits on a line of its own.
+        """
         names = [f"{name}: " for name in self.header[1:]] or [""] * len(self.widest[1:])
         parts: list[RenderableType] = []
         for first, *others in self.cells:
-            named = [styled(name, cell) for name, cell in zip(names, others, strict=True) if cell.plain]
             parts += [paragraph(first)] if first.plain else []
-            parts.append(paragraph(styled("  ").join(named), indent=2, more=2))
+            line = styled()
+            for named in (styled(name, cell) for name, cell in zip(names, others, strict=True) if cell.plain):
+                if line.plain and line.cell_len + 2 + named.cell_len > width - 2:
+                    parts.append(paragraph(line, indent=2, more=2))
+                    line = styled()
+                line = styled(line, "  ", named) if line.plain else named
+            parts.append(paragraph(line, indent=2, more=2))
         return stack(*parts)
 
 

@@ -11,7 +11,19 @@ from typing import TYPE_CHECKING
 from rarms_iac.model.commands import prose, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity, Sources
 from rarms_iac.model.wording import counted
-from rarms_iac.views.console import DIM, ERROR, NOTE, STRONG, WARNING, columns, paragraph, stack, styled
+from rarms_iac.views.console import (
+    DIM,
+    ERROR,
+    NOTE,
+    STRONG,
+    UNLIMITED,
+    WARNING,
+    columns,
+    paragraph,
+    render,
+    stack,
+    styled,
+)
 from rarms_iac.views.harmless import visible
 
 if TYPE_CHECKING:
@@ -95,12 +107,28 @@ def _one_finding(diagnostic: Diagnostic, sources: Mapping[str, Sequence[str]]) -
     location = ", ".join(_location(diagnostic))
     if location:
         yield paragraph(location, indent=INDENT)
-    if diagnostic.place is not None and diagnostic.code not in SECRETS:
-        yield from _excerpt(diagnostic.place, sources)
+    yield from _finding_excerpt(diagnostic, sources)
     yield from (paragraph(text, indent=INDENT) for text in (diagnostic.detail, diagnostic.advice) if text)
     for related in diagnostic.related:
         yield paragraph(visible(f"{related.place}, {related.message}", keep=""), indent=INDENT)
         yield from _excerpt(related.place, sources)
+
+
+def excerpt_text(diagnostic: Diagnostic, sources: Sources) -> str:
+    """The line of the file that a finding points at, with carets below the spot; empty where none is shown.
+
+    Args:
+        diagnostic: the finding.
+        sources: as of `findings_text`.
+    """
+    lines = {file: source_lines(sources[file]) for file in _files([diagnostic]) if file in sources}
+    parts = tuple(_finding_excerpt(diagnostic, lines))
+    return render(stack(*parts), UNLIMITED) if parts else ""
+
+
+def _finding_excerpt(diagnostic: Diagnostic, sources: Mapping[str, Sequence[str]]) -> "Iterator[RenderableType]":
+    if diagnostic.place is not None and diagnostic.code not in SECRETS:
+        yield from _excerpt(diagnostic.place, sources)
 
 
 def _finding_group(diagnostics: Sequence[Diagnostic]) -> "Iterator[RenderableType]":

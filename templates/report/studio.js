@@ -4,8 +4,8 @@ import { patch } from "./patch.js";
 import { commandOf, element, levelOf, textOf } from "./show.js";
 import { wanted } from "./lookup.js";
 
-const followed = () => [document.querySelector("header.page"), element("main")];
-let served = followed().map((part) => part.cloneNode(true)); // as the server sent them last
+const followed = (page) => ["header.page", "main", "footer"].map((part) => page.querySelector(part));
+let served = followed(document).map((part) => part.cloneNode(true)); // as the server sent them last
 let page = start();
 let version = null; // the last that the server told of
 let refreshing = false;
@@ -163,10 +163,10 @@ const refresh = async () => {
   const response = await fetch(".");
   if (!response.ok) throw new Error(String(response.status));
   const fresh = new DOMParser().parseFromString(await response.text(), "text/html");
-  const latest = [fresh.querySelector("header.page"), fresh.getElementById("main")];
+  const latest = followed(fresh);
   const focused = document.activeElement;
   const section = focused.closest("section");
-  followed().forEach((part, at) => patch(part, served[at], latest[at]));
+  followed(document).forEach((part, at) => patch(part, served[at], latest[at]));
   served = latest;
   document.title = fresh.title;
   page = start();

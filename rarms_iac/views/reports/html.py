@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import PlatformCapacity, Report
 from rarms_iac.model.commands import command, command_text, plain_text, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Sources
 from rarms_iac.model.quantities import guaranteed, show_processors
 from rarms_iac.statistics.error_probability import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
+from rarms_iac.views.findings_text import excerpt_text
 from rarms_iac.views.harmless import visible
 from rarms_iac.views.reports.candidates import drawing_of
 from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of, on_page
@@ -70,6 +71,7 @@ def as_html(report: Report, manifest_options: str = "") -> bytes:
     return render_page(
         report,
         findings=report.findings,
+        sources={},
         manifest_options=manifest_options,
         style=Markup(style),  # noqa: S704 - ours, to the byte
         script=Markup(script),  # noqa: S704 - ours, to the byte
@@ -78,12 +80,15 @@ def as_html(report: Report, manifest_options: str = "") -> bytes:
     )
 
 
-def render_page(report: Report, *, findings: Sequence[Diagnostic], manifest_options: str, **context: object) -> bytes:
+def render_page(
+    report: Report, *, findings: Sequence[Diagnostic], sources: Sources, manifest_options: str, **context: object
+) -> bytes:
     """The page of a report, with or without a server: what both show is filled in here.
 
     Args:
         report: what was measured; it may be empty.
         findings: what else is to be said.
+        sources: that the findings point into; the lines of what they lack are not shown.
         manifest_options: what commands end with, such as ` -f cell`.
         context: how scripts and style come into the page, and what a server adds.
     """
@@ -112,7 +117,7 @@ def render_page(report: Report, *, findings: Sequence[Diagnostic], manifest_opti
                 (bool(status.differs), status.host, plain_text(status_text(status), manifest_options))
                 for status in report.statuses
             ],
-            findings=[_finding(diagnostic, manifest_options) for diagnostic in findings],
+            findings=[_finding(diagnostic, sources, manifest_options) for diagnostic in findings],
             reserves=RESERVES,
             words=command_text,
             manifest_options=manifest_options,
@@ -149,12 +154,13 @@ def _bar(fit: PlatformCapacity) -> dict[str, str]:
     }
 
 
-def _finding(diagnostic: Diagnostic, manifest_options: str) -> dict[str, object]:
+def _finding(diagnostic: Diagnostic, sources: Sources, manifest_options: str) -> dict[str, object]:
     return {
         "kind": f"{diagnostic.severity}[{diagnostic.code}]",
         "summary": diagnostic.summary,
         "detail": diagnostic.detail,
         "advice": plain_text(diagnostic.advice, manifest_options),
+        "excerpt": excerpt_text(diagnostic, sources),
         "where": str(diagnostic.place or diagnostic.address),
         "values": {
             name: ", ".join(value) if isinstance(value, tuple) else str(value)

@@ -214,7 +214,7 @@ def test_the_page_has_findings_as_fields(robot: Path) -> None:
     for name in finding["values"]:
         assert f"<dt>{name}</dt>" in page
     for command in finding["commands"]:
-        assert f"<dd><code>{command['text']} -f " in page
+        assert f"<code>{command['text']} -f " in page, "in the advice"
 
 
 def test_what_was_proven_last_stands_in_the_report(robot: Path) -> None:

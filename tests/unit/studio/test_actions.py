@@ -212,6 +212,9 @@ def test_a_manifest_that_is_missing_or_broken_is_named_with_its_finding_and_noth
         assert page.count("<details") == page.count(" open>") == 1, "the finding is not folded"
         assert 'id="hosts"' not in page
         assert "Nothing was measured yet" not in page
+    shown = client.get().text
+    assert "| unknown: 1\n" in shown, "the line of the file"
+    assert " | ^^^^^^^" in shown
 
 
 def test_a_plan_that_was_applied_in_a_terminal_is_no_longer_offered(client: Client, folder: Path) -> None:

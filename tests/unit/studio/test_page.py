@@ -6,7 +6,7 @@ from typing import Any
 
 from rarms_iac.app.status import NextCommand
 from rarms_iac.model.commands import command
-from rarms_iac.model.diagnostics import Finding
+from rarms_iac.model.diagnostics import Finding, Place
 from rarms_iac.studio.page import BarPart, ComponentOnPage, HostOnPage, StudioOnPage, render_studio
 from rarms_iac.studio.plan_page import PlanOnPage
 from tests.unit.views.reports.test_html import REPORT
@@ -88,9 +88,9 @@ class Reader(HTMLParser):
 
 
 def content(text: str) -> Content:
-    finding = Finding.error("RARMS999", "x").at(None, text, text, values={"x": text})
+    finding = Finding.error("RARMS999", "x").at(Place(file="x", line=1, column=1), text, text, values={"x": text})
     reader = Reader()
-    reader.feed(render_studio(REPORT, (finding,), with_texts(STUDIO, text)).decode())
+    reader.feed(render_studio(REPORT, (finding,), {"x": text}, with_texts(STUDIO, text)).decode())
     reader.close()
     return reader.content
 

@@ -35,14 +35,22 @@ def test_a_narrow_table_breaks_between_words_and_cuts_nothing(width: int) -> Non
 
 
 def test_a_row_whose_words_need_more_than_a_line_stands_below_its_first_cell() -> None:
-    rows = [("face-detection-in-front", "88 ms", "met"), ("x", "9 ms", "far below what it must be")]
+    rows = [
+        ("face-detection-in-front", "88 ms", "met"),
+        ("x", "9 ms", "far below what it must be"),
+        ("y", "7 ms", "not met so far"),
+    ]
 
     assert lines(indented(table(rows, header=("component", "value", "verdict")), 2), 32) == [
         "  face-detection-in-front",
         "    value: 88 ms  verdict: met",
         "  x",
-        "    value: 9 ms  verdict: far",
-        "      below what it must be",
+        "    value: 9 ms",
+        "    verdict: far below what it",
+        "      must be",
+        "  y",
+        "    value: 7 ms",
+        "    verdict: not met so far",
     ]
     assert lines(table([("a", "x" * 60)], wrap=(1,)), 40) == ["a", "  " + "x" * 60]
 
