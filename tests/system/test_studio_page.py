@@ -663,15 +663,17 @@ def test_a_bar_says_that_a_line_counts_though_the_manifest_fixes_the_reserve(
 ) -> None:
     rarms(tmp_path, "init")
     rarms(tmp_path, "measure", "control")
-    remark = " This counts control by the lines; the manifest fixes another reserve, which stays until it says measured."
+    remark = (
+        " This counts control by the lines; the manifest fixes another reserve, which stays until it says measured."
+    )
     with studio(tmp_path) as served:
         opens(browser, served)
         waits_for(browser, "return document.querySelector('#fit-1 .sentence')?.textContent")
         browser.find_element("id", "m1-1-line").send_keys("\ue013")  # up
         assert shown(browser, "m1-reserve").endswith("LP")
-        assert browser.find_element("css selector", "#fit-1 .sentence").text.endswith(remark.strip())
+        assert browser.find_element("css selector", "#fit-1 .sentence").text.endswith(remark)
         browser.find_element("id", "m1-reset").click()
-        assert remark.strip() not in browser.find_element("css selector", "#fit-1 .sentence").text
+        assert remark not in browser.find_element("css selector", "#fit-1 .sentence").text
 
 
 def test_commands_name_the_manifest_that_the_studio_was_started_with(browser: "WebDriver", tmp_path: Path) -> None:
