@@ -177,7 +177,7 @@ class Bench:
         assert self.bare.processors is not None
         if not isinstance(arrival, Periodic):
             return 0
-        return math.ceil(100 * simulation.work / arrival.period / self.bare.processors)
+        return math.ceil(100 * simulation.work / arrival.period / min(simulation.threads, self.bare.processors))
 
     def of(self, component: Component) -> Experiment:
         """The experiment with this component."""
@@ -230,7 +230,7 @@ class Bench:
                     break
                 starts.append(len(samples))
                 machine.restart_loads()
-                began = now
+                began = since = now
         name = self.bare.name
         return Series(component=name, samples=tuple(samples), elapsed_ms=counted, starts=tuple(starts))
 
