@@ -30,7 +30,7 @@ MOST_FILES = 10_000
 """Files that are read."""
 MOST_BYTES = 256 * 2**20
 """Bytes that are read where files are only compared with what was measured; whole files are left out beyond."""
-MOST_MEASURED_BYTES = 4 * 2**30
+MOST_MEASURED_BYTES = 2 * 2**30
 """Bytes of one subject's files that count by their content; a file beyond counts by its size, here and in its log."""
 MOST_PROGRAM_BYTES = 256 * 2**20
 """Bytes of one subject's programs outside of the folder that count by their content; one beyond counts by its size."""
@@ -69,7 +69,7 @@ class Files:
             OSError: one of them cannot be read.
         """
         files = {self._named(path): path for path in sorted(set(self._all(subject)))}
-        return self._digests(files, MOST_MEASURED_BYTES, "its files have more than 4 GiB")
+        return self._digests(files, MOST_MEASURED_BYTES, "its files have more than 2 GiB")
 
     def interpreters(self, subject: LogSubject) -> dict[str, str]:
         """The digest of every program outside the folder that the subject's commands begin with, by their word.

@@ -113,7 +113,7 @@ def test_a_file_beyond_what_is_measured_counts_by_its_size_and_that_is_said(home
     assert found["a-huge"] == f"size {2**33}"
     assert re.fullmatch("[0-9a-f]{16}", found["small"])
     assert compared.of(subject) == found
-    assert measured.cut == compared.cut == "only the size of a-huge counts, since its files have more than 4 GiB"
+    assert measured.cut == compared.cut == "only the size of a-huge counts, since its files have more than 2 GiB"
     os.truncate(home / "a-huge", 2**33 + 1)
     assert Files(home).of(subject) != found
 
