@@ -67,6 +67,14 @@ HOSTILE = (
     Hostile(name="only comments", make=lambda: b"# nothing\n", code="RARMS012"),
     Hostile(name="long scalar", make=lambda: b"a: " + b"x" * 2**20, code="RARMS010", column=4),
     Hostile(
+        name="many comments",
+        make=lambda: b"a: 1\n" + b"#\n" * 400_001,
+        code="RARMS010",
+        line=400_002,
+        column=1,
+        large=True,
+    ),
+    Hostile(
         name="many nodes", make=lambda: b"- {a: b}\n" * 400_000, code="RARMS010", line=133_334, column=3, large=True
     ),
     Hostile(name="8 MiB and a byte", make=lambda: b"#" * (8 * 2**20 + 1), code="RARMS003", large=True),

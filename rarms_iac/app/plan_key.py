@@ -2,6 +2,7 @@
 
 import os
 import stat
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -24,8 +25,8 @@ def plan_key(environment: Mapping[str, str] = os.environ) -> bytes | None:
         The key; None: none is set, and no plan needs a signature.
 
     Raises:
-        RequestError: both are set, the key has fewer than `LEAST_BYTES`, or its file cannot be read or is not its
-            owner's alone.
+        RequestError: both are set, the key has fewer than `LEAST_BYTES`, or its file cannot be read, is not its
+            owner's alone, or is another user's (root's may be).
     """
     if VARIABLE in environment and FILE_VARIABLE in environment:
         raise RequestError(f"{VARIABLE} and {FILE_VARIABLE} are both set.", "Set one of them.")
@@ -46,11 +47,18 @@ def plan_key(environment: Mapping[str, str] = os.environ) -> bytes | None:
 
 def _key_in(name: str) -> bytes:
     try:
-        mode, key = Path(name).stat().st_mode, read_file(name, _MAX_BYTES)
+        status, key = Path(name).stat(), read_file(name, _MAX_BYTES)
     except (OSError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else "") or str(error)
         raise RequestError(f"{FILE_VARIABLE} names {name}: {reason}.", "Name a file that holds the key.") from error
-    if os.name == "posix" and mode & _OTHERS:
+    if sys.platform == "win32":
+        return key
+    if status.st_uid not in (0, os.geteuid()):
+        raise RequestError(
+            f"{FILE_VARIABLE} names {name}, which belongs to another user (uid {status.st_uid}).",
+            f"Run `chown {os.geteuid()} {name}`.",
+        )
+    if status.st_mode & _OTHERS:
         raise RequestError(
             f"{FILE_VARIABLE} names {name}, which others than its owner may use.", f"Run `chmod 600 {name}`."
         )

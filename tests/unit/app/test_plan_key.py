@@ -1,5 +1,6 @@
 """With a key, only what was planned with it is done."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,17 @@ def test_the_key_is_that_of_the_variable_or_of_its_owners_file(tmp_path: Path) -
     assert plan_key({VARIABLE: KEY}) == plan_key({FILE_VARIABLE: str(file)}) == KEY.encode()
     file.chmod(0o640)
     with pytest.raises(RequestError, match="others than its owner"):
+        plan_key({FILE_VARIABLE: str(file)})
+
+
+@pytest.mark.needs("root")
+def test_a_key_file_of_another_user_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "key"
+    file.write_text(KEY, encoding="ascii")
+    file.chmod(0o600)
+    os.chown(file, 65534, 65534)
+
+    with pytest.raises(RequestError, match="belongs to another user"):
         plan_key({FILE_VARIABLE: str(file)})
 
 
