@@ -185,10 +185,11 @@ def render_guest(
     name, undo_name = script_name(host_plan, inside), script_name(host_plan, inside, undo=True)
     last = len(tasks) - 1
     pieces = [_GuardedPiece(piece=forward(task, plan.application), steps=(step_of(task),)) for task in tasks]
-    taken_back = [
-        _GuardedPiece(piece=back(task, plan.application), steps=(step_of(task),), undoes=last - at)
-        for at, task in enumerate(reversed(tasks))
-    ]
+    taken_back = []
+    for at, task in enumerate(reversed(tasks)):
+        piece = back(task, plan.application)
+        steps = (replace(step_of(task), title=piece.action),)
+        taken_back.append(_GuardedPiece(piece=piece, steps=steps, undoes=last - at))
     undo = _fill(host_plan, plan, inside, taken_back, form)
     return {name: _fill(host_plan, plan, inside, pieces, form, undo=undo), undo_name: undo}
 

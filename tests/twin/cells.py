@@ -122,6 +122,15 @@ def fresh() -> Prepared:
 
 
 @cache
+def alike() -> Prepared:
+    """Machines alike, which a script makes, and starts, in rows of a table."""
+    names = (f"part-{number}" for number in range(4))
+    system = a_cell_system(*(a_component(name, reserve="5 %", processors=1, memory="256 MiB") for name in names))
+    cell = Cell(system, a_windows())
+    return Prepared(cell, cell.plan())
+
+
+@cache
 def everything() -> Prepared:
     """The cell between `earlier` and `later`."""
     host = a_windows(a_stranger())

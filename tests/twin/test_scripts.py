@@ -17,7 +17,7 @@ from rarms_iac.storage.append import records_in
 from tests.builders import a_component, a_partition
 from tests.effort import every_few
 from tests.twin.cell import Cell, apply, apply_script, files_of, scripts_of, undo, undo_script
-from tests.twin.cells import IMAGE, Prepared, a_cell_system, a_stranger, a_windows, everything, fresh
+from tests.twin.cells import IMAGE, Prepared, a_cell_system, a_stranger, a_windows, alike, everything, fresh
 from tests.twin.host import Entry, Vm, WindowsHost
 from tests.twin.observing import CRYPTOGRAPHY, JOURNAL, PROFILE, RECORDS, document_of
 from tests.twin.run import Ran, put, run
@@ -25,6 +25,7 @@ from tests.twin.run import Ran, put, run
 FOLDER = JOURNAL.rpartition("\\")[0]
 CELLS = {"fresh": fresh, "everything": everything}
 cells = pytest.mark.parametrize("cell", [pytest.param(make, id=name) for name, make in CELLS.items()])
+with_rows = pytest.mark.parametrize("cell", [*CELLS.values(), alike], ids=[*CELLS, "alike"])
 Make = Callable[[], Prepared]
 
 
@@ -46,6 +47,12 @@ def journal(host: WindowsHost) -> list[dict[str, Any]]:
 
 def again(host: WindowsHost, plan: Prepared) -> Ran:
     return run(host, apply_script(plan.plan))
+
+
+def test_machines_alike_are_made_started_and_taken_back_in_rows() -> None:
+    tables = [script.count(b"foreach ($row in $rows)") for _, script in sorted(scripts_of(alike().plan).items())]
+
+    assert tables == [2, 2]
 
 
 @cells
@@ -159,7 +166,7 @@ def is_of_steps(effect: str) -> bool:
     return not any(word in effect for word in ("owner.txt", "Set-Acl", ".result.json"))
 
 
-@cells
+@with_rows
 @pytest.mark.parametrize("fault", ["kill_before", "kill_after", "fail_at", "torn"])
 def test_a_run_that_was_killed_or_failed_anywhere_is_finished_by_the_next(cell: Make, fault: str) -> None:
     prepared = cell()
@@ -186,7 +193,7 @@ KEPT = {FOLDER.lower(), JOURNAL.lower(), JOURNAL.lower() + ".old"}
 """All that an undone run leaves."""
 
 
-@cells
+@with_rows
 @pytest.mark.parametrize("fault", ["kill_before", "kill_after", "fail_at"])
 def test_undo_brings_back_what_was_observed_from_each_point_that_the_run_got_to(cell: Make, fault: str) -> None:
     prepared = cell()
@@ -208,7 +215,7 @@ def test_undo_brings_back_what_was_observed_from_each_point_that_the_run_got_to(
         assert {path for path in added if not path.startswith("c:\\run\\")} <= KEPT, where
 
 
-@cells
+@with_rows
 def test_an_undo_that_was_killed_anywhere_is_finished_by_the_next(cell: Make) -> None:
     prepared = cell()
     done = prepared.copy()

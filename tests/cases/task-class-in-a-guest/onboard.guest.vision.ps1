@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.guest.vision.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo ec055d003162ec80e0432cd679b69c0ecbea6deb77cbaa963ad5df04406fd452, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo fbab5217889ea195c37b8e8e1eb48cbe2e618d4bc53ccd4bf157e37a76924c72, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1fe5fc6a41cd'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = 'ec055d003162ec80e0432cd679b69c0ecbea6deb77cbaa963ad5df04406fd452'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = 'fbab5217889ea195c37b8e8e1eb48cbe2e618d4bc53ccd4bf157e37a76924c72'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: what the guest holds is not known here: its own record decides; threads see it when it restarts (rarms.yaml:12:65)

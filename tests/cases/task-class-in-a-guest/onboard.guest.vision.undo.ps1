@@ -4,7 +4,7 @@
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
-    vision: changed (write the class MotionControl, and keep what was there before)
+    vision: changed (bring back what MotionControl was before rarms)
     Only these calls change something (and how often): Remove-TaskRecord 1, Restore-TaskClass 1.
     Not undone: what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms
 .PARAMETER AsJson
