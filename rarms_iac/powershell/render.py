@@ -320,9 +320,11 @@ def _head(
     planned = [step for guarded in steps for step in guarded.steps]
     table = machine_table(planned, host_plan.changes, _new_files(host_plan, plan))
     made = {step.address for step in planned if isinstance(step.operation, CreatePartition)}
+    # An undo has no step for what it cannot bring back, and says so all the same.
+    done = [*planned, *(step for step in host_plan.steps if _inside(step) == inside)]
     lost = sorted(
-        {step.undo.message for step in planned if step.undo.level is not UndoLevel.FULL}
-        | {NOT_MADE_AGAIN for step in planned if isinstance(step.undo.operation, RestorePartition)}
+        {step.undo.message for step in done if step.undo.level is not UndoLevel.FULL}
+        | {NOT_MADE_AGAIN for step in done if isinstance(step.undo.operation, RestorePartition)}
     )
     summaries = partition_summaries(step for step in planned if not table or step.address not in made)
     risk, calls = summary_lines([guarded.piece for guarded in steps]) if steps else ("", "")

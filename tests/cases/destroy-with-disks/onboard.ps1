@@ -26,7 +26,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo ce3937dd9144bfa94280e6f0087335ce8c033027b403fd2ebf723b5e00b042f3, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 3e08cf0406d84bffd4ef1af0b89687145e219b640bc2c436c6a2165fa8cd9c02, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -43,7 +43,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'e02322927e52'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'ce3937dd9144bfa94280e6f0087335ce8c033027b403fd2ebf723b5e00b042f3'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '3e08cf0406d84bffd4ef1af0b89687145e219b640bc2c436c6a2165fa8cd9c02'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

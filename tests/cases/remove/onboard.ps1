@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo d513a300fcfad888c071d69b262de4548fab9f274fbaac5047c8691e5fc392b2, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 71091c3a675f76d2625d591c309d9c4927773132beb5929b44d6e810c1869834, Rarms.psm1 C46701EE380B20EEDCFDCC36FCAE9A3D59D5247A6E5D4A784C613F8C80180439.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '2acc5438575d'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'd513a300fcfad888c071d69b262de4548fab9f274fbaac5047c8691e5fc392b2'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '71091c3a675f76d2625d591c309d9c4927773132beb5929b44d6e810c1869834'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -7,6 +7,7 @@
     speech: started
     Only these calls change something (and how often): Start-VM 1.
     Not undone: it starts anew: what its programs had in memory is lost
+    Not undone: the machine is not made again
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
 .PARAMETER LockTimeout

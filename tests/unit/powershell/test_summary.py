@@ -21,6 +21,17 @@ def test_a_changed_reserve_stops_removes_and_deletes_nothing() -> None:
         text = script.decode("ascii")
         assert "    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.\r\n" in text
         assert "    Only these calls change something (and how often): Set-VMProcessor 1, Write-Mark 1.\r\n" in text
+    there, back = (re.search(r"reserve (\S+) -> (\S+) LP", text.decode("ascii")) for text in scripts.values())
+    assert there
+    assert back
+    assert there.groups() == back.groups()[::-1]
+
+
+def test_an_undo_says_of_a_machine_that_was_removed_that_it_is_not_made_again() -> None:
+    lost = [[line for line in text.split("\r\n") if "Not undone: " in line] for text in SCRIPTS.values()]
+
+    assert lost[0] == lost[1]
+    assert any("the machine is not made again" in line for line in lost[0])
 
 
 def test_everything_is_counted_and_the_undo_counts_the_other_way() -> None:
