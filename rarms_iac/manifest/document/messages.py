@@ -125,6 +125,8 @@ def _unknown_key(error: StructureError) -> Diagnostic:
     *around, key = error.path
     known = keys_at(tuple(around))
     advice = question(did_you_mean(str(key), known)) or f"The keys allowed here are {', '.join(known)}."
+    if str(key)[:1].isdigit():  # of `{ at_most: 0,1 s }` YAML makes two keys
+        advice = "Write a decimal point where a comma is meant: { at_most: 0.1 s }."
     return UNKNOWN_KEY.at(
         error.places.key(*error.path),
         f"{error.name}: there is no key {_show(key)} here.",
