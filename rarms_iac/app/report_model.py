@@ -150,17 +150,22 @@ class PlatformCapacity:
     platform: str
     hosts: tuple[str, ...]
     processors: int
-    capacity_lp: Fraction  # without what is kept for the hosts
+    capacity_lp: Fraction  # without what is kept for the hosts and what machines of others reserve
     fixed: tuple[FixedReservation, ...]  # promised by the manifest itself
     reserved_lp: Fraction  # for all partitions that are placed there
     unmanaged_lp: Fraction  # by machines of others
     partitions: Internal[tuple[str, ...]]  # the names of those
     missing: tuple[str, ...]  # measurements whose APTs no reserve meets: not in that sum
 
+    @property
+    def kept_lp(self) -> Fraction:
+        """LPs that are kept for the hosts."""
+        return self.processors - self.capacity_lp - self.unmanaged_lp
+
     @output
     def headroom_lp(self) -> Fraction:
         """LPs that are not promised; below nothing where it does not fit."""
-        return self.capacity_lp - self.reserved_lp - self.unmanaged_lp
+        return self.capacity_lp - self.reserved_lp
 
     @output
     def fits(self) -> bool:

@@ -81,7 +81,7 @@ class HostOverview:
 
     @output
     def capacity_lp(self) -> Fraction:
-        """LPs that may be promised: without what is kept for the host."""
+        """LPs that the application's partitions may be promised: without what is kept and what others reserve."""
         return self.totals.capacity_lp if self.totals else Fraction(0)
 
     @output

@@ -85,13 +85,13 @@ class HostTotals:
 
     @output
     def capacity_lp(self) -> Fraction:
-        """LPs that may be promised."""
-        return self.host_lp - self.kept_lp
+        """LPs that the application's partitions may be promised: without what is kept and what others reserve."""
+        return self.host_lp - self.kept_lp - self.unmanaged_lp
 
     @output
     def free_lp(self) -> Fraction:
         """LPs that are not promised."""
-        return self.capacity_lp - self.reserved_lp - self.unmanaged_lp
+        return self.capacity_lp - self.reserved_lp
 
     @property
     def free_memory(self) -> int:

@@ -115,7 +115,7 @@ export const showTotals = (page) => {
   page.capacities.forEach((capacity, place) => {
     const total = totalOf(capacity, page.cards);
     const unknown = notAchieved(capacity, page.cards).map((card) => card.name);
-    const headroom = capacity.capacity - capacity.unmanaged - total;
+    const headroom = capacity.capacity - total;
     const share = (amount) => `${inProcessors(amount)} (${shareOfHost(amount / capacity.processors)} % of ${capacity.name})`;
     const fits = headroom >= 0 && unknown.length === 0;
     const why = `${unknown.join(", ")} ${unknown.length > 1 ? "are" : "is"} not achieved`;

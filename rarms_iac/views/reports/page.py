@@ -209,7 +209,6 @@ def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
                 "name": ", ".join(capacity.hosts),
                 "platform": capacity.platform,
                 "capacity": float(100 * capacity.capacity_lp),
-                "unmanaged": float(100 * capacity.unmanaged_lp),
                 "other": float(100 * _uncounted_lp(capacity, counted)),
                 "processors": capacity.processors,
                 "beside": beside_text(capacity),

@@ -34,7 +34,7 @@ def fit_text(fit: PlatformCapacity) -> str:
 
 def beside_text(fit: PlatformCapacity) -> str:
     """`, 0.2 LP kept for the host`: what is neither reserved by the application nor headroom."""
-    return "".join(f", {text}" for text in describe_beside(fit.unmanaged_lp, fit.processors - fit.capacity_lp))
+    return "".join(f", {text}" for text in describe_beside(fit.unmanaged_lp, fit.kept_lp))
 
 
 def tuning_text(tuning: PlatformTuning) -> str:
