@@ -54,7 +54,8 @@ function Get-Setting {
 
 function Get-HostIdentity {
     # What tells this Windows from every other. Not its own id, of which other programs make what they know it by.
-    $id = [string] (Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Cryptography').GetValue('MachineGuid')
+    $key = Microsoft.PowerShell.Management\Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Cryptography'
+    $id = [string] $key.GetValue('MachineGuid')
     if (-not $id.Trim()) { return '' }
     $data = [System.Text.Encoding]::ASCII.GetBytes('rarms host ' + $id.Trim().ToLowerInvariant())
     $sum = [System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $data.Length)
@@ -168,7 +169,7 @@ function Get-VirtualDiskReading {
 function Get-KeyValue {
     # The values of a registry key with their types; numbers without sign.
     param([string] $Path)
-    $key = Get-Item -LiteralPath $Path
+    $key = Microsoft.PowerShell.Management\Get-Item -LiteralPath $Path
     foreach ($name in $key.GetValueNames()) {
         $data = $key.GetValue($name)
         $kind = [string] $key.GetValueKind($name)
@@ -184,14 +185,14 @@ function Get-Journal {
     $common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
     $folder = Join-Path -Path $common -ChildPath 'rarms'
     # To who may not list the folder, PowerShell 7 says of a file in it that there is none.
-    [void] @(Get-ChildItem -LiteralPath $folder)
-    $item = Get-Item -LiteralPath (Join-Path -Path $folder -ChildPath 'journal.jsonl')
+    [void] @(Microsoft.PowerShell.Management\Get-ChildItem -LiteralPath $folder)
+    $item = Microsoft.PowerShell.Management\Get-Item -LiteralPath (Join-Path -Path $folder -ChildPath 'journal.jsonl')
     $owner = ''
     if ($env:OS -ceq 'Windows_NT') {
         $owner = (Get-Acl -LiteralPath $item.FullName).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
     }
     # Get-Content shares the file with a run that is writing to it: looking must not disturb that.
-    $text = '' + (Get-Content -LiteralPath $item.FullName -Raw)
+    $text = '' + (Microsoft.PowerShell.Management\Get-Content -LiteralPath $item.FullName -Raw)
     [ordered] @{ owner = [string] $owner; text = $text }
 }
 
@@ -208,7 +209,7 @@ $document = [ordered] @{
         [ordered] @{ version = [string] $PSVersionTable.PSVersion; edition = [string] $PSVersionTable.PSEdition }
     }
     windows = Get-Probe -Read {
-        $key = Get-Item -LiteralPath $root
+        $key = Microsoft.PowerShell.Management\Get-Item -LiteralPath $root
         [ordered] @{
             build = [long] $key.GetValue('CurrentBuildNumber'); installation = [string] $key.GetValue('InstallationType')
             product = [string] $key.GetValue('ProductName'); bits = [long] (8 * [IntPtr]::Size)
@@ -228,7 +229,7 @@ $document = [ordered] @{
     # A caller without rights sees no machines and no error; the host itself is an instance that is always there.
     host_visible = Get-Probe -Read {
         $all = @(Get-CimInstance -Namespace $namespace -ClassName Msvm_ComputerSystem)
-        [bool] @($all | Where-Object -FilterScript { [string] $_.Name -eq [Environment]::MachineName }).Count
+        [bool] @(foreach ($one in $all) { if ([string] $one.Name -eq [Environment]::MachineName) { 1 } }).Count
     }
     module = Get-Probe -Many -Read {
         foreach ($one in @(Get-Module -Name 'Hyper-V' -ListAvailable)) { [string] $one.Version }
@@ -287,7 +288,7 @@ $document = [ordered] @{
         }
     }
     firmware = Get-Probe -Many -Read {
-        $vms = @(Get-MachineList | Where-Object -FilterScript { $_.Generation -eq 2 })
+        $vms = @(Get-MachineList | Microsoft.PowerShell.Core\Where-Object -FilterScript { $_.Generation -eq 2 })
         $answers = Get-Answer -Machines $vms -Read { Hyper-V\Get-VMFirmware -VM $script:Asked }
         foreach ($vm in $vms) {
             $found = $answers[(Get-MachineId -Vm $vm)]
@@ -317,13 +318,14 @@ $document = [ordered] @{
     }
     profile = Get-Probe -Many -Read { Get-KeyValue -Path $profile_ }
     tasks = Get-Probe -Many -Read {
-        foreach ($key in @(Get-ChildItem -LiteralPath ($profile_ + '\Tasks'))) {
+        foreach ($key in @(Microsoft.PowerShell.Management\Get-ChildItem -LiteralPath ($profile_ + '\Tasks'))) {
             [ordered] @{ name = [string] $key.PSChildName; values = @(Get-KeyValue -Path ($profile_ + '\Tasks\' + $key.PSChildName)) }
         }
     }
     records = Get-Probe -Many -Read {
-        foreach ($application in @(Get-ChildItem -LiteralPath 'HKLM:\SOFTWARE\rarms')) {
-            foreach ($task in @(Get-ChildItem -LiteralPath ('HKLM:\SOFTWARE\rarms\' + $application.PSChildName))) {
+        foreach ($application in @(Microsoft.PowerShell.Management\Get-ChildItem -LiteralPath 'HKLM:\SOFTWARE\rarms')) {
+            $of = 'HKLM:\SOFTWARE\rarms\' + $application.PSChildName
+            foreach ($task in @(Microsoft.PowerShell.Management\Get-ChildItem -LiteralPath $of)) {
                 $path = 'HKLM:\SOFTWARE\rarms\{0}\{1}' -f $application.PSChildName, $task.PSChildName
                 [ordered] @{
                     application = [string] $application.PSChildName; task = [string] $task.PSChildName
@@ -340,7 +342,7 @@ $document = [ordered] @{
     }
     pending_restart = Get-Probe -Read {
         $reboot = 'HKLM:\SOFTWARE\Microsoft\Windows\CurrentVersion\Component Based Servicing\RebootPending'
-        [bool] (Test-Path -LiteralPath $reboot)
+        [bool] (Microsoft.PowerShell.Management\Test-Path -LiteralPath $reboot)
     }
     # By scope: the policy of this process is only what it was started with.
     execution_policy = Get-Probe -Many -Read {

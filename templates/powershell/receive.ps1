@@ -10,8 +10,9 @@ $ErrorActionPreference = 'Stop'
 $ProgressPreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $file = [System.IO.Path]::Combine($PSScriptRoot, $Version, 'Rarms.psd1')
-if (-not (Test-Path -LiteralPath $file)) {
-    $names = @(foreach ($one in @(Get-ChildItem -LiteralPath $PSScriptRoot -Directory)) { $one.Name })
+if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $file)) {
+    $folders = @(Microsoft.PowerShell.Management\Get-ChildItem -LiteralPath $PSScriptRoot -Directory)
+    $names = @(foreach ($one in $folders) { $one.Name })
     [Console]::Out.WriteLine('rarms-receiver/1 has ' + ($names -join ' '))
     exit 90
 }

@@ -36,8 +36,11 @@ READING_CMDLETS = words(
     Hyper-V\Get-VM Hyper-V\Get-VMHost Hyper-V\Get-VMHostNumaNode Hyper-V\Get-VMProcessor Hyper-V\Get-VMMemory
     Hyper-V\Get-VMHardDiskDrive Hyper-V\Get-VMNetworkAdapter Hyper-V\Get-VHD Hyper-V\Get-VMFirmware
     Hyper-V\Get-VMIntegrationService Hyper-V\Get-VMSnapshot Hyper-V\Get-VMSwitch Hyper-V\Get-VMSecurity
-    ConvertTo-Json Get-Acl Get-ChildItem Get-CimInstance Get-Content Get-ExecutionPolicy Get-Item Get-Module
-    Get-WinEvent Join-Path Set-StrictMode Sort-Object Test-Path Where-Object
+    ConvertTo-Json Get-Acl Get-CimInstance Get-ExecutionPolicy Get-Module
+    Get-WinEvent Join-Path Set-StrictMode
+    Microsoft.PowerShell.Core\Where-Object Microsoft.PowerShell.Management\Get-ChildItem
+    Microsoft.PowerShell.Management\Get-Content Microsoft.PowerShell.Management\Get-Item
+    Microsoft.PowerShell.Management\Test-Path Microsoft.PowerShell.Utility\Sort-Object
     """
 )
 CMDLETS = READING_CMDLETS | words(
@@ -47,7 +50,7 @@ CMDLETS = READING_CMDLETS | words(
     Hyper-V\Remove-VMNetworkAdapter Hyper-V\Move-VMStorage
     FailoverClusters\Update-ClusterVirtualMachineConfiguration
     ConvertFrom-Json Export-ModuleMember Import-Module New-Item New-ItemProperty
-    New-Module Receive-Job Remove-Item Remove-ItemProperty Set-Acl
+    Get-Content New-Module Receive-Job Remove-Item Remove-ItemProperty Set-Acl
     Start-Sleep Write-Information Write-Progress Write-Verbose
     Get-Command Microsoft.PowerShell.Core\Get-Command Microsoft.PowerShell.Utility\Get-Alias
     ConvertTo-SecureString Invoke-Command New-PSSession Remove-Job Remove-PSSession

@@ -271,7 +271,8 @@ def piped(node: Node) -> Pipe:
     written = _written(node)
     given = dict(written.given)
     own = written.name.lower()
-    if written.name == "Where-Object" and set(given) == {"FilterScript"}:
+    plain = written.name.rpartition("\\")[2]
+    if plain == "Where-Object" and set(given) == {"FilterScript"}:
         block = given["FilterScript"]
         assert block is not None
         return lambda scope, held: (
@@ -279,7 +280,7 @@ def piped(node: Node) -> Pipe:
             if scope.function(own) is None and own not in scope.session.host.aliases
             else []  # a profile's own
         )
-    if written.name == "Sort-Object" and set(given) <= {"Descending"}:
+    if plain == "Sort-Object" and set(given) <= {"Descending"}:
         return lambda scope, held: _sorted(held, descending="Descending" in given)
     raise Unsupported(f"a pipeline into {text_of(node)[:80]}")
 

@@ -191,6 +191,11 @@ def missing(path: str) -> ScriptError:
     return ScriptError(says, error_id="FileNotFoundException", kind="System.IO.FileNotFoundException")
 
 
+def _is_file(host: WindowsHost, path: str) -> bool:
+    found = host.file(path)
+    return path in host.guest_files or (found is not None and found.data is not None)
+
+
 def content(scope: Scope, path: Value, share: frozenset[str] = READ) -> bytes:
     """What a reader gets that opens the file for reading, shares it, for reading alone if not told, and closes it."""
     host = scope.session.host
@@ -331,6 +336,7 @@ _CALLS: dict[tuple[str, str], Callable[..., Value]] = {
     ("io.file", "getattributes"): _attributes,
     ("io.file", "readalltext"): lambda scope, path: content(scope, path).decode("utf-8-sig", "replace"),
     ("io.file", "readallbytes"): content,
+    ("io.file", "exists"): lambda scope, path: _is_file(scope.session.host, text(path)),
     ("environment", "getfolderpath"): _folder,
     ("io.file", "writealltext"): _write_all,
     ("io.file", "replace"): _replace,

@@ -403,7 +403,6 @@ CALLS: dict[tuple[str, str], Callable[..., Value]] = {
     ("io.path", "combine"): lambda scope, *parts: "\\".join(map(text, parts)),
     ("io.path", "gettemppath"): lambda scope: "C:\\Temp\\",
     ("io.path", "getdirectoryname"): lambda scope, path: text(path).rpartition("\\")[0],
-    ("io.file", "exists"): lambda scope, path: text(path) in scope.session.host.guest_files,
     ("io.file", "writeallbytes"): lambda scope, path, data: scope.session.host.guest_files.__setitem__(
         text(path), bytes(data)
     ),

@@ -629,18 +629,45 @@ def test_a_run_that_is_killed_again_and_again_at_the_same_call_ends(cell: Make, 
 SHADOWED = ("Where-Object", "Sort-Object", "Test-Path", "Get-Item", "Get-ChildItem")
 
 
+def destroyed() -> tuple[WindowsHost, Plan]:
+    """A cell that stands, and a plan that removes all of it."""
+    prepared = everything()
+    host = prepared.copy()
+    apply(host, prepared.plan)
+    host = host.copy()
+    return host, prepared.cell.on(host).plan(purpose=Purpose.DESTROY)
+
+
+def run_back() -> tuple[WindowsHost, Plan]:
+    """A cell that stands, and the plan whose undo gives back what was there."""
+    prepared = everything()
+    host = prepared.copy()
+    apply(host, prepared.plan)
+    return host.copy(), prepared.plan
+
+
+SHADOWED_RUNS: dict[str, tuple[Callable[[], tuple[WindowsHost, Plan]], Callable[[WindowsHost, Plan], Ran]]] = {
+    "fresh": (lambda: (fresh().copy(), fresh().plan), apply),
+    "everything": (lambda: (everything().copy(), everything().plan), apply),
+    "undo": (run_back, undo),
+    "removal": (destroyed, apply),
+}
+
+
 @pytest.mark.parametrize("name", SHADOWED)
-@pytest.mark.parametrize("cell", [fresh, everything])
-def test_a_profiles_own_function_never_makes_a_run_that_did_nothing_done(cell: Make, name: str) -> None:
-    prepared = cell()
-    undisturbed = prepared.copy()
-    apply(undisturbed, prepared.plan)
+@pytest.mark.parametrize("kind", SHADOWED_RUNS)
+def test_a_profiles_own_function_changes_nothing_of_what_a_run_does(kind: str, name: str) -> None:
+    make, do = SHADOWED_RUNS[kind]
+    host, plan = make()
+    undisturbed = host.copy()
+    assert do(undisturbed, plan).code == 0
     own = f"function {name} {{\r\n    param($LiteralPath, $Path, $FilterScript, [switch] $Force)\r\n}}\r\n"
-    host = prepared.copy(profile=own)
+    host = host.copy(profile=own)
 
-    ran = apply(host, prepared.plan)
+    ran = do(host, plan)
 
-    assert ran.code != 0 or seen(host.copy(profile="")) == seen(undisturbed), ran.says
+    assert ran.code == 0, ran.says
+    assert seen(host.copy(profile="")) == seen(undisturbed)
 
 
 LOOKALIKES = [

@@ -24,7 +24,7 @@ $script:Ordinal = [System.StringComparer]::Ordinal  # of tables: 5.1 compares th
 $script:Whole = @{ Address = 'host'; Number = 0 }  # stands for a step where an event is about none
 $script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 # SHA-256 of observe.ps1 in this folder, to the byte before a signature.
-$script:Observe = '1901db50c3c13a0846d86f19003defb12215b4941e173b852419ec375b3c83d8'
+$script:Observe = 'dac22a85dd1210e05303b52f7cb992b8c3c4d4de4c73ee6dc5665d9e551bf365'
 $script:ProfileRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 
@@ -94,7 +94,7 @@ function Get-RarmsObservation {
     [CmdletBinding(PositionalBinding = $false)]
     param()
     $look = [System.IO.Path]::Combine($PSScriptRoot, 'observe.ps1')
-    if (-not (Test-Path -LiteralPath $look)) { throw ('{0} is missing: put it there as rarms wrote it' -f $look) }
+    if (-not ([System.IO.File]::Exists($look))) { throw ('{0} is missing: put it there as rarms wrote it' -f $look) }
     $sum = Get-UnsignedDigest -Data ([System.IO.File]::ReadAllBytes($look))
     if ($sum -cne $script:Observe) { throw ('{0} was edited: put it there as rarms wrote it' -f $look) }
     & $look
@@ -148,7 +148,7 @@ function Stop-RarmsRun {
     #>
     [CmdletBinding(PositionalBinding = $false)]
     param([Parameter(Mandatory)] [string] $Path)
-    if (-not (Test-Path -LiteralPath $Path)) { throw ('there is no script {0}' -f $Path) }
+    if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $Path)) { throw ('there is no script {0}' -f $Path) }
     [System.IO.File]::WriteAllText($Path + '.stop', 's')
 }
 
@@ -296,10 +296,9 @@ function Complete-Run {
         Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' })
         $all = @(foreach ($one in $script:Steps) { if ($one.Address -cmatch '(^|/)task/') { [string] $one.Number } })
         if (@(foreach ($number in $all) { $script:Recorded[$number] }) -ccontains 'changed') {
-            $path = 'HKLM:\SYSTEM\CurrentControlSet\Services\MMCSS'
-            $start = if (Test-Path -LiteralPath $path) { (Get-Item -LiteralPath $path).GetValue('Start') } else { 4 }
+            $start = Get-KeyData -Path 'HKLM:\SYSTEM\CurrentControlSet\Services\MMCSS' -Name 'Start'
             $lack = 'the service MMCSS is missing or disabled here: classes have no effect until it starts with Windows'
-            if ($start -eq 4) { Write-RunEvent -Kind 'run' -Status 'noted' -Detail $lack }
+            if ($null -eq $start -or $start -eq 4) { Write-RunEvent -Kind 'run' -Status 'noted' -Detail $lack }
             Write-RunEvent -Kind 'run' -Status 'noted' -Detail 'restart Windows: classes are read when it starts'
         }
     }
@@ -339,7 +338,7 @@ function Assert-Host {
         foreach ($name in @(Compare-Reading -Live $step.Before -Expected $step.After)) { $ahead[$at + ' ' + $name] = $true }
     }
     $settled = [DateTime]::UtcNow.AddMilliseconds(300000)
-    foreach ($at in @($made.Keys | Sort-Object)) {
+    foreach ($at in @($made.Keys | Microsoft.PowerShell.Utility\Sort-Object)) {
         if ($ahead.Contains($at + ' exists')) { continue }
         $script:Current = $made[$at]
         $wanted = $made[$at].After
@@ -372,7 +371,7 @@ function Invoke-Step {
     $leave = Get-Leave -Step $Step
     if ($leave) { return Write-RunEvent -Kind 'step' -Step $Step -Status 'unchanged' -Detail $leave }
     $stop = $script:Run.ScriptPath + '.stop'
-    if (Test-Path -LiteralPath $stop) {
+    if (Microsoft.PowerShell.Management\Test-Path -LiteralPath $stop) {
         # The maker of that file beside the script wants it to end before the next step, this once.
         [System.IO.File]::Delete($stop)
         $script:Current = $script:Whole
@@ -523,7 +522,7 @@ function Write-Verdict {
     # How this run stands: beside its script, as Ctrl-C gives the code 0; and in Windows' event log, if that takes it.
     if ($script:Preview) { return }
     $path = $script:Run.ScriptPath + '.result.json'
-    if (Test-Path -LiteralPath $path) { Assert-NoLink -Path $path }
+    if (Microsoft.PowerShell.Management\Test-Path -LiteralPath $path) { Assert-NoLink -Path $path }
     $text = ConvertTo-AsciiJson -Value ([ordered] @{
         format = 'rarms-result/1'; plan = $script:Plan.Plan; run = $script:Plan.Run; operator = $script:Operator
         status = $script:Told.Status; exit_code = $script:Code; changed = $script:Changed; detail = $script:Told.Detail
@@ -625,9 +624,9 @@ function Lock-Host {
     $wait = $script:Run.LockTimeout
     if ($wait -lt 0 -or $wait -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
     if ($script:Preview) { return }
-    if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
+    if (Microsoft.PowerShell.Management\Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
     else { Add-Folder -Path $script:Folder }
-    if (Test-Path -LiteralPath $script:OwnerFile) { Assert-Owner -Path $script:OwnerFile }
+    if (Microsoft.PowerShell.Management\Test-Path -LiteralPath $script:OwnerFile) { Assert-Owner -Path $script:OwnerFile }
     Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
     $until = [DateTime]::UtcNow.AddMilliseconds(1000 * $wait)
     while ($null -eq $script:Handle) {
@@ -677,7 +676,7 @@ function Import-Journal {
     # What the last run did, by its whole records. A last one that a crash tore is dropped, not the first: else damage.
     # Left by a run that was killed before it began.
     if (-not $script:Preview) { [System.IO.File]::Delete($script:Journal + '.new') }
-    if (-not (Test-Path -LiteralPath $script:Journal)) { return }
+    if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $script:Journal)) { return }
     foreach ($path in @($script:Folder, $script:Journal)) { Assert-Owner -Path $path }
     # Byte by byte: a text reader hides what an editor put before it.
     $whole = [System.Text.Encoding]::ASCII.GetString([System.IO.File]::ReadAllBytes($script:Journal))
@@ -759,7 +758,7 @@ function Write-FirstRecord {
     $undo = ''
     if ($plan.Undo) {
         $path = [System.IO.Path]::Combine([System.IO.Path]::GetDirectoryName($script:Run.ScriptPath), $plan.Undo)
-        if (-not (Test-Path -LiteralPath $path)) { throw ('{0} must lie beside this script: put it there' -f $path) }
+        if (-not ([System.IO.File]::Exists($path))) { throw ('{0} must lie beside this script: put it there' -f $path) }
         $data = [System.IO.File]::ReadAllBytes($path)
         $undo = [System.Text.Encoding]::ASCII.GetString($data)
         if ((Get-UnsignedDigest -Data $data) -cne $plan.UndoDigest) {
@@ -778,8 +777,8 @@ function Write-FirstRecord {
         robot = $plan.Robot; script = [System.IO.File]::ReadAllText($script:Run.ScriptPath); undo = $undo
         # As text without the T of ISO dates, which 7 would read back as a date; a cast knows no culture.
         started_at = [string] [DateTime]::UtcNow -creplace '^(..)/(..)/(....) (.*)$', '$3-$1-$2 $4 UTC'
-        history = @($script:Past)
-        serials = $script:Serials; touched = @($script:Touched.Keys | Sort-Object); kind = 'run_started'
+        history = @($script:Past); serials = $script:Serials
+        touched = @($script:Touched.Keys | Microsoft.PowerShell.Utility\Sort-Object); kind = 'run_started'
     }
     if ($script:Run.ModulePath) {
         $record['module'] = [hashtable]::new($script:Ordinal)
@@ -789,7 +788,7 @@ function Write-FirstRecord {
     }
     Add-Record -Path $fresh -Record $record
     Protect-Path -Path $fresh -Descriptor 'O:BAG:SYD:P(A;;FA;;;BA)(A;;FA;;;SY)'
-    if (-not (Test-Path -LiteralPath $script:Journal)) { return [System.IO.File]::Move($fresh, $script:Journal) }
+    if (-not ([System.IO.File]::Exists($script:Journal))) { return [System.IO.File]::Move($fresh, $script:Journal) }
     [System.IO.File]::Replace($fresh, $script:Journal, $script:Journal + '.old')
 }
 
@@ -807,7 +806,7 @@ function Assert-VmHost {
     }
     if ($plan.Identity) {
         # What tells this Windows from every other, as observe.ps1 works it out.
-        $id = [string] (Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Cryptography').GetValue('MachineGuid')
+        $id = [string] (Get-KeyData -Path 'HKLM:\SOFTWARE\Microsoft\Cryptography' -Name 'MachineGuid')
         $id = Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes('rarms host ' + $id.Trim().ToLowerInvariant()))
         if ($id.Substring(0, 32) -cne $plan.Identity) {
             Stop-Run -Detail ('this {0} is not the one that the plan was made for: make a plan for this one' -f $vmHost.Name)
@@ -831,19 +830,17 @@ function Test-RootScheduler {
         $asked = @{ ProviderName = 'Microsoft-Windows-Hyper-V-Hypervisor'; ID = 2 }
         return [int] @(Get-WinEvent -FilterHashtable $asked -MaxEvents 1)[0].Properties[0].Value -eq 4
     } catch { Write-Verbose -Message $_.Exception.Message }
-    $key = Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion'
-    $key.GetValue('InstallationType') -ceq 'Client'
+    (Get-KeyData -Path 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion' -Name 'InstallationType') -ceq 'Client'
 }
 
 # === guest: where the script of a guest may run.
 function Assert-Guest {
     $path = 'HKLM:\SOFTWARE\Microsoft\Virtual Machine\Guest\Parameters'
-    if (-not (Test-Path -LiteralPath $path)) {
+    $id = ([string] (Get-KeyData -Path $path -Name 'VirtualMachineId')).ToLowerInvariant()
+    if (-not $id) {
         Stop-Run -Detail 'this Windows is no guest, or its service vmickvpexchange never ran: start that'
     }
-    $key = Get-Item -LiteralPath $path
-    $id = ([string] $key.GetValue('VirtualMachineId')).ToLowerInvariant()
-    $name = [string] $key.GetValue('VirtualMachineName')
+    $name = [string] (Get-KeyData -Path $path -Name 'VirtualMachineName')
     if (@($id, $name) -ccontains $script:Plan.Guest) { return }
     Stop-Run -Detail ('this is the guest of {0} ({1}), not of {2}: run it in that' -f $name, $id, $script:Plan.Guest)
 }
@@ -937,7 +934,7 @@ function Test-Unread {
 function Get-Mark {
     # Our line in a machine's notes. One that names another machine's id was copied and is none; so are two of them.
     param($Vm)
-    $found = @(@([string] $Vm.Notes -split '\n') | Where-Object -FilterScript { $_ -cmatch $script:MarkForm })
+    $found = @(foreach ($line in @([string] $Vm.Notes -split '\n')) { if ($line -cmatch $script:MarkForm) { $line } })
     $sound = $found.Count -eq 1 -and -not (Test-Replica -Vm $Vm) -and $found[0] -cmatch $script:MarkForm
     if ($sound -and $Matches['vm'] -ceq ([string] $Vm.Id).Substring(0, 8).ToLowerInvariant()) {
         return @{ Application = $Matches['app']; Name = $Matches['name']; Set = $Matches['set'] }
@@ -1072,9 +1069,9 @@ function Add-Folder {
 function Get-EmptyFolder {
     param([string[]] $Path)
     foreach ($one in $Path) {
-        if (-not (Test-Path -LiteralPath $one)) { continue }
+        if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $one)) { continue }
         $link = [System.IO.File]::GetAttributes($one) -band [System.IO.FileAttributes]::ReparsePoint
-        if (-not $link -and -not @(Get-ChildItem -LiteralPath $one -Force).Count) { $one }
+        if (-not $link -and -not @(Microsoft.PowerShell.Management\Get-ChildItem -LiteralPath $one -Force).Count) { $one }
     }
 }
 
@@ -1123,7 +1120,7 @@ function Test-Capacity {
         if ($one.Cores -eq $plan.Cores) { $wide += $one.Reserve } else { $sizes += @($one.Reserve) * $one.Cores }
     }
     $free = @(100 - $wide) * $plan.Cores
-    foreach ($size in @($sizes | Sort-Object -Descending)) {
+    foreach ($size in @($sizes | Microsoft.PowerShell.Utility\Sort-Object -Descending)) {
         $at = 0
         while ($at -lt $free.Count -and $free[$at] -lt $size) { $at++ }
         if ($at -eq $free.Count) { return $false }
@@ -1200,7 +1197,7 @@ function Test-ShutdownService {
 # === disks: how virtual disks are read and removed.
 function Get-DiskReading {
     param([string] $Path, [string] $Parent, [switch] $Everywhere)
-    if (-not (Test-Path -LiteralPath $Path)) { return @{ exists = $false } }
+    if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $Path)) { return @{ exists = $false } }
     $disk = Hyper-V\Get-VHD -Path $Path
     $live = @{ exists = $true }
     $live['child'] = [string] $disk.VhdType -ceq 'Differencing' -and (Test-SamePath -Left $disk.ParentPath -Right $Parent)
@@ -1219,7 +1216,8 @@ function Test-DiskUse {
         while ($at) {
             if (Test-SamePath -Left $at -Right $Path) { return $true }
             if ($at -cmatch '[*?[\]`]') { throw ('{0}: Get-VHD reads this name as a pattern, rename the file' -f $at) }
-            $at = if (Test-Path -LiteralPath $at) { [string] (Hyper-V\Get-VHD -Path $at).ParentPath } else { '' }
+            $there = Microsoft.PowerShell.Management\Test-Path -LiteralPath $at
+            $at = if ($there) { [string] (Hyper-V\Get-VHD -Path $at).ParentPath } else { '' }
         }
     }
     $false
@@ -1245,7 +1243,7 @@ function Get-TaskClassReading {
     [string[]] $names = @(foreach ($name in @(Get-TaskValueName -Task $Task)) { $name.ToLowerInvariant() })
     [Array]::Sort($names, [System.StringComparer]::Ordinal)
     foreach ($name in $names) {
-        $key = Get-Item -LiteralPath (Get-TaskPath -Task $Task)
+        $key = Microsoft.PowerShell.Management\Get-Item -LiteralPath (Get-TaskPath -Task $Task)
         $kind = ([string] $key.GetValueKind($name)).ToLowerInvariant()
         $data = $key.GetValue($name)
         if ($kind -ceq 'dword') { $data = [long] $data -band 4294967295 }
@@ -1254,14 +1252,12 @@ function Get-TaskClassReading {
         # Windows does not tell the case of a value's name apart.
         $live['values'] = $names -join ', '
     }
-    if (-not (Test-Path -LiteralPath $script:RecordRoot)) { return $live }
-    foreach ($application in @(Get-ChildItem -LiteralPath $script:RecordRoot)) {
+    if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $script:RecordRoot)) { return $live }
+    foreach ($application in @(Microsoft.PowerShell.Management\Get-ChildItem -LiteralPath $script:RecordRoot)) {
         $path = Get-RecordPath -Task $Task -Application $application.PSChildName
-        if (-not (Test-Path -LiteralPath $path)) { continue }
-        $key = Get-Item -LiteralPath $path
-        if (-not $key.GetValue('set')) { continue }
+        if (-not (Get-KeyData -Path $path -Name 'set')) { continue }
         $live['record'] = [string] $application.PSChildName
-        foreach ($name in @('robot', 'set')) { $live[$name] = [string] $key.GetValue($name) }
+        foreach ($name in @('robot', 'set')) { $live[$name] = [string] (Get-KeyData -Path $path -Name $name) }
     }
     $live
 }
@@ -1269,8 +1265,8 @@ function Get-TaskClassReading {
 function Get-TaskValueName {
     param([string] $Task)
     $path = Get-TaskPath -Task $Task
-    if (-not (Test-Path -LiteralPath $path)) { return }
-    foreach ($name in @((Get-Item -LiteralPath $path).GetValueNames())) {
+    if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $path)) { return }
+    foreach ($name in @((Microsoft.PowerShell.Management\Get-Item -LiteralPath $path).GetValueNames())) {
         if ($path -cne $script:ProfileRoot -or $name -eq $Task) { $name }
     }
 }
@@ -1314,7 +1310,7 @@ function Write-TaskRecord {
     $path = Get-RecordPath -Task $Task -Application $Application
     foreach ($one in @($script:RecordRoot, ('{0}\{1}' -f $script:RecordRoot, $Application), $path)) { Add-Key -Path $one }
     foreach ($one in @(@('before', $Before), @('robot', $Robot), @('set', $Digest))) {
-        $there = [string] (Get-Item -LiteralPath $path).GetValue($one[0])
+        $there = [string] (Get-KeyData -Path $path -Name $one[0])
         if ([string]::Equals($there, $one[1], [System.StringComparison]::Ordinal)) { continue }
         [void] (New-ItemProperty -LiteralPath $path -Name $one[0] -PropertyType String -Value $one[1] -Force)
     }
@@ -1328,6 +1324,12 @@ function Remove-TaskRecord {
     }
 }
 
+function Get-KeyData {
+    param([string] $Path, [string] $Name)
+    if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $Path)) { return }
+    (Microsoft.PowerShell.Management\Get-Item -LiteralPath $Path).GetValue($Name)
+}
+
 function Test-EmptyKey {
     # Whether a kill left keys that hold nothing: a class without values, a record without its digest, or ours above it.
     param([string] $Task)
@@ -1336,13 +1338,14 @@ function Test-EmptyKey {
     foreach ($path in @((Get-TaskPath -Task $Task), $application, $script:RecordRoot)) {
         if (Test-BareKey -Path $path) { return $true }
     }
-    (Test-Path -LiteralPath $record) -and -not (Get-Item -LiteralPath $record).GetValue('set')
+    (Microsoft.PowerShell.Management\Test-Path -LiteralPath $record) -and -not (Get-KeyData -Path $record -Name 'set')
 }
 
 function Test-BareKey {
     param([string] $Path)
-    if (-not (Test-Path -LiteralPath $Path)) { return $false }
-    -not (@(Get-ChildItem -LiteralPath $Path).Count + @((Get-Item -LiteralPath $Path).GetValueNames()).Count)
+    if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $Path)) { return $false }
+    if (@(Microsoft.PowerShell.Management\Get-ChildItem -LiteralPath $Path).Count) { return $false }
+    -not @((Microsoft.PowerShell.Management\Get-Item -LiteralPath $Path).GetValueNames()).Count
 }
 
 function Get-RecordPath {
@@ -1353,12 +1356,12 @@ function Get-RecordPath {
 function Add-Key {
     # Never with -Force, which would empty a key that is there.
     param([string] $Path)
-    if (-not (Test-Path -LiteralPath $Path)) { [void] (New-Item -Path $Path) }
+    if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $Path)) { [void] (New-Item -Path $Path) }
 }
 
 function Remove-Key {
     param([string] $Path)
-    if (Test-Path -LiteralPath $Path) { Remove-Item -LiteralPath $Path }
+    if (Microsoft.PowerShell.Management\Test-Path -LiteralPath $Path) { Remove-Item -LiteralPath $Path }
 }
 
 # === unseen: task classes of a guest that could not be looked into, so that its own record decides.
@@ -1383,7 +1386,7 @@ function Save-TaskRecord {
     $live = Get-TaskClassReading -Task $Task
     $before = 'null'
     if ($live['record']) {
-        $before = [string] (Get-Item -LiteralPath (Get-RecordPath -Task $Task -Application $Application)).GetValue('before')
+        $before = [string] (Get-KeyData -Path (Get-RecordPath -Task $Task -Application $Application) -Name 'before')
     } elseif ($live['exists']) {
         $values = [hashtable]::new($script:Ordinal)
         foreach ($name in @(Get-TaskValueName -Task $Task)) {
@@ -1400,8 +1403,8 @@ function Restore-TaskClass {
     param([string] $Task, [string] $Application)
     $path = Get-RecordPath -Task $Task -Application $Application
     # Without its digest nothing was written yet; without the record all is back.
-    if (-not (Test-Path -LiteralPath $path) -or -not (Get-Item -LiteralPath $path).GetValue('set')) { return }
-    $before = ConvertFrom-Json -InputObject ([string] (Get-Item -LiteralPath $path).GetValue('before'))
+    if (-not (Get-KeyData -Path $path -Name 'set')) { return }
+    $before = ConvertFrom-Json -InputObject ([string] (Get-KeyData -Path $path -Name 'before'))
     if ($null -eq $before) { return Remove-TaskClass -Task $Task }
     foreach ($name in @(Get-TaskValueName -Task $Task)) { Remove-TaskValue -Task $Task -Name $name }
     foreach ($one in $before.PSObject.Properties) {

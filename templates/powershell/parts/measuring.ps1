@@ -48,7 +48,8 @@ function Complete-Measurement {
     foreach ($test in $script:Tests) { Add-TestMachine -Test $test }
     foreach ($work in $script:Works) { Connect-Guest -Work $work }
     Write-Progressed -Partition '' -Status 'reading' -Detail 'ready'
-    while ($script:Works.Count -and -not (Test-Path -LiteralPath ($script:Run.ScriptPath + '.stop'))) { Step-Setting }
+    $stop = $script:Run.ScriptPath + '.stop'
+    while ($script:Works.Count -and -not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $stop)) { Step-Setting }
     Remove-Measurement
     Write-RunEvent -Kind 'run' -Status 'done'
 }
@@ -93,7 +94,7 @@ function Get-NextSetting {
     $path = $script:Run.ScriptPath + '.next'
     $text = ''
     try {
-        if (Test-Path -LiteralPath $path) { $text = [System.IO.File]::ReadAllText($path) }
+        if (Microsoft.PowerShell.Management\Test-Path -LiteralPath $path) { $text = [System.IO.File]::ReadAllText($path) }
     } catch { Write-Verbose -Message $_.Exception.Message }
     if ($text -cmatch '[0-9]+ (?:rest|run(?: [0-9]{1,3})*)\.$') { $Matches[0] } else { $script:Setting }
 }
@@ -141,7 +142,7 @@ function Wait-Load {
             if (@('NotStarted', 'Running') -cnotcontains [string] $job.Job.State) {
                 throw ('{0} ended inside its guest: {1}' -f $job.Name, $job.Job.State)
             }
-            if (Test-Path -LiteralPath ($script:Run.ScriptPath + '.stop')) { return }
+            if (Microsoft.PowerShell.Management\Test-Path -LiteralPath ($script:Run.ScriptPath + '.stop')) { return }
             Start-Sleep -Milliseconds 100
         }
     }
@@ -178,7 +179,7 @@ function Write-Counter {
             }
             $seen[$of] = $more
         }
-        foreach ($of in @($seen.Keys | Sort-Object)) {
+        foreach ($of in @($seen.Keys | Microsoft.PowerShell.Utility\Sort-Object)) {
             $name = 'Hyper-V Hypervisor ' + $set
             if ($of) { $name += '(' + $of + ')' }
             Write-Seen -Name $name -Seen ('counted ' + $due + ' ' + ($seen[$of] -join ' '))

@@ -31,7 +31,8 @@ function Connect-Guest {
         } catch {
             # A guest that boots refuses like one with another password.
             $problem = [string] $_.Exception.Message
-            $late = -not ([DateTime]::UtcNow -lt $until) -or (Test-Path -LiteralPath ($script:Run.ScriptPath + '.stop'))
+            $stop = $script:Run.ScriptPath + '.stop'
+            $late = -not ([DateTime]::UtcNow -lt $until) -or (Microsoft.PowerShell.Management\Test-Path -LiteralPath $stop)
             if ($null -ne $script:Ending -or $late) { throw $problem }
             Write-Progressed -Partition $at -Status 'reading' -Detail $problem
         }
@@ -55,7 +56,7 @@ function Get-GuestSecret {
     # as ConvertFrom-SecureString writes it.
     param([string] $Name)
     $path = '{0}\credentials\{1}.txt' -f $script:Folder, ($Name -creplace '/', '_')
-    if (-not (Test-Path -LiteralPath $path)) { Stop-Run -Detail ('there is no credential {0}' -f $path) }
+    if (-not ([System.IO.File]::Exists($path))) { Stop-Run -Detail ('there is no credential {0}' -f $path) }
     Assert-Owner -Path $path
     $lines = @([System.IO.File]::ReadAllText($path) -split '\r?\n')
     $password = ConvertTo-SecureString -String $lines[1]
@@ -92,7 +93,7 @@ function Get-GuestRunner {
                 [System.IO.File]::WriteAllBytes($path, [System.Convert]::FromBase64String($file.Value))
             }
             $program = [System.IO.Path]::Combine($folder, $work.program)
-            if (-not [System.IO.File]::Exists($program)) { $program = $work.program }
+            if (-not ([System.IO.File]::Exists($program))) { $program = $work.program }
             $start = [System.Diagnostics.ProcessStartInfo]::new($program, $work.arguments)
             $start.UseShellExecute = $false
             $start.WorkingDirectory = $folder

@@ -63,7 +63,7 @@ function Remove-TestPartition {
         $called = if ($mark.Name) { $mark.Name + '.rarms-000000000000' } else { [string] $vm.Name }
         if (-not ($called -cmatch '^rarms-p[12]\.rarms-0{12}$')) { continue }
         if (Get-Tie -Vm $vm) { continue }
-        $disks = @(@(Hyper-V\Get-VMHardDiskDrive -VM $vm) | Where-Object -FilterScript {
+        $disks = @(@(Hyper-V\Get-VMHardDiskDrive -VM $vm) | Microsoft.PowerShell.Core\Where-Object -FilterScript {
             [string] $_.Path -cmatch $script:TestDisk
         })
         if (@('off', 'saved') -cnotcontains (ConvertTo-RunState -State $vm.State)) {
