@@ -239,7 +239,7 @@ def _host_behind_pwsh(folder: Path) -> Mapping[str, Any]:
     return {vm.name: {"state": vm.state, "reserve": vm.reserve, "memory": vm.memory} for vm in machines}
 
 
-TIMES = frozenset({"when", "begun", "provenance", "taken", "length", "checksum"})
+TIMES = frozenset({"when", "begun", "provenance", "taken", "wall_seconds", "length", "checksum"})
 
 
 def _untimed(record: Mapping[str, Any]) -> dict[str, Any]:

@@ -40,12 +40,20 @@ def wake_together(count: int, burst_ns: int, gap_ns: int) -> int:
     gaps = random.Random()  # noqa: S311 - gaps that lock into no phase are the purpose, not a secret
     while True:
         wake = time.perf_counter_ns() + round(gap_ns * gaps.uniform(SHORTEST_GAP, LONGEST_GAP))
+        if not (all_are_told(threads, wake) and all_answer(threads)):
+            sys.stderr.write("a process of the bursts ended\n")
+            return 1
+
+
+def all_are_told(threads: "list[subprocess.Popen[bytes]]", wake: int) -> bool:
+    """Tell each when to wake, by the clock of `perf_counter_ns`; False where one has ended."""
+    try:
         for thread in threads:
             assert thread.stdin is not None
             thread.stdin.write(MOMENT.pack(wake))
-        if not all_answer(threads):
-            sys.stderr.write("a process of the bursts ended\n")
-            return 1
+    except OSError:  # EPIPE; EINVAL on Windows
+        return False
+    return True
 
 
 def all_answer(threads: "list[subprocess.Popen[bytes]]") -> bool:

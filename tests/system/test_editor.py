@@ -103,4 +103,4 @@ def test_an_editor_knows_an_overlay(tmp_path: Path) -> None:
         assert editor.problems(right) == []
         (problem,) = editor.problems(wrong)
 
-    assert "B, KiB, MiB, GiB, TiB" in problem
+    assert "the unit B, KiB, MiB, GiB or TiB" in problem
