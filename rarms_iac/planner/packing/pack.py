@@ -98,7 +98,7 @@ ROUNDS = 40
 """Times that a stage is solved anew because virtual processors found no logical ones."""
 
 ROUNDS_FOR_ANY = 15
-"""Times that the search for any packing is, good or not."""
+"""The same for the search for any packing, good or not."""
 
 
 def pack(items: Sequence[Item], bins: Sequence[Bin], *, node_budget: int = NODES) -> Packing | NoPacking:
