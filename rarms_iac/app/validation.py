@@ -15,6 +15,7 @@ from rarms_iac.manifest.load import DEFAULT_NAME, load, manifest_path
 from rarms_iac.manifest.text.reading import MAX_BYTES
 from rarms_iac.model.diagnostics import Diagnostic, Severity, first_of_each_kind, in_order
 from rarms_iac.model.wording import did_you_mean
+from rarms_iac.running.secrets import short_secrets
 from rarms_iac.storage.reading import STANDARD_INPUT, read_file
 
 _KEY = re.compile(rb"^([A-Za-z_]+)[ \t]*:", re.MULTILINE)
@@ -90,7 +91,7 @@ def validate_manifest(source: ManifestSource) -> Validation:
     errors = [finding for finding in loaded.diagnostics if finding.severity is Severity.ERROR]
     beyond = declared_host_findings(Manifest(source=source, system=system, loaded=loaded), errors)
     remaining, accepted = apply_acceptances(
-        in_order([*loaded.diagnostics, *beyond]),
+        in_order([*loaded.diagnostics, *beyond, *short_secrets(system.components.values(), loaded.places)]),
         system.policy,
         loaded.places,
         source.today,

@@ -73,18 +73,18 @@ def _in_addresses(value: str) -> tuple[str, ...]:
     return tuple(write(value, errors="surrogateescape") for write in (quote, quote_plus))
 
 
-SHORT_SECRET = Finding.note("RARMS345", "A value from the environment is too short to be hidden")
+SHORT_SECRET = Finding.warning("RARMS345", "A value from the environment is too short to be hidden")
 
 
 def short_secrets(components: Iterable[Component], places: Places) -> Iterator[Diagnostic]:
     """Find values of rarms' own environment that are too short to be found in what components print.
 
     Args:
-        components: what is started, as real processes.
+        components: whose `from_env` variables are looked at.
         places: of the manifest.
 
     Yields:
-        A note for each such variable of a component.
+        A warning for each such variable of a component; it tells neither the value nor its length.
     """
     for component in components:
         for variable, value in (component.run.environment if component.run is not None else {}).items():

@@ -1,4 +1,4 @@
-"""A manifest by any author: `validate` and `plan --snapshot` start no program, read no variable it names, and open
+"""A manifest by any author: `validate` and `plan --snapshot` start no program, show no variable it names, and open
 no file outside of the checkout. That is why pull requests of strangers are safe to look at."""
 
 import json
@@ -62,6 +62,7 @@ components:{COMPONENTS}
 interference:
   theirs: {{ kind: command, command: [OUTSIDE/secret.txt, /bin/sh, -c, touch OUTSIDE/run] }}
 """
+TOKEN = "s3cr!"
 HOSTS = ["provider: simulated", "provider: linux", "provider: hyperv, connect: { ssh: stranger@example.org }"]
 
 
@@ -96,13 +97,13 @@ def rarms(checkout: Path, *words: str) -> "subprocess.CompletedProcess[str]":
     )
 
 
-def watched(checkout: Path, *words: str) -> tuple[int, list[tuple[str, str]], list[str]]:
-    """The exit code, what happened but for Python's and rarms' own files, and the variables that were read."""
+def watched(checkout: Path, *words: str) -> tuple[int, list[tuple[str, str]], list[str], str]:
+    """Exit code, what happened but for Python's and rarms' own files, the variables that were read, and the output."""
     report = checkout.parent / "report.json"
     done = subprocess.run(
         [sys.executable, "-c", WATCHED, str(report), *words],
         cwd=checkout,
-        env={**os.environ, "STRANGERS_TOKEN": "s3cret", "PYTHONDONTWRITEBYTECODE": "1"},
+        env={**os.environ, "STRANGERS_TOKEN": TOKEN, "PYTHONDONTWRITEBYTECODE": "1"},
         capture_output=True,
         text=True,
         check=False,
@@ -113,7 +114,7 @@ def watched(checkout: Path, *words: str) -> tuple[int, list[tuple[str, str]], li
     own = [os.path.realpath(folder) for folder in (sys.prefix, sys.base_prefix, Path(rarms_iac.__file__).parents[1])]
     own += [str(checkout), "/usr/share/zoneinfo", "/dev/null", os.path.realpath(report)]
     events = [(event, what) for event, what in heard["events"] if not what.startswith((*own, "<frozen"))]
-    return heard["code"], [(event, what) for event, what in events if what], heard["read"]
+    return heard["code"], [(event, what) for event, what in events if what], heard["read"], done.stdout + done.stderr
 
 
 @pytest.mark.parametrize("host", HOSTS)
@@ -124,9 +125,10 @@ def test_looking_at_a_strangers_manifest_touches_nothing_of_ours(measured: Path,
         ("validate", "."),
         ("plan", "--snapshot", "onboard=host.json", "--output", "markdown", "--base", "."),
     ):
-        code, events, read = watched(measured, *words)
+        code, events, read, printed = watched(measured, *words)
         assert (code in {0, 2, 4}, events) == (True, [])
-        assert "STRANGERS_TOKEN" not in read
+        assert ("STRANGERS_TOKEN" in read) == (words[0] == "validate") == ("RARMS345" in printed)
+        assert TOKEN not in printed
     assert not (measured / "ran").exists()
     assert not (measured.parent / "outside" / "run").exists()
 
@@ -134,7 +136,7 @@ def test_looking_at_a_strangers_manifest_touches_nothing_of_ours(measured: Path,
 def test_a_program_that_is_started_would_be_noticed(measured: Path) -> None:
     written(measured)
 
-    _, events, read = watched(measured, "run", "vision", "--samples", "1")
+    _, events, read, _ = watched(measured, "run", "vision", "--samples", "1")
 
     assert any(event.startswith(("subprocess", "os.")) for event, _ in events)
     assert "STRANGERS_TOKEN" in read
@@ -162,7 +164,7 @@ def test_beside_a_snapshot_a_host_without_one_is_refused_and_not_asked(measured:
     other = "  other: { provider: hyperv, connect: { ssh: a@example.org }, logical_processors: 2, memory: 4 GiB }"
     file.write_text(file.read_text(encoding="utf-8").replace("components:\n", f"{other}\ncomponents:\n", 1))
 
-    refused, _, _ = watched(measured, "plan", "--snapshot", "onboard=host.json")
-    _, events, _ = watched(measured, "plan", "--snapshot", "onboard=host.json", "--host", "onboard")
+    refused, _, _, _ = watched(measured, "plan", "--snapshot", "onboard=host.json")
+    _, events, _, _ = watched(measured, "plan", "--snapshot", "onboard=host.json", "--host", "onboard")
 
     assert (refused, events) == (64, [])

@@ -218,3 +218,24 @@ def test_an_acceptance_is_held_against_all_findings_before_the_rest_is_only_coun
     assert [finding.address for finding in accepted] == [hosts[-1]]
     assert {finding.code for finding in shown} == {"RARMS159"}
     assert [finding.detail for finding in shown if not finding.address] == ["999 more of this kind follow."]
+
+
+@pytest.mark.parametrize(("value", "is_named"), [(None, False), ("", False), ("qz7!x", True), ("qz7!xy", False)])
+def test_a_variable_that_is_too_short_to_be_hidden_is_named_without_its_value(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, value: str | None, is_named: bool
+) -> None:
+    run = ", run: { command: [a], environment: { TOKEN: { from_env: RARMS_TEST_TOKEN }, MODE: fast } }"
+    file = manifest(tmp_path, component("a", "50 %", more=run), component("b", "45 %"))
+    monkeypatch.delenv("RARMS_TEST_TOKEN", raising=False)
+    if value is not None:
+        monkeypatch.setenv("RARMS_TEST_TOKEN", value)
+
+    found = validated(file)
+
+    named = [(finding.code, finding.severity, finding.address, finding.values) for finding in found.findings]
+    facts = {"component": "a", "variable": "RARMS_TEST_TOKEN"}
+    assert named == ([("RARMS345", Severity.WARNING, "component/a", facts)] if is_named else [])
+    assert not any(value and value in str(finding) for finding in found.findings)
+    with file.open("a", encoding="utf-8") as manifest_file:
+        manifest_file.write("policy: { accept: { RARMS345: { at: [component/a], reason: no secret } } }\n")
+    assert validated(file).findings == ()

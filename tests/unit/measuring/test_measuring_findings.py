@@ -11,10 +11,9 @@ from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.outcomes import NotAchievable, NotResolved, Sufficient
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource
 from rarms_iac.model.quantities import Milliseconds
-from rarms_iac.model.run import FromEnvironment, Periodic
+from rarms_iac.model.run import Periodic
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.setting import Setting
-from rarms_iac.running.secrets import short_secrets
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series, a_setting
 
@@ -188,19 +187,3 @@ def test_fixed_processors_that_are_not_used_are_noted_with_what_fewer_would_save
 
     assert [diagnostic.code for diagnostic in found] == codes
     assert all("1.08 LP, and would be 0.54 LP with 1" in diagnostic.detail for diagnostic in found)
-
-
-@pytest.mark.parametrize(("value", "is_named"), [(None, False), ("", False), ("short", True), ("longer", False)])
-def test_a_value_from_the_environment_that_is_too_short_to_be_hidden_is_named(
-    value: str | None, is_named: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    run = replace(a_run(), environment={"TOKEN": FromEnvironment(name="VISION_TOKEN"), "MODE": "fast"})
-    component = replace(a_component("vision"), run=run)
-    monkeypatch.delenv("VISION_TOKEN", raising=False)
-    if value is not None:
-        monkeypatch.setenv("VISION_TOKEN", value)
-
-    found = list(short_secrets([component, a_component("speech")], FirstLine("rarms.yaml")))
-
-    assert [finding.values["variable"] for finding in found] == (["VISION_TOKEN"] if is_named else [])
-    assert not any(value and value in finding.detail for finding in found)
