@@ -22,7 +22,7 @@ from rarms_iac.manifest.load import manifest_digest
 from rarms_iac.model.commands import PLAN, PLAN_OUT, UNDO, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
+from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted, run_to_undo
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.step_titles import reversal
 from rarms_iac.model.wording import quoted
@@ -309,7 +309,7 @@ def combine_reports(reports: Sequence[RunReport]) -> RunReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LastApply:
-    """A host, and the last run there; None where there was none."""
+    """A host, and the last run there, as of `run_to_undo`; None where there was none."""
 
     host: LiveHost
     journal: Journal | ScriptRun | None
@@ -347,7 +347,7 @@ def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
     """
     with host_errors():
         opened = (hosts.open(name) for name in hosts.chosen)
-        all_hosts = tuple(LastApply(host=host, journal=host.journal()) for host in opened)
+        all_hosts = tuple(LastApply(host=host, journal=run_to_undo(host.journal())) for host in opened)
     chosen = tuple(last for last in all_hosts if last.can_be_undone) or all_hosts[:1]
     own = hosts.system.application
     others = [

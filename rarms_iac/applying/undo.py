@@ -18,7 +18,17 @@ from rarms_iac.applying.run_script import (
 )
 from rarms_iac.applying.run_steps import ShouldStop, failed_run, run_steps
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunOrigin, RunStarted, ScriptRun, history_of
+from rarms_iac.model.journal import (
+    Closing,
+    Journal,
+    RunClosed,
+    RunKind,
+    RunOrigin,
+    RunStarted,
+    ScriptRun,
+    history_of,
+    run_to_undo,
+)
 from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.model.state import Rights
 from rarms_iac.model.step_titles import reversal
@@ -32,10 +42,11 @@ def undo(
     try:
         match host:
             case StepwiseHost():
-                journal = host.journal()
-                if journal is None or not can_be_undone(journal):
+                last = host.journal()
+                journal = run_to_undo(last)
+                if not isinstance(journal, Journal) or not can_be_undone(journal):
                     return _nothing_to_undo(host, journal)
-                return without_rights(host) or _walk_back(host, journal, origin, reporter, should_stop)
+                return without_rights(host) or _walk_back(host, journal, last, origin, reporter, should_stop)
             case ScriptedHost():
                 run = host.journal()
                 if run is None or not can_be_undone(run):
@@ -63,11 +74,16 @@ def without_rights(host: LiveHost) -> RunReport | None:
 
 
 def _walk_back(
-    host: StepwiseHost, journal: Journal, origin: RunOrigin, reporter: RunReporter, should_stop: ShouldStop
+    host: StepwiseHost,
+    journal: Journal,
+    last: Journal | None,
+    origin: RunOrigin,
+    reporter: RunReporter,
+    should_stop: ShouldStop,
 ) -> RunReport:
     if journal.started.run is RunKind.UNDO:
         return run_steps(host, journal, reporter, should_stop)
-    started = undo_run(journal, origin)
+    started = undo_run(journal, origin, after=last)
     host.start_run(started)
     report = run_steps(host, Journal(started=started), reporter, should_stop)
     return replace(report, findings=(*report.findings, *not_undone_findings(host.name, journal)))
@@ -146,9 +162,15 @@ def not_undone_findings(host: str, journal: Journal | ScriptRun) -> tuple[Diagno
             return tuple(refusals.undo_script_partial(host, lost) for lost in not_undone(journal.started.undo))
 
 
-def undo_run(journal: Journal, origin: RunOrigin) -> RunStarted:
-    """The run that takes the journal's steps back. It raises the serial: what was planned before it is stale."""
-    started = journal.started
+def undo_run(journal: Journal, origin: RunOrigin, *, after: Journal | None = None) -> RunStarted:
+    """The run that takes the journal's steps back. It raises the serial: what was planned before it is stale.
+
+    Args:
+        journal: the run that is taken back.
+        origin: of the undo.
+        after: the last run on the host; None: the same run.
+    """
+    started, last = journal.started, after or journal
     changes = started.host_plan.changes_by_address
     steps = tuple(reversal(step, changes) for _, step in steps_to_undo(journal) if step.undo.operation is not None)
     return replace(
@@ -157,8 +179,8 @@ def undo_run(journal: Journal, origin: RunOrigin) -> RunStarted:
         steps=steps,
         started_by=origin.by,
         started_at=origin.at,
-        history=history_of(journal),
-        serials=raised_serials(started.serials, started.application),
+        history=history_of(last),
+        serials=raised_serials(last.started.serials, started.application),
     )
 
 

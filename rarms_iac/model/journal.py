@@ -74,6 +74,7 @@ class RunStarted:
     robot: str = ""  # of `Application`
     needs_key: bool = False  # of `Plan`
     history: tuple[PastRun, ...] = ()  # runs before this one, the oldest first
+    before_measurement: "Journal | None" = None  # of a `part_of_measurement`: the last run that is none
     kind: Literal["run_started"] = "run_started"
 
 
@@ -209,3 +210,16 @@ def part_of_measurement(run: Journal | ScriptRun) -> Literal["", "stop", "start"
     if not changes or len(partitions) < len(changes) or not all(stopped):
         return ""
     return "start" if all(after.settings.running for _, after in partitions) else "stop"
+
+
+def run_to_undo(last: Journal | ScriptRun | None) -> Journal | ScriptRun | None:
+    """Tell which run an undo takes back: what was started again after measuring is as the run before left it.
+
+    Args:
+        last: the last run on a host.
+
+    Returns:
+        The same run; where it is a measurement's finished start, the last run that is no part of a measurement.
+    """
+    is_started_again = last is not None and not last.unfinished and part_of_measurement(last) == "start"
+    return last.started.before_measurement if is_started_again and isinstance(last, Journal) else last

@@ -175,15 +175,22 @@ def run_of(records: list[JournalRecord]) -> Journal:
     closed = rest.pop() if rest and isinstance(rest[-1], RunClosed) else None
     if not isinstance(started, RunStarted):
         raise NotDecodable("record 1", "it does not start a run")
-    if (name := wrong_name(started.host_plan, started.steps)) is not None:
-        raise NotDecodable("record 1", f"no manifest can give the name {quoted(name)}")
     steps = [record for record in rest if isinstance(record, StepRecorded)]
     if len(steps) != len(rest):
         raise NotDecodable("", "a run is started or closed in the middle of another")
-    for record in steps:
+    run = Journal(started=started, steps=tuple(steps), closed=closed if isinstance(closed, RunClosed) else None)
+    for journal in filter(None, (run, started.before_measurement)):
+        _check(journal)
+    return run
+
+
+def _check(run: Journal) -> None:
+    started = run.started
+    if (name := wrong_name(started.host_plan, started.steps)) is not None:
+        raise NotDecodable("record 1", f"no manifest can give the name {quoted(name)}")
+    for record in run.steps:
         if not 0 <= record.number < len(started.steps):
             raise NotDecodable("", f"the run has no step {record.number}")
-    return Journal(started=started, steps=tuple(steps), closed=closed if isinstance(closed, RunClosed) else None)
 
 
 def _serials_in(data: bytes | None, path: Path) -> Mapping[str, int]:

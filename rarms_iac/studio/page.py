@@ -225,11 +225,12 @@ def _is_next(plan: PlanOnPage, command: NextCommand | None) -> bool:
 def _can_undo(known: Knowledge, application: str) -> bool:
     """Whether the last run on a host is the application's, and an apply or an undo that did not end.
 
-    What a measurement started again is no apply that an engineer means: to undo it would stop the application.
+    A start after measuring is passed over, as `run_to_undo` does.
     """
-    last = [runs[-1] for runs in known.history.hosts.values() if runs] if known.history else []
-    own = [run for run in last if run.application == application]
-    return any((run.run is RunKind.APPLY and not run.measurement) or run.closing is None for run in own)
+    hosts = known.history.hosts.values() if known.history else ()
+    last = [next((run for run in reversed(runs) if not run.measurement or run.closing is None), None) for runs in hosts]
+    own = [run for run in last if run is not None and run.application == application]
+    return any(run.run is RunKind.APPLY or run.closing is None for run in own)
 
 
 def _report(known: Knowledge, workspace: Workspace) -> Report:

@@ -214,7 +214,7 @@ def _with_later(runs: Sequence[PastRun]) -> Iterator[tuple[PastRun, Sequence[Pas
 
 
 def _ending(run: PastRun, later: Sequence[PastRun] = ()) -> str:
-    """How a run ended, or that the one after it took it back."""
-    if run.run is RunKind.APPLY and later and later[0].run is RunKind.UNDO and later[0].plan == run.plan:
+    """How a run ended, or that one after it took it back."""
+    if run.run is RunKind.APPLY and any(other.run is RunKind.UNDO and other.plan == run.plan for other in later):
         return "undone"
     return run.ending

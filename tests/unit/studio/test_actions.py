@@ -81,7 +81,7 @@ def test_a_plan_is_applied_once_after_the_name_was_typed(client: Client) -> None
     assert 'data-action="undo"' not in client.get().text, "there is nothing left to undo"
 
 
-def test_an_undo_is_not_offered_for_what_a_measurement_stopped_and_started_again(client: Client, folder: Path) -> None:
+def test_an_undo_after_measuring_is_that_of_the_users_own_apply(client: Client, folder: Path) -> None:
     assert rarms("apply", "--auto-approve", "-f", str(folder)).code == 0
     assert 'data-action="undo"' in client.get().text
 
@@ -89,7 +89,8 @@ def test_an_undo_is_not_offered_for_what_a_measurement_stopped_and_started_again
 
     page = client.get().text
     assert 'data-is="Run">start after measuring<' in page
-    assert 'data-action="undo"' not in page
+    assert 'data-action="undo"' in page
+    assert "remove" in str(done(client, "undo-preview")["lines"])
 
 
 def test_a_proof_asks_for_the_idle_time_of_the_hosts(client: Client) -> None:

@@ -74,6 +74,25 @@ def test_history_says_which_runs_stopped_and_started_for_a_measurement() -> None
     assert kinds == ["apply", "apply", "start after measuring", "stop to measure", "apply"]
 
 
+def test_undo_takes_back_the_users_own_apply_and_not_the_start_after_measuring() -> None:
+    Path("rarms.yaml").write_text(MANIFEST.replace("reserve: 20 %", "reserve: 30 %"), encoding="utf-8")
+    assert rarms("apply", "--auto-approve").code == 0
+    for setting in ("50%", "60%"):  # a measurement after a measurement
+        assert rarms("measure", "vision", "--from", setting, "--to", setting, "--stop-partitions").code == 0
+
+    undone = rarms("undo", "--auto-approve")
+
+    assert undone.code == 0, undone.err
+    assert machines() == RUNNING
+    [_, *rows] = rarms("history").out.splitlines()
+    kinds = [re.split(r" {2,}", row.strip())[1] for row in rows]
+    measurement = ["start after measuring", "stop to measure"]
+    assert kinds == ["undo", *measurement, *measurement, "apply", "apply"]
+    Path("rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+    assert "No changes" in rarms("plan").out
+    assert "the last run there was the undo of plan" in " ".join(rarms("undo", "--auto-approve").err.split())
+
+
 def test_what_is_recorded_already_stops_nothing() -> None:
     assert rarms(*SWEEP, "--stop-partitions").code == 0
 
