@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from datetime import date
 
-from rarms_iac.applying.desired_hosts import budget_of, context_of, desired_hosts, rules_of
+from rarms_iac.applying.desired_hosts import budget_of, context_of, desired_hosts, partitions_present, rules_of
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.diff.compare import Difference, compare
 from rarms_iac.diff.hold_back import HeldChanges, hold_back
@@ -46,7 +46,7 @@ def route(system: System, observed: State, limit: Disruption = Disruption.REMOVA
     desired = hosts[observed.facts.name]
     builds = {partition.id: guest_build for partition in observed.partitions}
     context = replace(context_of(request, desired), guest_builds=builds)
-    budget = budget_of(request, desired, context, {observed.facts.name: observed})
+    budget = budget_of(request, desired, context, partitions_present(request, {observed.facts.name: observed}))
     difference = compare(desired.state, observed, system.application.name, context, rules_of(request, desired))
     held = hold_back(difference.changes, budget)
     return Route(desired, context, budget, difference, held, order(plan_changes(held.allowed, context), budget))

@@ -1,6 +1,6 @@
 """The desired state of each observed host, and what its comparison depends on: rules, context and budget."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
 
@@ -121,7 +121,7 @@ def context_of(request: PlanRequest, desired: Desired) -> HostContext:
 
 
 def budget_of(
-    request: PlanRequest, desired: Desired, context: HostContext, observed: Mapping[str, State]
+    request: PlanRequest, desired: Desired, context: HostContext, present: Mapping[str, frozenset[str]]
 ) -> StepBudget:
     """Make the budget of a host before the first step: its capacity, the claims on it, and what may be disturbed.
 
@@ -129,14 +129,12 @@ def budget_of(
         request: of which manifest, with which limit, for which hosts.
         desired: what this host is to be.
         context: of this host.
-        observed: all hosts by name.
+        present: by host that was looked at, as of `partitions_present`.
 
     Returns:
         The budget; what the plan does not remove from another host, it does not make on this one.
     """
     here = desired.observed
-    wanted = {group.name for group in groups_of(request.system)}
-    by_host = {name: _names_after_moves(request, wanted, state) for name, state in sorted(observed.items())}
     removes = request.limit is Disruption.REMOVAL
     return StepBudget(
         capacity=capacity_of(request.system.hosts[desired.host], here.facts),
@@ -149,19 +147,22 @@ def budget_of(
         remaining={
             partition.name: host
             for partition in desired.partitions
-            for host, names in by_host.items()
+            for host, names in present.items()
             if partition.name in names
-            and partition.name not in by_host[desired.host]
-            and not (removes and host in (request.hosts or observed))
+            and partition.name not in present[desired.host]
+            and not (removes and host in (request.hosts or present))
         },
     )
 
 
-def _names_after_moves(request: PlanRequest, wanted: Collection[str], state: State) -> frozenset[str]:
-    """The names of the manifest that the partitions of a host have, or get by its `moved`."""
-    own = state.of(request.application).partitions
-    there = {partition.mark.name for partition in own if partition.mark}
-    return frozenset(renaming(there, wanted, request.system.moved).new.values())
+def partitions_present(request: PlanRequest, observed: Mapping[str, State]) -> Mapping[str, frozenset[str]]:
+    """The names of the manifest that the partitions of each host have, or get by its `moved`; the hosts in order."""
+    wanted = {group.name for group in groups_of(request.system)}
+    present: dict[str, frozenset[str]] = {}
+    for name, state in sorted(observed.items()):
+        there = {partition.mark.name for partition in state.of(request.application).partitions if partition.mark}
+        present[name] = frozenset(renaming(there, wanted, request.system.moved).new.values())
+    return present
 
 
 def _namesakes(system: System, observed: Mapping[str, State], places: Places) -> Iterator[Diagnostic]:

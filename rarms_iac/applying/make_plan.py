@@ -6,7 +6,14 @@ Observed states come from live hosts or from snapshots; nothing here knows which
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from rarms_iac.applying.desired_hosts import budget_of, context_of, desired_hosts, rules_of, threads_of
+from rarms_iac.applying.desired_hosts import (
+    budget_of,
+    context_of,
+    desired_hosts,
+    partitions_present,
+    rules_of,
+    threads_of,
+)
 from rarms_iac.applying.doctor import DOCTOR_ONLY_CODES
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.requested_changes import requested_changes
@@ -62,9 +69,10 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
     findings = [*request.findings, *found, *hosts_of_one_machine(request.system, observed, request.places)]
     addresses: list[str] = []
     host_plans: list[HostPlan] = []
+    present = partitions_present(request, observed)
     for name, desired in hosts.items():
         if name in (request.hosts or observed):
-            planned = _plan_host(request, desired, observed)
+            planned = _plan_host(request, desired, present)
             host_plans.append(planned.host_plan)
             addresses += planned.addresses
             findings += planned.findings
@@ -104,10 +112,10 @@ class _PlannedHost:
     findings: tuple[Diagnostic, ...]
 
 
-def _plan_host(request: PlanRequest, desired: Desired, observed: Mapping[str, State]) -> _PlannedHost:
+def _plan_host(request: PlanRequest, desired: Desired, present: Mapping[str, frozenset[str]]) -> _PlannedHost:
     rules, context = rules_of(request, desired), context_of(request, desired)
     difference = _difference(request, desired, context, rules)
-    budget = budget_of(request, desired, context, observed)
+    budget = budget_of(request, desired, context, present)
     split = hold_back(targeted(difference.changes, request.targets), budget)
     ordered = order(plan_changes(split.allowed, context), budget)
     steps, stuck = ((), (ordered.finding,)) if isinstance(ordered, Deadlock) else (ordered.steps, ())
