@@ -14,7 +14,8 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import RunKind, ScriptRun, StepStatus
 from rarms_iac.model.plan import HostPlan, UndoLevel
 from rarms_iac.powershell.inspection.inspect import inspect_recorded
-from rarms_iac.powershell.render import NOT_UNDONE, script_name
+from rarms_iac.powershell.render import script_name
+from rarms_iac.powershell.summary import NOT_UNDONE
 from rarms_iac.powershell.templates import MODULE_FOLDER, shipped_module, without_signature
 from rarms_iac.providers.interface import (
     EventKind,

@@ -42,6 +42,9 @@ _WRITE_MARK = "Write-Mark"
 _BLIND = ("Hyper-V\\", _WRITE_MARK)
 """What begins the calls that do not look whether it is done already."""
 
+_NEVER_SET = {"exists", "state", "running"}
+"""What a step of several calls asks, and none of them sets."""
+
 READER = "Get-PartitionReading"
 """What reads a machine: `-Machine` one that was there before the plan, by its id; `-Name` one that the plan makes."""
 
@@ -110,7 +113,9 @@ def _is_known_mark(piece: ScriptPiece) -> bool:
 
 def _set_by(piece: ScriptPiece) -> tuple[tuple[str, ...], ...]:
     """The names that each call sets; none for those of the module that look themselves whether it is done."""
-    names = tuple(name for name, value in piece.after.items() if name != "exists" and piece.before.get(name) != value)
+    names = tuple(
+        name for name, value in piece.after.items() if name not in _NEVER_SET and piece.before.get(name) != value
+    )
     return piece.sets or tuple(names if call.startswith(_BLIND) else () for call in piece.calls)
 
 

@@ -12,18 +12,8 @@ from math import floor
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind
-from rarms_iac.model.operations import CreatePartition, RemovePartition, RestorePartition, StartPartition, StopPartition
-from rarms_iac.model.plan import (
-    GuestTask,
-    HostPlan,
-    Plan,
-    Readings,
-    Step,
-    UndoLevel,
-    describe_stop,
-    owner_of,
-    partition_summaries,
-)
+from rarms_iac.model.operations import CreatePartition, RemovePartition, RestorePartition, StartPartition
+from rarms_iac.model.plan import GuestTask, HostPlan, Plan, Readings, Step, owner_of
 from rarms_iac.model.state import Partition, Tie
 from rarms_iac.model.step_titles import reversal
 from rarms_iac.model.wording import remark
@@ -41,7 +31,7 @@ from rarms_iac.powershell.pieces import (
     pieces_of,
 )
 from rarms_iac.powershell.rows import PlanBlock, plan_lines
-from rarms_iac.powershell.summary import machine_table, summary_lines
+from rarms_iac.powershell.summary import change_table, duration_line, machine_table, not_undone_lines, summary_lines
 from rarms_iac.powershell.templates import (
     ENTRY,
     HOST_FACT_NAMES,
@@ -64,10 +54,6 @@ _TITLES = {
     RunKind.APPLY: "rarms apply script",
     RunKind.UNDO: "rarms undo script",
 }
-
-NOT_MADE_AGAIN = "the machine is not made again"  # by a script: a simulated host makes it again
-NOT_UNDONE = "Not undone"
-"""Begins the lines of a head that say what cannot be taken back."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,9 +98,7 @@ def render_scripts(
     for inside in insides(host_plan):
         accept = accept_scheduler and not inside
         made[script_name(host_plan, inside)] = render_apply(host_plan, plan, inside, accept_scheduler=accept, form=form)
-        made[script_name(host_plan, inside, undo=True)] = render_undo(
-            host_plan, plan, inside, accept_scheduler=accept, form=form
-        )
+        made[script_name(host_plan, inside, undo=True)] = render_undo(host_plan, plan, inside, form=form)
     return made
 
 
@@ -133,19 +117,12 @@ def render_apply(
     Raises:
         NoLiteral: a value cannot be written into a script.
     """
-    undo = render_undo(host_plan, plan, inside, accept_scheduler=accept_scheduler, form=form)
+    undo = render_undo(host_plan, plan, inside, form=form)
     steps = _clustered(_forward(host_plan, plan, inside), host_plan)
     return _fill(host_plan, plan, inside, steps, form, accept_scheduler=accept_scheduler, undo=undo)
 
 
-def render_undo(
-    host_plan: HostPlan,
-    plan: Plan,
-    inside: str = "",
-    *,
-    accept_scheduler: bool = False,
-    form: ScriptForm = ScriptForm.MODULE,
-) -> bytes:
+def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, form: ScriptForm = ScriptForm.MODULE) -> bytes:
     """The script that takes the same steps back, the last one first; it says what it cannot bring back.
 
     Raises:
@@ -171,7 +148,7 @@ def render_undo(
         gone = lost.get(step.address)
         steps += (_GuardedPiece(piece=piece, steps=(back,), undoes=undoes, lost=gone) for piece in pieces)
     steps = _clustered(_joined(steps), host_plan)
-    return _fill(host_plan, plan, inside, steps, form, accept_scheduler=accept_scheduler)
+    return _fill(host_plan, plan, inside, steps, form)
 
 
 def render_guest(
@@ -315,28 +292,24 @@ def _head(
     kind: RunKind, host_plan: HostPlan, plan: Plan, inside: str, steps: Sequence[_GuardedPiece], digests: str
 ) -> dict[str, object]:
     """The help that `Get-Help` shows of the script."""
-    system = f"the guest of partition {inside}" if inside else "the host itself"
+    system = f"the guest of partition {inside} on " if inside else ""
+    system += f"host {host_plan.host.name} of {plan.manifest}, computer {host_plan.facts.computer_name}"
     undo = script_name(host_plan, inside, undo=True)
     planned = [step for guarded in steps for step in guarded.steps]
     table = machine_table(planned, host_plan.changes, _new_files(host_plan, plan))
     made = {step.address for step in planned if isinstance(step.operation, CreatePartition)}
+    others = change_table(step for step in planned if not table or step.address not in made)
     # An undo has no step for what it cannot bring back, and says so all the same.
-    done = [*planned, *(step for step in host_plan.steps if _inside(step) == inside)]
-    lost = sorted(
-        {step.undo.message for step in done if step.undo.level is not UndoLevel.FULL}
-        | {NOT_MADE_AGAIN for step in done if isinstance(step.undo.operation, RestorePartition)}
-    )
-    summaries = partition_summaries(step for step in planned if not table or step.address not in made)
+    changed = [step for step in host_plan.steps if _inside(step) == inside] or planned
     risk, calls = summary_lines([guarded.piece for guarded in steps]) if steps else ("", "")
     return {
         "synopsis": _help(f"{_TITLES[kind]}: plan {plan.id} of application {plan.application}, for {system}."),
         "description": [
-            _help(f"Host {host_plan.host.name} of {plan.manifest}, computer {host_plan.facts.computer_name}."),
             *filter(None, (risk,)),
-            *(_inside_help(line) for line in table),
-            *map(_help, summaries),
-            *filter(None, (calls,)),
-            *(f"{NOT_UNDONE}: {_help(text)}" for text in lost),
+            *map(_inside_help, table),
+            *map(_inside_help, others),
+            *((duration_line(planned), calls) if steps else ()),
+            *map(_help, not_undone_lines(changed)),
         ],
         "usage": f"Shows what it would do; without -WhatIf it does it. Take it back with .\\{undo}, beside it."
         if kind is RunKind.APPLY
@@ -401,7 +374,7 @@ def _statements(pieces: Sequence[_GuardedPiece]) -> Iterable[TargetText | StepTe
 
 
 def _step_text(guarded: _GuardedPiece) -> StepText:
-    piece, step = guarded.piece, guarded.steps[0]
+    piece = guarded.piece
     before, after = (_literals(readings) for readings in _without_implied(piece.before, piece.after))
     same = {name: value for name, value in before.items() if after.get(name) == value}
     return StepText(
@@ -411,7 +384,6 @@ def _step_text(guarded: _GuardedPiece) -> StepText:
         after={name: value for name, value in after.items() if name not in same},
         calls=block_of(piece),
         options=tuple(_options(guarded)),
-        remark=remark(describe_stop(step)) if isinstance(step.operation, StopPartition) else "",
     )
 
 
@@ -439,7 +411,7 @@ def _options(guarded: _GuardedPiece) -> Iterable[tuple[str, Literal]]:
         yield "Undoes", literal(guarded.undoes)
     if guarded.lost is not None:
         yield "Lost", literal(guarded.lost)
-    if first.claim_before.is_less_than(last.claim_after):
+    if guarded.undoes is None and first.claim_before.is_less_than(last.claim_after):
         yield "Fits", "{ " + fits(last) + " }"
 
 

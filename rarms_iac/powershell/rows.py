@@ -136,7 +136,7 @@ def _with_literals(statement: TargetText | StepText, text_for: LiteralText) -> T
         ),
         same={name: text_for(name, value, ROW) for name, value in statement.same.items()},
         before={name: text_for(name, value, ROW) for name, value in statement.before.items()},
-        after={name: text_for(name, value, ROW) for name, value in statement.after.items()},
+        after={name: text_for(f"new {name}", value, ROW) for name, value in statement.after.items()},
         calls=tuple(_call(call, text_for) for call in statement.calls),
     )
 

@@ -1,18 +1,35 @@
-"""What a script does, in a few lines of its head: what is at stake, the machines, and the calls. Pure."""
+"""What a script does, in a few lines of its head: what is at stake, the machines, the time, and the calls. Pure."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from itertools import groupby
+from math import ceil
 
 from rarms_iac.model.changes import SLASH, Change, Create
-from rarms_iac.model.operations import CreatePartition
-from rarms_iac.model.plan import Step
+from rarms_iac.model.operations import (
+    CreatePartition,
+    RemovePartition,
+    RestorePartition,
+    StartPartition,
+    StopPartition,
+    WriteMark,
+)
+from rarms_iac.model.plan import Step, UndoLevel, owner_of
 from rarms_iac.model.quantities import show_bytes, show_lp_percent
 from rarms_iac.model.state import Partition, PartitionSettings
-from rarms_iac.model.wording import counted, remark
+from rarms_iac.model.wording import counted, natural_order, remark
 from rarms_iac.powershell.pieces import NewFiles, ScriptPiece
 
 _MADE, _REMOVED, _STOPPED, _DELETED = "New-VM", "Remove-VM", "Stop-Partition", "Remove-DiskFile"
-_PARTITION = "partition/"
+_REMOVED_CLASS = "Remove-TaskClass"
+_PARTITION, _TASK = "partition/", "/task/"
+
+NOT_MADE_AGAIN = "the machine is not made again"  # by a script: a simulated host makes it again
+NOT_UNDONE = "Not undone"
+"""Begins the lines of a head that say what cannot be taken back."""
+
+_LAST_LOOK_S = 300  # of the module's Assert-Host
+_TOLD_BY_A_WORD = (CreatePartition, RemovePartition, StartPartition, StopPartition, WriteMark)
 
 
 def summary_lines(pieces: Sequence[ScriptPiece]) -> tuple[str, str]:
@@ -22,24 +39,98 @@ def summary_lines(pieces: Sequence[ScriptPiece]) -> tuple[str, str]:
         pieces: all of them; at least one.
 
     Returns:
-        A line that counts machines that are added, changed, stopped and removed, and disks that are deleted; and a line
-        with how often each call stands in the steps that change something: no other changes anything.
+        A line that counts machines that are added, changed, stopped and removed, disks that are deleted, and task
+        classes; and a line with how often each call stands in the steps that change something: no other changes
+        anything.
     """
     calls = [(piece.address, call.split(" ", 1)[0].rpartition(SLASH)[2]) for piece in pieces for call in piece.calls]
     machines = {
         name: {address.split("/")[1] for address, called in calls if called == name}
         for name in (_MADE, _REMOVED, _STOPPED)
     }
-    touched = {address.split("/")[1] for address, _ in calls if address.startswith(_PARTITION)}
+    of_machines = {address for address, _ in calls if address.startswith(_PARTITION) and _TASK not in address}
+    touched = {address.split("/")[1] for address in of_machines}
     changed = touched - machines[_MADE] - machines[_REMOVED]
     deleted = sum(name == _DELETED for _, name in calls)
-    risk = (
+    classes = {address for address, _ in calls} - of_machines
+    gone = {address for address, name in calls if name == _REMOVED_CLASS}
+    parts = [
         f"{counted(len(machines[_MADE]), 'machine')} added, {len(changed)} changed, {len(machines[_STOPPED])} stopped, "
-        f"{len(machines[_REMOVED])} removed; {counted(deleted, 'disk') if deleted else 'nothing'} deleted."
-    )
+        f"{len(machines[_REMOVED])} removed",
+        f"{counted(deleted, 'disk') if deleted else 'nothing'} deleted",
+        *([f"task classes: {len(classes - gone)} changed, {len(gone)} removed"] if classes else []),
+    ]
     names = Counter(name for _, name in calls)
     call_counts = ", ".join(f"{name} {number}" for name, number in sorted(names.items()))
-    return risk, f"Only these calls change something (and how often): {call_counts}."
+    risk = "; ".join(parts if of_machines else [*parts[2:], "no machine is stopped or changed"])
+    return f"{risk}.", f"Only these calls change something (and how often): {call_counts}."
+
+
+def duration_line(steps: Sequence[Step]) -> str:
+    """Say how long a script may take: what its calls take is the host's affair, what it waits for is not."""
+    graces = [step.operation.grace_ms for step in steps if isinstance(step.operation, StopPartition)]
+    waits = [f"{_seconds(sum(graces))} s at most while guests stop, one after another"] if any(graces) else []
+    if any(step.address.partition and not step.address.task for step in steps):
+        waits.append(f"{_LAST_LOOK_S} s at most at the end, where a guest restarts just then")
+    return f"Time: some seconds a call. It waits {'; '.join(waits) or 'for no guest'}."
+
+
+def not_undone_lines(steps: Iterable[Step]) -> tuple[str, ...]:
+    """Say what cannot be brought back of what these steps change, and of which partition or task class."""
+    steps = tuple(steps)
+    gone = {owner_of(step) for step in steps if isinstance(step.operation, RemovePartition)}
+    owners: dict[str, dict[str, None]] = {}
+    for step in steps:
+        if isinstance(step.undo.operation, RestorePartition):
+            owners.setdefault(NOT_MADE_AGAIN, {})[owner_of(step)] = None
+        elif step.undo.level is UndoLevel.NONE or (
+            step.undo.level is not UndoLevel.FULL and owner_of(step) not in gone
+        ):
+            owners.setdefault(step.undo.message, {})[owner_of(step)] = None
+    return tuple(f"{NOT_UNDONE}: {', '.join(names)}: {message}" for message, names in owners.items())
+
+
+def change_table(steps: Iterable[Step]) -> tuple[str, ...]:
+    """Tell what is done to the machines that a script does not make, and to task classes.
+
+    Args:
+        steps: of one script, in their order.
+
+    Returns:
+        A line of titles and one for each partition or task class, by name; nothing where there is none. Where one
+        stops, the last column says for how long. One row of two columns needs no titles.
+    """
+    in_order = sorted(steps, key=lambda step: natural_order(_row_name(step)))
+    rows = [_change_row(name, tuple(own)) for name, own in groupby(in_order, key=_row_name)]
+    columns = 3 if any(off for _, _, off in rows) else 2
+    titles = [("name", "what is done", "off")] if len(rows) > 1 or columns > 2 else []
+    return _table([row[:columns] for row in (*titles, *rows)]) if rows else ()
+
+
+def _row_name(step: Step) -> str:
+    return step.address.in_short if step.address.task else owner_of(step)
+
+
+def _change_row(name: str, steps: Sequence[Step]) -> tuple[str, str, str]:
+    kinds = {type(step.operation) for step in steps}
+    stops = [step.operation for step in steps if isinstance(step.operation, StopPartition)]
+    words = ["stopped"] if stops else []
+    words += ["removed"] if RemovePartition in kinds else []
+    changes = [step.title for step in steps if not isinstance(step.operation, _TOLD_BY_A_WORD)]
+    started = ["started"] if StartPartition in kinds else []
+    done = [*words, *changes, *started] or [step.title for step in steps]
+    return name, "; ".join(done), _off(stops[0].grace_ms, starts=bool(started)) if stops else ""
+
+
+def _off(grace_ms: int, *, starts: bool) -> str:
+    """From the stop to the start; how long the guest needs to start is not known here."""
+    if starts:
+        return "until it has started" + (f", {_seconds(grace_ms)} s at most to stop" if grace_ms else "")
+    return "for good, " + (f"after {_seconds(grace_ms)} s at most" if grace_ms else "at once")
+
+
+def _seconds(milliseconds: int) -> int:
+    return ceil(milliseconds / 1000)
 
 
 _COLUMNS = ("machine", "processors", "reserve", "memory", "disk", "switch", "secure boot", "start")
@@ -62,17 +153,16 @@ def machine_table(steps: Sequence[Step], changes: Iterable[Change], files: NewFi
         if isinstance(step.operation, CreatePartition):
             made.setdefault(step.operation.partition, step.operation)
     machines = ((creation, wanted.get(name)) for name, creation in made.items())
-    rows = [
-        tuple(map(remark, _row(creation, machine.settings, files)))
-        for creation, machine in machines
-        if isinstance(machine, Partition)
-    ]
-    if not rows:
-        return ()
-    widths = [max(map(len, column)) for column in zip(_COLUMNS, *rows, strict=True)]
+    rows = [_row(creation, machine.settings, files) for creation, machine in machines if isinstance(machine, Partition)]
+    return _table([_COLUMNS, *rows]) if rows else ()
+
+
+def _table(rows: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
+    """Rows as lines, each column as wide as it takes."""
+    cells = [tuple(map(remark, row)) for row in rows]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return tuple(
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in (_COLUMNS, *rows)
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in cells
     )
 
 

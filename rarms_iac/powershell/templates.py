@@ -121,7 +121,6 @@ class StepText:
     after: Mapping[str, str]
     calls: Sequence[str]
     options: Sequence[tuple[str, str]] = ()  # further parameters of `Add-Step` with their values
-    remark: str = ""  # above it; empty: none
 
 
 def statement_lines(statement: TargetText | StepText) -> list[str]:
@@ -150,10 +149,6 @@ def table_lines(rows: Sequence[Mapping[str, str]], remarks: Sequence[str]) -> li
 
 def step_lines(step: StepText) -> list[str]:
     """The call that adds a step, on as few lines as are wide enough; one that writes a mark is always one line."""
-    return [*([f"    # {step.remark}"] if step.remark else []), *_call_lines(step)]
-
-
-def _call_lines(step: StepText) -> list[str]:
     options = [*step.options, *([("Same", _table(step.same))] if step.same else [])]
     start = " ".join([f"    {STEP_CALL} -Action", step.action, *(f"-{name} {text}" for name, text in options)])
     before, after = _table(step.before), _table(step.after)

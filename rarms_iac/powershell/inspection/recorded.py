@@ -74,11 +74,14 @@ _SETTINGS = frozenset(
 )
 _DIGEST = re.compile(r"^    '([A-Za-z.1]+)' = '([0-9A-F]{64})'$", re.MULTILINE)
 _EXPORT = re.compile(r"Export-ModuleMember -Function '[A-Za-z]+-[A-Za-z]+'")
+_ADVICE = ": put it there"  # which earlier versions did not give
 _IMPORT = re.compile(
     re.sub(
         r"[0-9A-F]{64}",
         "[0-9A-F]{64}",
-        re.escape(module_text(ScriptForm.MODULE)).replace(re.escape(__version__), r"[0-9A-Za-z.+]+"),
+        re.escape(module_text(ScriptForm.MODULE))
+        .replace(re.escape(__version__), r"[0-9A-Za-z.+]+")
+        .replace(re.escape(_ADVICE), f"(?:{re.escape(_ADVICE)})?"),
     )
 )
 """The lines that find the module beside a script, of any version."""

@@ -148,7 +148,8 @@ function Stop-RarmsRun {
     #>
     [CmdletBinding(PositionalBinding = $false)]
     param([Parameter(Mandatory)] [string] $Path)
-    if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $Path)) { throw ('there is no script {0}' -f $Path) }
+    $there = Microsoft.PowerShell.Management\Test-Path -LiteralPath $Path
+    if (-not $there) { throw ('there is no script {0}: give the path of the one that runs' -f $Path) }
     [System.IO.File]::WriteAllText($Path + '.stop', 's')
 }
 
@@ -159,10 +160,9 @@ function Close-RarmsRun {
     #>
     [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'High')]
     param([switch] $Force)
-    $asked = if ($Force) { 'None' } else { 'High' }
     Initialize-Run -Run @{
-        Caller = $PSCmdlet; Confirmation = $asked; Preview = [bool] $PSBoundParameters['WhatIf']; Test = $false
-        AsJson = $false; LockTimeout = 0
+        Caller = $PSCmdlet; Confirmation = if ($Force) { 'None' } else { 'High' }
+        Preview = [bool] $PSBoundParameters['WhatIf']; Test = $false; AsJson = $false; LockTimeout = 0
     }
     try { Close-Run } finally { Unlock-Host }
 }
@@ -296,7 +296,7 @@ function Complete-Run {
         Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' })
         $all = @(foreach ($one in $script:Steps) { if ($one.Address -cmatch '(^|/)task/') { [string] $one.Number } })
         if (@(foreach ($number in $all) { $script:Recorded[$number] }) -ccontains 'changed') {
-            $start = Get-KeyData -Path 'HKLM:\SYSTEM\CurrentControlSet\Services\MMCSS' -Name 'Start'
+            $start = Get-KeyValue -Path 'HKLM:\SYSTEM\CurrentControlSet\Services\MMCSS' -Name 'Start'
             $lack = 'the service MMCSS is missing or disabled here: classes have no effect until it starts with Windows'
             if ($null -eq $start -or $start -eq 4) { Write-RunEvent -Kind 'run' -Status 'noted' -Detail $lack }
             Write-RunEvent -Kind 'run' -Status 'noted' -Detail 'restart Windows: classes are read when it starts'
@@ -413,7 +413,8 @@ function Invoke-Step {
     $script:Known.Clear()
     $script:Known['removed'] = $Step.After['exists'] -ceq $false
     $missed = @(Compare-Reading -Live (Get-Reading -Step $Step) -Expected $Step.After)
-    if ($missed.Count) { throw ($Step.Address + ': set, but the host still shows otherwise: ' + ($missed -join ', ')) }
+    $text = '{0}: set, but the host still shows another {1}: see what refuses or sets it there, then run this again'
+    if ($missed.Count) { throw ($text -f $Step.Address, ($missed -join ', ')) }
     Add-StepRecord -Step $Step -Status 'changed' -Detail $Step.Action
 }
 
@@ -729,12 +730,11 @@ function Clear-Journal {
     # The run that it holds becomes history, of which the last hundred are remembered; an undo takes back what it did.
     $last = $script:Started
     if ($null -eq $last) { return }
-    $closing = if ($script:Closing) { $script:Closing } else { $null }
-    $robot = if ($last.PSObject.Properties['robot']) { $last.robot } else { '' } # an early version wrote none
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $last.started_at; closing = $closing; robot = $robot
+        started_at = $last.started_at; closing = if ($script:Closing) { $script:Closing } else { $null }
+        robot = if ($last.PSObject.Properties['robot']) { $last.robot } else { '' } # an early version wrote none
     }
     $script:Touched.Clear()
     foreach ($number in @(if ($script:Plan.Run -ceq 'undo') { $script:Recorded.Keys })) {
@@ -753,7 +753,6 @@ function Get-UnsignedDigest {
 }
 
 function Write-FirstRecord {
-    if ($script:Preview) { return }
     $plan = $script:Plan
     $undo = ''
     if ($plan.Undo) {
@@ -806,7 +805,7 @@ function Assert-VmHost {
     }
     if ($plan.Identity) {
         # What tells this Windows from every other, as observe.ps1 works it out.
-        $id = [string] (Get-KeyData -Path 'HKLM:\SOFTWARE\Microsoft\Cryptography' -Name 'MachineGuid')
+        $id = [string] (Get-KeyValue -Path 'HKLM:\SOFTWARE\Microsoft\Cryptography' -Name 'MachineGuid')
         $id = Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes('rarms host ' + $id.Trim().ToLowerInvariant()))
         if ($id.Substring(0, 32) -cne $plan.Identity) {
             Stop-Run -Detail ('this {0} is not the one that the plan was made for: make a plan for this one' -f $vmHost.Name)
@@ -830,17 +829,15 @@ function Test-RootScheduler {
         $asked = @{ ProviderName = 'Microsoft-Windows-Hyper-V-Hypervisor'; ID = 2 }
         return [int] @(Get-WinEvent -FilterHashtable $asked -MaxEvents 1)[0].Properties[0].Value -eq 4
     } catch { Write-Verbose -Message $_.Exception.Message }
-    (Get-KeyData -Path 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion' -Name 'InstallationType') -ceq 'Client'
+    (Get-KeyValue -Path 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion' -Name 'InstallationType') -ceq 'Client'
 }
 
 # === guest: where the script of a guest may run.
 function Assert-Guest {
     $path = 'HKLM:\SOFTWARE\Microsoft\Virtual Machine\Guest\Parameters'
-    $id = ([string] (Get-KeyData -Path $path -Name 'VirtualMachineId')).ToLowerInvariant()
-    if (-not $id) {
-        Stop-Run -Detail 'this Windows is no guest, or its service vmickvpexchange never ran: start that'
-    }
-    $name = [string] (Get-KeyData -Path $path -Name 'VirtualMachineName')
+    $id = ([string] (Get-KeyValue -Path $path -Name 'VirtualMachineId')).ToLowerInvariant()
+    if (-not $id) { Stop-Run -Detail 'this Windows is no guest, or its service vmickvpexchange never ran: start that' }
+    $name = [string] (Get-KeyValue -Path $path -Name 'VirtualMachineName')
     if (@($id, $name) -ccontains $script:Plan.Guest) { return }
     Stop-Run -Detail ('this is the guest of {0} ({1}), not of {2}: run it in that' -f $name, $id, $script:Plan.Guest)
 }
@@ -1104,6 +1101,7 @@ function Test-Capacity {
     $asked = '{0} and {1} MiB' -f (ConvertTo-Processor -Percent $needed), [long] ($Memory / 1048576)
     $script:Shortage = 'needs {0}, free {1}' -f $asked, $free
     if ($promised.Count) { $script:Shortage += ', promised: ' + ($promised -join ', ') }
+    $script:Shortage += '; make room and run this again, or make a new plan'
     $nodes = @(foreach ($one in $script:Nodes) {
         if (@($one.ProcessorsAvailability).Count -ge $Processors -and $one.MemoryTotal -ge $Memory / 1048576) { $one }
     })
@@ -1112,6 +1110,7 @@ function Test-Capacity {
         return $false
     }
     if ($needed -gt $percent -or $Memory -gt $bytes) { return $false }
+    $script:Shortage = 'each of its processors has to fit onto one core beside the others: ' + $script:Shortage
     # Machines as wide as the host lie on every core; of the others the largest go first, each to the first place.
     $wide = 0
     $sizes = @()
@@ -1130,10 +1129,10 @@ function Test-Capacity {
 }
 
 function ConvertTo-Processor {
-    # Per cent of logical processors as plans write them, without a culture's comma: 160 is 1.60 LP.
+    # Per cent of logical processors as plans write them, without a culture's comma: 160 is 1.6 LP.
     param([long] $Percent)
-    if ($Percent -lt 0) { return '0.00 LP' }
-    ('00' + $Percent) -creplace '^0*([0-9]+)([0-9]{2})$', '$1.$2 LP'
+    if ($Percent -lt 0) { return '0 LP' }
+    (('00' + $Percent) -creplace '^0*([0-9]+)([0-9]{2})$', '$1.$2' -creplace '\.?0+$', '') + ' LP'
 }
 
 function Get-CoreCount {
@@ -1178,9 +1177,7 @@ function Stop-Partition {
             Start-Sleep -Milliseconds 1000
             $now = Hyper-V\Get-VM -Id $vm.Id
         }
-    } finally {
-        foreach ($job in $jobs) { Remove-Job -Job $job -Force }
-    }
+    } finally { foreach ($job in $jobs) { Remove-Job -Job $job -Force } }
     if ([string] $now.State -cne 'Off') { Hyper-V\Stop-VM -VM $vm -TurnOff -Force }
 }
 
@@ -1255,9 +1252,9 @@ function Get-TaskClassReading {
     if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $script:RecordRoot)) { return $live }
     foreach ($application in @(Microsoft.PowerShell.Management\Get-ChildItem -LiteralPath $script:RecordRoot)) {
         $path = Get-RecordPath -Task $Task -Application $application.PSChildName
-        if (-not (Get-KeyData -Path $path -Name 'set')) { continue }
+        if (-not (Get-KeyValue -Path $path -Name 'set')) { continue }
         $live['record'] = [string] $application.PSChildName
-        foreach ($name in @('robot', 'set')) { $live[$name] = [string] (Get-KeyData -Path $path -Name $name) }
+        foreach ($name in @('robot', 'set')) { $live[$name] = [string] (Get-KeyValue -Path $path -Name $name) }
     }
     $live
 }
@@ -1310,7 +1307,7 @@ function Write-TaskRecord {
     $path = Get-RecordPath -Task $Task -Application $Application
     foreach ($one in @($script:RecordRoot, ('{0}\{1}' -f $script:RecordRoot, $Application), $path)) { Add-Key -Path $one }
     foreach ($one in @(@('before', $Before), @('robot', $Robot), @('set', $Digest))) {
-        $there = [string] (Get-KeyData -Path $path -Name $one[0])
+        $there = [string] (Get-KeyValue -Path $path -Name $one[0])
         if ([string]::Equals($there, $one[1], [System.StringComparison]::Ordinal)) { continue }
         [void] (New-ItemProperty -LiteralPath $path -Name $one[0] -PropertyType String -Value $one[1] -Force)
     }
@@ -1324,7 +1321,7 @@ function Remove-TaskRecord {
     }
 }
 
-function Get-KeyData {
+function Get-KeyValue {
     param([string] $Path, [string] $Name)
     if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $Path)) { return }
     (Microsoft.PowerShell.Management\Get-Item -LiteralPath $Path).GetValue($Name)
@@ -1338,7 +1335,7 @@ function Test-EmptyKey {
     foreach ($path in @((Get-TaskPath -Task $Task), $application, $script:RecordRoot)) {
         if (Test-BareKey -Path $path) { return $true }
     }
-    (Microsoft.PowerShell.Management\Test-Path -LiteralPath $record) -and -not (Get-KeyData -Path $record -Name 'set')
+    (Microsoft.PowerShell.Management\Test-Path -LiteralPath $record) -and -not (Get-KeyValue -Path $record -Name 'set')
 }
 
 function Test-BareKey {
@@ -1386,7 +1383,7 @@ function Save-TaskRecord {
     $live = Get-TaskClassReading -Task $Task
     $before = 'null'
     if ($live['record']) {
-        $before = [string] (Get-KeyData -Path (Get-RecordPath -Task $Task -Application $Application) -Name 'before')
+        $before = [string] (Get-KeyValue -Path (Get-RecordPath -Task $Task -Application $Application) -Name 'before')
     } elseif ($live['exists']) {
         $values = [hashtable]::new($script:Ordinal)
         foreach ($name in @(Get-TaskValueName -Task $Task)) {
@@ -1403,8 +1400,8 @@ function Restore-TaskClass {
     param([string] $Task, [string] $Application)
     $path = Get-RecordPath -Task $Task -Application $Application
     # Without its digest nothing was written yet; without the record all is back.
-    if (-not (Get-KeyData -Path $path -Name 'set')) { return }
-    $before = ConvertFrom-Json -InputObject ([string] (Get-KeyData -Path $path -Name 'before'))
+    if (-not (Get-KeyValue -Path $path -Name 'set')) { return }
+    $before = ConvertFrom-Json -InputObject ([string] (Get-KeyValue -Path $path -Name 'before'))
     if ($null -eq $before) { return Remove-TaskClass -Task $Task }
     foreach ($name in @(Get-TaskValueName -Task $Task)) { Remove-TaskValue -Task $Task -Name $name }
     foreach ($one in $before.PSObject.Properties) {
@@ -1436,9 +1433,10 @@ function Receive-RarmsPlan {
         $reader = [System.IO.BinaryReader]::new($Source)
         $size = [int] $ascii.GetString($reader.ReadBytes(8))
         $data = $reader.ReadBytes($size)
-        if ($size -eq 0 -or $data.Length -ne $size) { throw 'the input ended too early' }
+        if ($size -eq 0 -or $data.Length -ne $size) { throw 'the input ended too early, run rarms apply again' }
         $table = @($ascii.GetString($data) -split '\n')
-        if ($table[0] -cnotmatch '^( |-AsJson|-Force|-Abandon|-LockTimeout [0-9]{1,6})*$') { throw 'bad arguments' }
+        $known = $table[0] -cmatch '^( |-AsJson|-Force|-Abandon|-LockTimeout [0-9]{1,6})*$'
+        if (-not $known) { throw 'bad arguments: start this by rarms apply alone' }
         if ($env:OS -cne 'Windows_NT') { $folder = [System.IO.Directory]::CreateTempSubdirectory('rarms-').FullName } else {
             $folder = [System.IO.Path]::GetTempPath() + 'rarms-' + [guid]::NewGuid().ToString('N')
             [void] [System.IO.Directory]::CreateDirectory($folder)
@@ -1448,9 +1446,10 @@ function Receive-RarmsPlan {
         $main = ''
         for ($at = 1; $at -lt $table.Count; $at++) {
             $part = @($table[$at] -split ' ')
-            if ($part[0] -cnotmatch '^([a-z0-9][a-z0-9.-]*\.ps1|Rarms/Rarms\.ps[dm]1)$') { throw 'bad name' }
+            $known = $part[0] -cmatch '^([a-z0-9][a-z0-9.-]*\.ps1|Rarms/Rarms\.ps[dm]1)$'
+            if (-not $known) { throw 'bad name of a file: start this by rarms apply alone' }
             $data = $reader.ReadBytes([int] $part[1])
-            if ((Get-Sha256 -Data $data) -cne $part[2]) { throw ($part[0] + ' is not what was sent') }
+            if ((Get-Sha256 -Data $data) -cne $part[2]) { throw ($part[0] + ' is not what was sent, run rarms apply again') }
             $path = [System.IO.Path]::Combine($folder, $part[0])
             [void] [System.IO.Directory]::CreateDirectory([System.IO.Path]::GetDirectoryName($path))
             [System.IO.File]::WriteAllBytes($path, $data)

@@ -1,16 +1,16 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan e02322927e52 of application robot, for the host itself.
+    rarms undo script: plan e02322927e52 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
-    Host onboard of rarms.yaml, computer ONBOARD.
-    0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
-    speech: started
-    task/Games: changed (record that it is ours, and what was there; set Affinity 0, Background Only False, BackgroundPriority 4, Clock Rate 10000, GPU Priority 8, Priority 4, SFIO Priority Normal, Scheduling Category Medium)
-    vision: started
+    0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted; task classes: 1 changed, 0 removed.
+    name        what is done
+    speech      started
+    task/Games  record that it is ours, and what was there; set Affinity 0, Background Only False, BackgroundPriority 4, Clock Rate 10000, GPU Priority 8, Priority 4, SFIO Priority Normal, Scheduling Category Medium
+    vision      started
+    Time: some seconds a call. It waits 300 s at most at the end, where a guest restarts just then.
     Only these calls change something (and how often): Start-VM 2, Write-TaskRecord 1, Write-TaskValue 8.
-    Not undone: it starts anew: what its programs had in memory is lost
-    Not undone: the machine is not made again
-    Not undone: what is on the disk is lost
+    Not undone: speech, vision: the machine is not made again
+    Not undone: vision: what is on the disk is lost
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
 .PARAMETER LockTimeout
@@ -26,7 +26,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: Rarms.psm1 731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -75,32 +75,28 @@ $plan = {
 
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'start it' -Undoes 2 -Lost 3 -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{
-        state = 'off'
-    } -After @{
-        state = 'running'
-    } -Set { Hyper-V\Start-VM -VM $script:Vm }
+    Add-Step -Action 'start it' -Undoes 2 -Lost 3 -Before @{ state = 'off' } -After @{ state = 'running' } -Set {
+        Hyper-V\Start-VM -VM $script:Vm
+    }
 
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:14:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'start it' -Undoes 0 -Lost 1 -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{
-        state = 'off'
-    } -After @{
-        state = 'running'
-    } -Set { Hyper-V\Start-VM -VM $script:Vm }
+    Add-Step -Action 'start it' -Undoes 0 -Lost 1 -Before @{ state = 'off' } -After @{ state = 'running' } -Set {
+        Hyper-V\Start-VM -VM $script:Vm
+    }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643'
+    'Rarms.psm1' = '9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
     $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0: put it there' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion

@@ -1,12 +1,12 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan ae29dab6d115 of application robot, for the host itself.
+    rarms apply script: plan ae29dab6d115 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
-    Host onboard of rarms.yaml, computer ONBOARD.
     2 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
     machine  processors  reserve                memory   disk  switch  secure boot  start
     speech   1           0.4 LP (40 % of each)  512 MiB  none  none    as made      nothing
     vision   2           1.6 LP (80 % of each)  1 GiB    none  none    as made      start
+    Time: some seconds a call. It waits 300 s at most at the end, where a guest restarts just then.
     Only these calls change something (and how often): New-VM 2, Remove-VMNetworkAdapter 2, Rename-VM 2, Set-VM 2, Set-VMMemory 2, Set-VMProcessor 2, Start-VM 1, Write-Mark 2.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e325b8ae00e7, rarms 0.1.0. SHA-256: the undo 4540747c5b655c73eca3ce720d106dab507f919cb8b2969aa5f10cfdfae59d96, Rarms.psm1 731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643.
+    Manifest e325b8ae00e7, rarms 0.1.0. SHA-256: the undo 3575bbdacd119719943e9123c45359bb22194a008b2c79a8f457d7f43deae3f2, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -40,34 +40,34 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ae29dab6d115'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '4540747c5b655c73eca3ce720d106dab507f919cb8b2969aa5f10cfdfae59d96'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '3575bbdacd119719943e9123c45359bb22194a008b2c79a8f457d7f43deae3f2'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === speech and 1 more alike: it is not there =================================================
     $rows = @(
-        @{ Address = 'partition/speech'; Name = 'speech'; Action = 'make a machine of generation 2 with 512 MiB'; Memory = 536870912
-            Name2 = 'speech.rarms-ae29dab6d115'; Mark = 'robot/speech'; Processors = 1; Reserve = 40; Set = 'bebdadca1351'
-            StartAction = 'nothing'; Weight = 100; AutomaticStartAction = 'Nothing' } # rarms.yaml:16:3
-        @{ Address = 'partition/vision'; Name = 'vision'; Action = 'make a machine of generation 2 with 1 GiB'; Memory = 1073741824
-            Name2 = 'vision.rarms-ae29dab6d115'; Mark = 'robot/vision'; Processors = 2; Reserve = 80; Set = '4979768ee9e2'
-            StartAction = 'start'; Weight = 200; AutomaticStartAction = 'Start' } # rarms.yaml:12:3
+        @{ Address = 'partition/speech'; Name = 'speech'; Action = 'make a machine of generation 2 with 512 MiB'; NewMemory = 536870912
+            Name2 = 'speech.rarms-ae29dab6d115'; NewMark = 'robot/speech'; NewProcessors = 1; NewReserve = 40; NewSet = 'bebdadca1351'
+            NewStartAction = 'nothing'; NewWeight = 100; AutomaticStartAction = 'Nothing' } # rarms.yaml:16:3
+        @{ Address = 'partition/vision'; Name = 'vision'; Action = 'make a machine of generation 2 with 1 GiB'; NewMemory = 1073741824
+            Name2 = 'vision.rarms-ae29dab6d115'; NewMark = 'robot/vision'; NewProcessors = 2; NewReserve = 80; NewSet = '4979768ee9e2'
+            NewStartAction = 'start'; NewWeight = 200; AutomaticStartAction = 'Start' } # rarms.yaml:12:3
     )
     foreach ($row in $rows) {
         Use-Target -Address $row.Address -Row $row -Read { Get-PartitionReading -Name $script:Row.Name }
         Add-Step -Action $row.Action -Before @{ exists = $false; taken = $false } -After @{
-            exists = $true; generation = 2; memory = $row.Memory
-        } -Set { Hyper-V\New-VM -Name $script:Row.Name2 -Generation 2 -MemoryStartupBytes $script:Row.Memory -NoVHD }
+            exists = $true; generation = 2; memory = $row.NewMemory
+        } -Set { Hyper-V\New-VM -Name $script:Row.Name2 -Generation 2 -MemoryStartupBytes $script:Row.NewMemory -NoVHD }
         Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
-            adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = $row.Mark; memory = $row.Memory
-            name = $row.Name; processors = $row.Processors; reserve = $row.Reserve; set = $row.Set; start_action = $row.StartAction
-            state = 'off'; stop_action = 'shut_down'; weight = $row.Weight
+            adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = $row.NewMark; memory = $row.NewMemory
+            name = $row.Name; processors = $row.NewProcessors; reserve = $row.NewReserve; set = $row.NewSet; start_action = $row.NewStartAction
+            state = 'off'; stop_action = 'shut_down'; weight = $row.NewWeight
         } -Set {
-            if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes $script:Row.Memory }
+            if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes $script:Row.NewMemory }
             if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
             if (Test-Open -Name 'mark', 'set') { Write-Mark }
-            if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count $script:Row.Processors -Reserve $script:Row.Reserve -Maximum 100 -RelativeWeight $script:Row.Weight }
-            if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction $script:Row.AutomaticStartAction -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
+            if (Test-Open -Name 'processors', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count $script:Row.NewProcessors -Reserve $script:Row.NewReserve -Maximum 100 -RelativeWeight $script:Row.NewWeight }
+            if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction $script:Row.AutomaticStartAction -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
             if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName $script:Row.Name }
         }
     }
@@ -81,14 +81,14 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643'
+    'Rarms.psm1' = '9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
     $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0: put it there' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion

@@ -1,10 +1,10 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 10eaf3d15631 of application robot, for the host itself.
+    rarms apply script: plan 10eaf3d15631 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
-    Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
-    speech: changed (erase the mark)
+    speech  erase the mark
+    Time: some seconds a call. It waits 300 s at most at the end, where a guest restarts just then.
     Only these calls change something (and how often): Write-Mark 1.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 9a14a32c37fa, rarms 0.1.0. SHA-256: the undo 8fe1950a4a5756b17f4c4c484a72ed1e3018d070749fcab73d821d0e5f6e6623, Rarms.psm1 731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643.
+    Manifest 9a14a32c37fa, rarms 0.1.0. SHA-256: the undo 903792ba7046afa45b0c71d2646ebc5e2cc4bbf1f9bc3fcc9b5dca9219bf5575, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '10eaf3d15631'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '8fe1950a4a5756b17f4c4c484a72ed1e3018d070749fcab73d821d0e5f6e6623'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '903792ba7046afa45b0c71d2646ebc5e2cc4bbf1f9bc3fcc9b5dca9219bf5575'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -50,14 +50,14 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643'
+    'Rarms.psm1' = '9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
     $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0: put it there' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion

@@ -1,11 +1,12 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 9159b2b135da of application robot, for the host itself.
+    rarms undo script: plan 9159b2b135da of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
-    Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
-    speech: changed (reserve 2.4 -> 0.8 LP (60 -> 20 % of each of 4 processors))
-    vision: changed (reserve 0.8 -> 2.4 LP (20 -> 60 % of each of 4 processors))
+    name    what is done
+    speech  reserve 2.4 -> 0.8 LP (60 -> 20 % of each of 4 processors)
+    vision  reserve 0.8 -> 2.4 LP (20 -> 60 % of each of 4 processors)
+    Time: some seconds a call. It waits 300 s at most at the end, where a guest restarts just then.
     Only these calls change something (and how often): Set-VMProcessor 2, Write-Mark 2.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -22,7 +23,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: Rarms.psm1 731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643.
+    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -43,40 +44,39 @@ $plan = {
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-    # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
-    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'reserve 2.4 -> 0.8 LP (60 -> 20 % of each of 4 processors)' -Undoes 1 -Same @{ limit = 100; mark = 'robot/speech'; weight = 100 } -Before @{
-        reserve = 60; set = 'c959e400da4b'
-    } -After @{
-        reserve = 20; set = '9a283df8dc93'
-    } -Set {
-        if (Test-Open -Name 'set') { Write-Mark }
-        if (Test-Open -Name 'reserve') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100 }
-    }
-
-    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
-    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'reserve 0.8 -> 2.4 LP (20 -> 60 % of each of 4 processors)' -Undoes 0 -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 1073741824 } -Same @{ limit = 100; mark = 'robot/vision'; weight = 100 } -Before @{
-        reserve = 20; set = '2a25f044217c'
-    } -After @{
-        reserve = 60; set = 'a68c426474c6'
-    } -Set {
-        if (Test-Open -Name 'set') { Write-Mark }
-        if (Test-Open -Name 'reserve') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 60 -Maximum 100 -RelativeWeight 100 }
+    # === speech and 1 more alike: takes back what the apply script did to it, the last step first =
+    $rows = @(
+        @{ Address = 'partition/speech'; Machine = '00000001-5ade-4000-8000-000000000001'
+            Action = 'reserve 2.4 -> 0.8 LP (60 -> 20 % of each of 4 processors)'; Undoes = 1; Mark = 'robot/speech'; Reserve = 60
+            Set = 'c959e400da4b'; NewReserve = 20; NewSet = '9a283df8dc93' } # rarms.yaml:13:3
+        @{ Address = 'partition/vision'; Machine = '00000002-5ade-4000-8000-000000000002'
+            Action = 'reserve 0.8 -> 2.4 LP (20 -> 60 % of each of 4 processors)'; Undoes = 0; Mark = 'robot/vision'; Reserve = 20
+            Set = '2a25f044217c'; NewReserve = 60; NewSet = 'a68c426474c6' } # rarms.yaml:12:3
+    )
+    foreach ($row in $rows) {
+        Use-Target -Address $row.Address -Row $row -Read { Get-PartitionReading -Machine $script:Row.Machine }
+        Add-Step -Action $row.Action -Undoes $row.Undoes -Same @{ limit = 100; mark = $row.Mark; weight = 100 } -Before @{
+            reserve = $row.Reserve; set = $row.Set
+        } -After @{
+            reserve = $row.NewReserve; set = $row.NewSet
+        } -Set {
+            if (Test-Open -Name 'set') { Write-Mark }
+            if (Test-Open -Name 'reserve') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve $script:Row.NewReserve -Maximum 100 -RelativeWeight 100 }
+        }
     }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643'
+    'Rarms.psm1' = '9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
     $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0: put it there' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion

@@ -1,13 +1,13 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 1ad36b4789f6 of application robot, for the host itself.
+    rarms apply script: plan 1ad36b4789f6 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
-    Host onboard of rarms.yaml, computer ONBOARD.
     3 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
     machine  processors  reserve                memory   disk  switch  secure boot  start
     door     1           0.2 LP (20 % of each)  256 MiB  none  none    as made      start
     speech   1           0.4 LP (40 % of each)  512 MiB  none  none    as made      start
     vision   2           1.6 LP (80 % of each)  1 GiB    none  none    as made      start
+    Time: some seconds a call. It waits 300 s at most at the end, where a guest restarts just then.
     Only these calls change something (and how often): New-VM 3, Remove-VMNetworkAdapter 3, Rename-VM 3, Set-VM 3, Set-VMMemory 3, Set-VMProcessor 3, Start-VM 3, Write-Mark 3.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 50d1c3071fb5, rarms 0.1.0. SHA-256: the undo 88f249ea7691165ae7fb56c91fa02b71755184147e1706e7be94b78677223a00, Rarms.psm1 731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643.
+    Manifest 50d1c3071fb5, rarms 0.1.0. SHA-256: the undo 6ace848e037f70cc9e59826f4e20dd1617e1e837808a1b615fd30474d8662eb2, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -41,34 +41,37 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1ad36b4789f6'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '88f249ea7691165ae7fb56c91fa02b71755184147e1706e7be94b78677223a00'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '6ace848e037f70cc9e59826f4e20dd1617e1e837808a1b615fd30474d8662eb2'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === door and 2 more alike: it is not there ===================================================
     $rows = @(
-        @{ Address = 'partition/door'; Name = 'door'; Action = 'make a machine of generation 2 with 256 MiB'; Memory = 268435456
-            Name2 = 'door.rarms-1ad36b4789f6'; Mark = 'robot/door'; Processors = 1; Reserve = 20; Set = 'f0a37ddc6e3e'; Weight = 100 } # rarms.yaml:14:3
-        @{ Address = 'partition/speech'; Name = 'speech'; Action = 'make a machine of generation 2 with 512 MiB'; Memory = 536870912
-            Name2 = 'speech.rarms-1ad36b4789f6'; Mark = 'robot/speech'; Processors = 1; Reserve = 40; Set = '1d0501056ae3'; Weight = 200 } # rarms.yaml:13:3
-        @{ Address = 'partition/vision'; Name = 'vision'; Action = 'make a machine of generation 2 with 1 GiB'; Memory = 1073741824
-            Name2 = 'vision.rarms-1ad36b4789f6'; Mark = 'robot/vision'; Processors = 2; Reserve = 80; Set = 'ea5adfba1827'; Weight = 300 } # rarms.yaml:12:3
+        @{ Address = 'partition/door'; Name = 'door'; Action = 'make a machine of generation 2 with 256 MiB'; NewMemory = 268435456
+            Name2 = 'door.rarms-1ad36b4789f6'; NewMark = 'robot/door'; NewProcessors = 1; NewReserve = 20; NewSet = 'f0a37ddc6e3e'
+            NewWeight = 100 } # rarms.yaml:14:3
+        @{ Address = 'partition/speech'; Name = 'speech'; Action = 'make a machine of generation 2 with 512 MiB'; NewMemory = 536870912
+            Name2 = 'speech.rarms-1ad36b4789f6'; NewMark = 'robot/speech'; NewProcessors = 1; NewReserve = 40; NewSet = '1d0501056ae3'
+            NewWeight = 200 } # rarms.yaml:13:3
+        @{ Address = 'partition/vision'; Name = 'vision'; Action = 'make a machine of generation 2 with 1 GiB'; NewMemory = 1073741824
+            Name2 = 'vision.rarms-1ad36b4789f6'; NewMark = 'robot/vision'; NewProcessors = 2; NewReserve = 80; NewSet = 'ea5adfba1827'
+            NewWeight = 300 } # rarms.yaml:12:3
     )
     foreach ($row in $rows) {
         Use-Target -Address $row.Address -Row $row -Read { Get-PartitionReading -Name $script:Row.Name }
         Add-Step -Action $row.Action -Before @{ exists = $false; taken = $false } -After @{
-            exists = $true; generation = 2; memory = $row.Memory
-        } -Set { Hyper-V\New-VM -Name $script:Row.Name2 -Generation 2 -MemoryStartupBytes $script:Row.Memory -NoVHD }
+            exists = $true; generation = 2; memory = $row.NewMemory
+        } -Set { Hyper-V\New-VM -Name $script:Row.Name2 -Generation 2 -MemoryStartupBytes $script:Row.NewMemory -NoVHD }
         Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
-            adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = $row.Mark; memory = $row.Memory
-            name = $row.Name; processors = $row.Processors; reserve = $row.Reserve; set = $row.Set; start_action = 'start'; state = 'off'
-            stop_action = 'shut_down'; weight = $row.Weight
+            adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = $row.NewMark; memory = $row.NewMemory
+            name = $row.Name; processors = $row.NewProcessors; reserve = $row.NewReserve; set = $row.NewSet; start_action = 'start'
+            state = 'off'; stop_action = 'shut_down'; weight = $row.NewWeight
         } -Set {
-            if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes $script:Row.Memory }
+            if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes $script:Row.NewMemory }
             if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
             if (Test-Open -Name 'mark', 'set') { Write-Mark }
-            if (Test-Open -Name 'processors', 'state', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count $script:Row.Processors -Reserve $script:Row.Reserve -Maximum 100 -RelativeWeight $script:Row.Weight }
-            if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints', 'state') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
+            if (Test-Open -Name 'processors', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count $script:Row.NewProcessors -Reserve $script:Row.NewReserve -Maximum 100 -RelativeWeight $script:Row.NewWeight }
+            if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
             if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName $script:Row.Name }
         }
     }
@@ -91,14 +94,14 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643'
+    'Rarms.psm1' = '9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
     $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0: put it there' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion

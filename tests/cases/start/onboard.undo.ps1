@@ -1,10 +1,11 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan b9db1b600f1b of application robot, for the host itself.
+    rarms undo script: plan b9db1b600f1b of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
-    Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
-    vision: stopped. It is off after 120 s at the latest, and stays off
+    name    what is done  off
+    vision  stopped       for good, after 120 s at most
+    Time: some seconds a call. It waits 120 s at most while guests stop, one after another; 300 s at most at the end, where a guest restarts just then.
     Only these calls change something (and how often): Stop-Partition 1, Write-Mark 1.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -21,7 +22,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: Rarms.psm1 731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -44,7 +45,6 @@ $plan = {
     }
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 1 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
     Add-Step -Action 'mark it as robot/vision, set 28cc232b41a1 stopped' -Undoes 0 -Same @{ mark = 'robot/vision' } -Before @{ set = '28cc232b41a1' } -After @{ set = '28cc232b41a1 stopped' } -Set { Write-Mark }
 }
@@ -52,14 +52,14 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643'
+    'Rarms.psm1' = '9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
     $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0: put it there' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion

@@ -1,13 +1,14 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 99b39b22c1b6 of application robot, for the host itself.
+    rarms apply script: plan 99b39b22c1b6 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
-    Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 2 changed, 2 stopped, 0 removed; nothing deleted.
-    speech: stopped. It is off after 120 s at the latest, and stays off
-    vision: stopped. It is off after 120 s at the latest, and stays off
+    name    what is done  off
+    speech  stopped       for good, after 120 s at most
+    vision  stopped       for good, after 120 s at most
+    Time: some seconds a call. It waits 240 s at most while guests stop, one after another; 300 s at most at the end, where a guest restarts just then.
     Only these calls change something (and how often): Stop-Partition 2, Write-Mark 2.
-    Not undone: it starts anew: what its programs had in memory is lost
+    Not undone: speech, vision: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
 .PARAMETER LockTimeout
@@ -23,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 32cc9a39941c75db9f59b11cd9bab564d6c4c16e1a64d96d6f869685a46b5867, Rarms.psm1 731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 00387e4e86df39ca69ad2838c0bdc3acf017c0bddb8008d73f7a32fc365df113, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -40,13 +41,12 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '99b39b22c1b6'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '32cc9a39941c75db9f59b11cd9bab564d6c4c16e1a64d96d6f869685a46b5867'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '00387e4e86df39ca69ad2838c0bdc3acf017c0bddb8008d73f7a32fc365df113'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === speech: rarms stop (rarms.yaml:13:3) =====================================================
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
@@ -54,7 +54,6 @@ $plan = {
 
     # === vision: rarms stop (rarms.yaml:12:3) =====================================================
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
@@ -64,14 +63,14 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643'
+    'Rarms.psm1' = '9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
     $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0: put it there' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion

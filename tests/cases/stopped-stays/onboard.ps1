@@ -1,10 +1,10 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 0e3cec8f49ca of application robot, for the host itself.
+    rarms apply script: plan 0e3cec8f49ca of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
-    Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
-    speech: started
+    speech  started
+    Time: some seconds a call. It waits 300 s at most at the end, where a guest restarts just then.
     Only these calls change something (and how often): Start-VM 1, Write-Mark 1.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo f42e69a5c575cd0f69c5e70600d8eec50b4c2b3a30c66d185bae63e9bd6269e8, Rarms.psm1 731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 5694c899444931f783aa67287da4be532c56cf074f8fd95935f4dea4ac42afb4, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '0e3cec8f49ca'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'f42e69a5c575cd0f69c5e70600d8eec50b4c2b3a30c66d185bae63e9bd6269e8'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '5694c899444931f783aa67287da4be532c56cf074f8fd95935f4dea4ac42afb4'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -55,14 +55,14 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643'
+    'Rarms.psm1' = '9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
     $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0: put it there' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion

@@ -1,11 +1,12 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan ef212a99a241 of application robot, for the host itself.
+    rarms apply script: plan ef212a99a241 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
-    Host onboard of rarms.yaml, computer ONBOARD.
-    0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
-    task/Localization: changed (record that it is ours, and what was there; set Background Only False -> True, BackgroundPriority 7 -> 5, Priority 7 -> 5)
-    task/MotionControl: changed (record that it is ours, and what was there; set Background Only False -> True, BackgroundPriority 8 -> 7, Priority 7 -> 7)
+    task classes: 2 changed, 0 removed; no machine is stopped or changed.
+    name                what is done
+    task/Localization   record that it is ours, and what was there; set Background Only False -> True, BackgroundPriority 7 -> 5, Priority 7 -> 5
+    task/MotionControl  record that it is ours, and what was there; set Background Only False -> True, BackgroundPriority 8 -> 7, Priority 7 -> 7
+    Time: some seconds a call. It waits for no guest.
     Only these calls change something (and how often): Write-TaskRecord 2, Write-TaskValue 16.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -22,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: the undo 9d01faffec400eaa153acce5aa18e195e9bd6d1d3acf017158f0da23e57b0416, Rarms.psm1 731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643.
+    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: the undo 67246163e067db19e50259a5c50a1831f3ab02d353c448e19d6fa276ce1c5a53, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -39,32 +40,32 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ef212a99a241'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '9d01faffec400eaa153acce5aa18e195e9bd6d1d3acf017158f0da23e57b0416'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '67246163e067db19e50259a5c50a1831f3ab02d353c448e19d6fa276ce1c5a53'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === task/Localization and 1 more alike: its values differ ====================================
     $rows = @(
-        @{ Address = 'task/Localization'; Task = 'Localization'; Set = '83ae0cee1cdc'; Set2 = 'ed6954abc738'
+        @{ Address = 'task/Localization'; Task = 'Localization'; Set = '83ae0cee1cdc'; NewSet = 'ed6954abc738'
             Action = 'set Background Only False -> True, BackgroundPriority 7 -> 5, Priority 7 -> 5'; ValueBackgroundpriority = 'dword:7'
-            ValuePriority = 'dword:7'; ValueBackgroundpriority2 = 'dword:5'; Value = 5 } # rarms.yaml:13:51
-        @{ Address = 'task/MotionControl'; Task = 'MotionControl'; Set = '432731d71cf4'; Set2 = '59f2d42fe4cf'
+            ValuePriority = 'dword:7'; NewValueBackgroundpriority = 'dword:5'; Value = 5 } # rarms.yaml:13:51
+        @{ Address = 'task/MotionControl'; Task = 'MotionControl'; Set = '432731d71cf4'; NewSet = '59f2d42fe4cf'
             Action = 'set Background Only False -> True, BackgroundPriority 8 -> 7, Priority 7 -> 7'; ValueBackgroundpriority = 'dword:8'
-            ValuePriority = 'sz:7'; ValueBackgroundpriority2 = 'dword:7'; Value = 7 } # rarms.yaml:12:51
+            ValuePriority = 'sz:7'; NewValueBackgroundpriority = 'dword:7'; Value = 7 } # rarms.yaml:12:51
     )
     foreach ($row in $rows) {
         Use-Target -Address $row.Address -Row $row -Read { Get-TaskClassReading -Task $script:Row.Task }
         Add-Step -Action 'record that it is ours, and what was there' -Same @{ record = 'robot'; robot = '' } -Before @{
             set = $row.Set
         } -After @{
-            set = $row.Set2
-        } -Set { Write-TaskRecord -Task $script:Row.Task -Application 'robot' -Robot '' -Digest $script:Row.Set2 -Before 'null' }
+            set = $row.NewSet
+        } -Set { Write-TaskRecord -Task $script:Row.Task -Application 'robot' -Robot '' -Digest $script:Row.NewSet -Before 'null' }
         Add-Step -Action $row.Action -Same @{ 'value:affinity' = 'dword:0'; 'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'; values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' } -Before @{
             'value:background only' = 'sz:False'; 'value:backgroundpriority' = $row.ValueBackgroundpriority
             'value:priority' = $row.ValuePriority
         } -After @{
-            'value:background only' = 'sz:True'; 'value:backgroundpriority' = $row.ValueBackgroundpriority2
-            'value:priority' = $row.ValueBackgroundpriority2
+            'value:background only' = 'sz:True'; 'value:backgroundpriority' = $row.NewValueBackgroundpriority
+            'value:priority' = $row.NewValueBackgroundpriority
         } -Set {
             Write-TaskValue -Task $script:Row.Task -Name 'Affinity' -Type 'DWord' -Value 0
             Write-TaskValue -Task $script:Row.Task -Name 'Background Only' -Type 'String' -Value 'True'
@@ -81,14 +82,14 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643'
+    'Rarms.psm1' = '9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
     $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0: put it there' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion

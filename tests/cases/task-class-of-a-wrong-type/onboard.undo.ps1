@@ -1,11 +1,12 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan ef212a99a241 of application robot, for the host itself.
+    rarms undo script: plan ef212a99a241 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
-    Host onboard of rarms.yaml, computer ONBOARD.
-    0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
-    task/Localization: changed (set Affinity 0, Background Only False, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium; record that it is ours, and what was there)
-    task/MotionControl: changed (set Affinity 0, Background Only False, BackgroundPriority 8, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium; record that it is ours, and what was there)
+    task classes: 2 changed, 0 removed; no machine is stopped or changed.
+    name                what is done
+    task/Localization   set Affinity 0, Background Only False, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium; record that it is ours, and what was there
+    task/MotionControl  set Affinity 0, Background Only False, BackgroundPriority 8, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium; record that it is ours, and what was there
+    Time: some seconds a call. It waits for no guest.
     Only these calls change something (and how often): Write-TaskRecord 2, Write-TaskValue 16.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -22,7 +23,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: Rarms.psm1 731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643.
+    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -47,12 +48,12 @@ $plan = {
     $rows = @(
         @{ Address = 'task/MotionControl'; Task = 'MotionControl'
             Action = 'set Affinity 0, Background Only False, BackgroundPriority 8, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium'
-            Undoes = 3; ValueBackgroundpriority = 'dword:7'; ValueBackgroundpriority2 = 'dword:8'; ValuePriority = 'sz:7'; Value = 8
-            Type = 'String'; Value2 = '7'; Undoes2 = 2; Set = '59f2d42fe4cf'; Set2 = '432731d71cf4' } # rarms.yaml:12:51
+            Undoes = 3; ValueBackgroundpriority = 'dword:7'; NewValueBackgroundpriority = 'dword:8'; NewValuePriority = 'sz:7'; Value = 8
+            Type = 'String'; Value2 = '7'; Undoes2 = 2; Set = '59f2d42fe4cf'; NewSet = '432731d71cf4' } # rarms.yaml:12:51
         @{ Address = 'task/Localization'; Task = 'Localization'
             Action = 'set Affinity 0, Background Only False, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium'
-            Undoes = 1; ValueBackgroundpriority = 'dword:5'; ValueBackgroundpriority2 = 'dword:7'; ValuePriority = 'dword:7'; Value = 7
-            Type = 'DWord'; Value2 = 7; Undoes2 = 0; Set = 'ed6954abc738'; Set2 = '83ae0cee1cdc' } # rarms.yaml:13:51
+            Undoes = 1; ValueBackgroundpriority = 'dword:5'; NewValueBackgroundpriority = 'dword:7'; NewValuePriority = 'dword:7'; Value = 7
+            Type = 'DWord'; Value2 = 7; Undoes2 = 0; Set = 'ed6954abc738'; NewSet = '83ae0cee1cdc' } # rarms.yaml:13:51
     )
     foreach ($row in $rows) {
         Use-Target -Address $row.Address -Row $row -Read { Get-TaskClassReading -Task $script:Row.Task }
@@ -60,8 +61,8 @@ $plan = {
             'value:background only' = 'sz:True'; 'value:backgroundpriority' = $row.ValueBackgroundpriority
             'value:priority' = $row.ValueBackgroundpriority
         } -After @{
-            'value:background only' = 'sz:False'; 'value:backgroundpriority' = $row.ValueBackgroundpriority2
-            'value:priority' = $row.ValuePriority
+            'value:background only' = 'sz:False'; 'value:backgroundpriority' = $row.NewValueBackgroundpriority
+            'value:priority' = $row.NewValuePriority
         } -Set {
             Write-TaskValue -Task $script:Row.Task -Name 'Affinity' -Type 'DWord' -Value 0
             Write-TaskValue -Task $script:Row.Task -Name 'Background Only' -Type 'String' -Value 'False'
@@ -75,22 +76,22 @@ $plan = {
         Add-Step -Action 'record that it is ours, and what was there' -Undoes $row.Undoes2 -Same @{ record = 'robot'; robot = '' } -Before @{
             set = $row.Set
         } -After @{
-            set = $row.Set2
-        } -Set { Write-TaskRecord -Task $script:Row.Task -Application 'robot' -Robot '' -Digest $script:Row.Set2 -Before 'null' }
+            set = $row.NewSet
+        } -Set { Write-TaskRecord -Task $script:Row.Task -Application 'robot' -Robot '' -Digest $script:Row.NewSet -Before 'null' }
     }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643'
+    'Rarms.psm1' = '9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
     $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0: put it there' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion

@@ -1,10 +1,10 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 1607db3e92f2 of application robot, for the host itself.
+    rarms apply script: plan 1607db3e92f2 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
-    Host onboard of rarms.yaml, computer ONBOARD.
-    0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
-    task/Games: changed (set Priority 4 -> 2; forget it: it is no longer ours)
+    task classes: 1 changed, 0 removed; no machine is stopped or changed.
+    task/Games  set Priority 4 -> 2; forget it: it is no longer ours
+    Time: some seconds a call. It waits for no guest.
     Only these calls change something (and how often): Remove-TaskRecord 1, Remove-TaskValue 1, Write-TaskValue 7.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 7e4a30f86028, rarms 0.1.0. SHA-256: the undo 23664c0af461d6ecde61e36c939667fc5967c72d4bad47230532ffb14e40ce8c, Rarms.psm1 731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643.
+    Manifest 7e4a30f86028, rarms 0.1.0. SHA-256: the undo 3ce090131d25062c787f415c61af59f594900d180f7fb0be2e273346995665dc, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1607db3e92f2'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '23664c0af461d6ecde61e36c939667fc5967c72d4bad47230532ffb14e40ce8c'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '3ce090131d25062c787f415c61af59f594900d180f7fb0be2e273346995665dc'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -68,14 +68,14 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '731F9C216487B419C43CAA842D860A9B0AE6FC2DF582E33B5096C0866A9A0643'
+    'Rarms.psm1' = '9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
     $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
     $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
     $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0' -f $name, $folder) }
+    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0: put it there' -f $name, $folder) }
 }
 $rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
 #endregion

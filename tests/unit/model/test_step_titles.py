@@ -63,4 +63,4 @@ def test_an_undo_script_has_the_reserve_in_both_units_in_its_step_and_its_head()
     script = render_scripts(*rendered_plan([known]))["onboard.undo.ps1"]
 
     assert [step.action for step in outline(script).steps] == [back]
-    assert f"    vision: changed ({back})\r\n" in script.decode("ascii")
+    assert f"    vision  {back}\r\n" in script.decode("ascii")

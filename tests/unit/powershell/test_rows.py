@@ -85,7 +85,7 @@ EDITS = {
     "a row without a column": ("Mark = 'robot/arm'", "Marc = 'robot/arm'"),
     "a column without a row": ("Row.Machine", "Row.Other"),
     "a loop's variable in a block": ("$script:Row.Machine", "$row.Machine"),
-    "a later variable in a table": ("reserve = $row.Reserve", "reserve = $script:Row.Reserve"),
+    "a later variable in a table": ("reserve = $row.NewReserve", "reserve = $script:Row.NewReserve"),
     "a row that is not handed on": (" -Row $row", ""),
     "another row": (" -Row $row", " -Row $rows"),
     "another table": ("in $rows", "in $script:Rows"),

@@ -7,9 +7,14 @@ import pytest
 
 from rarms_iac.powershell.outline import outline
 from rarms_iac.powershell.render import render_scripts
-from rarms_iac.powershell.templates import module_digests
+from rarms_iac.powershell.templates import module_digests, shipped_module
+from tests import builders_plan as build
 from tests.unit.powershell.plans import all_changes, rendered_plan
 
+RISK = "    2 machines added, 3 changed, 2 stopped, 1 removed; nothing deleted; task classes: 2 changed, 0 removed.\r\n"
+UNDO_RISK = (
+    "    0 machines added, 4 changed, 3 stopped, 2 removed; 1 disk deleted; task classes: 1 changed, 1 removed.\r\n"
+)
 SCRIPTS = {name: text.decode("ascii") for name, text in render_scripts(*rendered_plan()).items()}
 
 
@@ -35,8 +40,40 @@ def test_an_undo_says_of_a_machine_that_was_removed_that_it_is_not_made_again() 
 
 
 def test_everything_is_counted_and_the_undo_counts_the_other_way() -> None:
-    assert "    2 machines added, 3 changed, 2 stopped, 1 removed; nothing deleted.\r\n" in SCRIPTS["onboard.ps1"]
-    assert "    0 machines added, 4 changed, 3 stopped, 2 removed; 1 disk deleted.\r\n" in SCRIPTS["onboard.undo.ps1"]
+    assert RISK in SCRIPTS["onboard.ps1"]
+    assert UNDO_RISK in SCRIPTS["onboard.undo.ps1"]
+
+
+def test_a_guests_script_counts_task_classes_and_no_machines() -> None:
+    head = SCRIPTS["onboard.guest.speech.ps1"].partition(".PARAMETER")[0]
+
+    assert "    task classes: 1 changed, 0 removed; no machine is stopped or changed.\r\n" in head
+    assert "    speech/task/SpeechRecognition  record that it is ours" in head
+    assert "    Time: some seconds a call. It waits for no guest.\r\n" in head
+
+
+def test_the_head_says_how_long_it_may_wait_and_what_is_off_for_how_long() -> None:
+    head = [re.split("  +", line.strip()) for line in SCRIPTS["onboard.ps1"].partition("#>")[0].split("\r\n")]
+    offs = {row[0]: row[2] for row in head if len(row) == 3}
+
+    assert offs == {
+        "name": "off",
+        "former": "for good, after 120 s at most",
+        "speech": "until it has started, 120 s at most to stop",
+    }
+    (waits,) = (line for (line, *_) in head if line.startswith("Time: "))
+    assert "It waits 240 s at most while guests stop" in waits
+    (at_the_end,) = re.findall(r"(\d+) s at most at the end", waits)
+    assert f"$settled = [DateTime]::UtcNow.AddMilliseconds({at_the_end}000)" in shipped_module()["Rarms.psm1"]
+
+
+def test_what_cannot_be_brought_back_is_said_of_each_machine() -> None:
+    removals = [build.delete(build.partition(build.settings(name))) for name in ("part-2", "part-10")]
+    (lost,) = (
+        line for line in render_scripts(*rendered_plan(removals))["onboard.ps1"].split(b"\r\n") if b"Not un" in line
+    )
+
+    assert lost.strip() == b"Not undone: part-2, part-10: the machine is not made again"
 
 
 def test_a_machine_that_is_made_is_a_line_of_a_table_with_its_literal_paths() -> None:
