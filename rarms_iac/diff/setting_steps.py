@@ -1,7 +1,6 @@
 """Steps of one machine on its way from what it is to what it is to be: one call a setting."""
 
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from math import ceil
 
 from rarms_iac.diff.claims import claim_of
@@ -18,12 +17,10 @@ from rarms_iac.model.operations import (
     SetSecureBoot,
     StartPartition,
     StopPartition,
-    forced_after_ms,
 )
 from rarms_iac.model.plan import Readings, Step, Undo, UndoLevel
-from rarms_iac.model.quantities import plain
 from rarms_iac.model.state import NO_GENERATION, SECURE_BOOT_OFF, Facet, Mark, Partition, PartitionSettings, RunState
-from rarms_iac.model.step_titles import change_title, new_title
+from rarms_iac.model.step_titles import change_title, describe_stop, new_title
 from rarms_iac.model.system import GRACE, Disruption
 
 STARTS_ANEW = "it starts anew: what its programs had in memory is lost"
@@ -231,26 +228,6 @@ def stop_step(builder: StepBuilder, why: str) -> Step:
     )
     undo = replace(stop.undo, level=UndoLevel.PARTIAL, message=STARTS_ANEW) if was_running else _NOT_PAUSED_AGAIN
     return replace(stop, disruption=Disruption.PARTITION_STOP, undo=undo)
-
-
-def describe_stop(grace: int, *, forces: bool) -> str:
-    """Describe how a guest is stopped.
-
-    Args:
-        grace: milliseconds that it has to shut down; 0: it is turned off without being asked.
-        forces: whether its host can force it to shut down.
-
-    Returns:
-        Words for the title of a step, with the times in seconds after it was asked.
-    """
-    if not grace:
-        return "turned off, not asked"
-    forced = f"after {_seconds(forced_after_ms(grace))} s forced, " if forces else ""
-    return f"asked, {forced}after {_seconds(grace)} s turned off"
-
-
-def _seconds(milliseconds: int) -> str:
-    return plain(Fraction(milliseconds, 1000))
 
 
 def start_step(builder: StepBuilder, why: str = "after all that it is to have is set") -> Step:

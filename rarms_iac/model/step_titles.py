@@ -1,6 +1,7 @@
 """What a step does in a few words, from what was found to what is set; and the step that takes one back."""
 
 from collections.abc import Mapping
+from fractions import Fraction
 
 from rarms_iac.model.changes import Address, Change, Update
 from rarms_iac.model.operations import (
@@ -11,10 +12,31 @@ from rarms_iac.model.operations import (
     SetProcessors,
     SetSecureBoot,
     WriteMark,
+    forced_after_ms,
 )
 from rarms_iac.model.plan import Step
-from rarms_iac.model.quantities import show_lp_percent, show_period, write_bytes
+from rarms_iac.model.quantities import plain, show_lp_percent, show_period, write_bytes
 from rarms_iac.model.state import Partition, PartitionSettings
+
+
+def describe_stop(grace: int, *, forces: bool) -> str:
+    """Describe how a guest is stopped.
+
+    Args:
+        grace: milliseconds that it has to shut down; 0: it is turned off without being asked.
+        forces: whether its host can force it to shut down.
+
+    Returns:
+        Words for the title of a step, with the times in seconds after it was asked.
+    """
+    if not grace:
+        return "turned off, not asked"
+    forced = f"after {_seconds(forced_after_ms(grace))} s forced, " if forces else ""
+    return f"asked, {forced}after {_seconds(grace)} s turned off"
+
+
+def _seconds(milliseconds: int) -> str:
+    return plain(Fraction(milliseconds, 1000))
 
 
 def new_title(operation: Operation, to: PartitionSettings) -> str:

@@ -202,7 +202,8 @@ def difference(old: Outline, new: Outline) -> ScriptDifference:
     """Compare what the new script does with what the old one does."""
     keys_old, keys_new = _keys(old), _keys(new)
     common = [key for key in keys_new if key in keys_old]
-    stay = _longest_rising([list(keys_old).index(key) for key in common])
+    places = {key: at for at, key in enumerate(keys_old)}
+    stay = _longest_rising([places[key] for key in common])
     differences: list[StepDifference] = []
     for key, step in keys_new.items():
         before = keys_old.get(key)
@@ -210,7 +211,7 @@ def difference(old: Outline, new: Outline) -> ScriptDifference:
             differences.append(StepDifference(address=step.address, action=step.action, old=None, new=step.number + 1))
             continue
         details = tuple(_details(_facts(before, old), _facts(step, new)))
-        moved = list(keys_old).index(key) not in stay
+        moved = places[key] not in stay
         if details or moved:
             differences.append(
                 StepDifference(

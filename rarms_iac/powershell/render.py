@@ -12,10 +12,10 @@ from math import floor
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind
-from rarms_iac.model.operations import CreatePartition, RemovePartition, RestorePartition, StartPartition
+from rarms_iac.model.operations import CreatePartition, RemovePartition, RestorePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import GuestTask, HostPlan, Plan, Readings, Step, owner_of
 from rarms_iac.model.state import Partition, Tie
-from rarms_iac.model.step_titles import reversal
+from rarms_iac.model.step_titles import describe_stop, reversal
 from rarms_iac.model.wording import remark
 from rarms_iac.powershell.guests import back, forward, step_of
 from rarms_iac.powershell.literals import Literal, literal
@@ -141,6 +141,8 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, form: Scri
         if step.undo.operation is None or isinstance(step.undo.operation, RestorePartition):
             continue
         back = reversal(step, changes)
+        if isinstance(back.operation, StopPartition):
+            back = replace(back, title=f"{back.title} ({describe_stop(back.operation.grace_ms, forces=True)})")
         if isinstance(step.operation, CreatePartition):
             pieces = creation_undo_pieces(back, step.operation, _new_files(host_plan, plan))
         else:

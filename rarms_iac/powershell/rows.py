@@ -74,22 +74,23 @@ def _banner(block: PlanBlock, about: str) -> Iterator[str]:
 
 def _table(alike: Sequence[PlanBlock]) -> Iterator[str]:
     """The rows of these blocks, and their steps with columns."""
-    literals = [_literals(block) for block in alike]
     columns: dict[tuple[Literal, ...], str] = {}
-    for same in zip(*literals, strict=True):
+    names: list[str | None] = []  # of each literal its column; None: it is the same in all rows
+    for same in zip(*map(_literals, alike), strict=True):
         values = tuple(value for _, value in same)
         if len(set(values)) > 1 and values not in columns:
             columns[values] = _column(same[0][0], columns.values())
+        names.append(columns.get(values))
     first = alike[0]
     abouts = {block.reason or block.action for block in alike}
     about = abouts.pop() if len(abouts) == 1 else "as each row says"
     yield from _banner(first, f"{first.owner} and {len(alike) - 1} more alike: {about}")
     rows = [{name: values[at] for values, name in columns.items()} for at in range(len(alike))]
     yield from table_lines(rows, [remark(block.place) for block in alike])
-    names = iter([columns.get(tuple(value for _, value in same)) for same in zip(*literals, strict=True)])
+    remaining = iter(names)
 
     def text_for(_: str, value: Literal, variable: str) -> str:
-        name = next(names)
+        name = next(remaining)
         return f"{variable}.{name}" if name else value
 
     for statement in first.statements:

@@ -124,10 +124,23 @@ def fresh() -> Prepared:
 @cache
 def alike() -> Prepared:
     """Machines alike, which a script makes, and starts, in rows of a table."""
-    names = (f"part-{number}" for number in range(4))
-    system = a_cell_system(*(a_component(name, reserve="5 %", processors=1, memory="256 MiB") for name in names))
-    cell = Cell(system, a_windows())
+    cell = Cell(_alike("5 %"), a_windows())
     return Prepared(cell, cell.plan())
+
+
+@cache
+def alike_changed() -> Prepared:
+    """Those machines, whose reserves a script lowers, and its undo raises, in rows of a table."""
+    host = a_windows()
+    ran = apply(host, Cell(_alike("5 %"), host).plan())
+    assert ran.code == 0, ran.says
+    cell = Cell(_alike("4 %"), host.copy())
+    return Prepared(cell, cell.plan())
+
+
+def _alike(reserve: str) -> System:
+    names = (f"part-{number}" for number in range(4))
+    return a_cell_system(*(a_component(name, reserve=reserve, processors=1, memory="256 MiB") for name in names))
 
 
 @cache

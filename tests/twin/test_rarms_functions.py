@@ -220,7 +220,8 @@ def test_a_run_is_asked_to_end_before_its_next_step_and_goes_on_when_it_is_run_a
 
     assert (stopped.code, stopped.events[-1]["status"]) == (1, "stopped"), stopped.says
     assert (again.code, again.events[-1]["status"]) == (0, "done"), again.says
-    assert "there is no script" in at_prompt(host, f"Stop-RarmsRun -Path '{FOLDER}\\none.ps1'").says
+    said = at_prompt(host, f"Stop-RarmsRun -Path '{FOLDER}\\none.ps1'").says
+    assert f"there is no script {FOLDER}\\none.ps1: give the path of the one that runs" in said
 
 
 def test_a_computer_that_is_held_is_not_closed(prepared: Prepared) -> None:

@@ -46,7 +46,9 @@ $plan = {
     }
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:15:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
-    Add-Step -Action 'stop it' -Undoes 3 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
+    Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Undoes 3 -Before @{ state = 'running' } -After @{
+        state = 'off'
+    } -Set { Stop-Partition -GraceMs 120000 }
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' -Disk 'D:\machines\vision\vision-9bd8a48c1959.vhdx' }
     Add-Step -Action 'remove the machine' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force

@@ -45,7 +45,9 @@ $plan = {
     }
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
-    Add-Step -Action 'stop it' -Undoes 2 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
+    Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Undoes 2 -Before @{ state = 'running' } -After @{
+        state = 'off'
+    } -Set { Stop-Partition -GraceMs 120000 }
     Add-Step -Action 'remove the machine' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }

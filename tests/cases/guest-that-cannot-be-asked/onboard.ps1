@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo dd740856ecd5a523c5f2477223153f92628b031a9fab157d92e1dccfab66098c, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 06a4a4680085e6f5e7ca05aca9ce35db05b085cac97040ffc04c6168171d6696, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '22bcee0f0a7d'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'dd740856ecd5a523c5f2477223153f92628b031a9fab157d92e1dccfab66098c'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '06a4a4680085e6f5e7ca05aca9ce35db05b085cac97040ffc04c6168171d6696'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: the undo 2629e9ef3ab8b4e692ed66a68b14584b15360d7d1e71b90900e4c2c02b3c3ba6, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
+    Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: the undo 15f3f3f443bd86c5f96e93937940b4bca68fa080d056630178583ecbb93c30c5, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '55573f97842a'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '2629e9ef3ab8b4e692ed66a68b14584b15360d7d1e71b90900e4c2c02b3c3ba6'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '15f3f3f443bd86c5f96e93937940b4bca68fa080d056630178583ecbb93c30c5'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

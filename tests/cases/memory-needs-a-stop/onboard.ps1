@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo ed50f7ef58dc77cbd0f1409259543b99a3488fe3082cb6aec604d1cf7992335a, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 872e1cbad357248500dff1a6ee015f624323adc0185328102927b15d8bddb98c, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1153ea04f1bc'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'ed50f7ef58dc77cbd0f1409259543b99a3488fe3082cb6aec604d1cf7992335a'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '872e1cbad357248500dff1a6ee015f624323adc0185328102927b15d8bddb98c'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -46,7 +46,9 @@ $plan = {
     }
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'stop it' -Undoes 2 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
+    Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Undoes 2 -Before @{ state = 'running' } -After @{
+        state = 'off'
+    } -Set { Stop-Partition -GraceMs 120000 }
     Add-Step -Action 'memory 512 MiB -> 512 MiB, dynamic' -Undoes 1 -Same @{ memory = 536870912; state = 'off' } -Before @{
         dynamic_memory = $false
     } -After @{

@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 3d5e9032f9056f60a3062e56228f634f3de5026058856d8c2dd2acd2419e374a, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
+    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 13194620431bdbe636451124ef3a9509c330c1c6a8a8641691bf4ecd89a241c4, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '97034307af55'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '3d5e9032f9056f60a3062e56228f634f3de5026058856d8c2dd2acd2419e374a'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '13194620431bdbe636451124ef3a9509c330c1c6a8a8641691bf4ecd89a241c4'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

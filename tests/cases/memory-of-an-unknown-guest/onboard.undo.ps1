@@ -46,7 +46,9 @@ $plan = {
     }
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'stop it' -Undoes 2 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
+    Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Undoes 2 -Before @{ state = 'running' } -After @{
+        state = 'off'
+    } -Set { Stop-Partition -GraceMs 120000 }
     Add-Step -Action 'memory 1 GiB -> 512 MiB' -Undoes 1 -Same @{ dynamic_memory = $false; mark = 'robot/speech'; state = 'off' } -Before @{
         memory = 1073741824; set = '2c6d7af35b8b'
     } -After @{

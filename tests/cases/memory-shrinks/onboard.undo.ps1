@@ -46,7 +46,9 @@ $plan = {
     }
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'stop it' -Undoes 2 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
+    Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Undoes 2 -Before @{ state = 'running' } -After @{
+        state = 'off'
+    } -Set { Stop-Partition -GraceMs 120000 }
     Add-Step -Action 'memory 512 MiB -> 1 GiB' -Undoes 1 -Same @{ dynamic_memory = $false; mark = 'robot/vision'; state = 'off' } -Before @{
         memory = 536870912; set = '9772f0245732'
     } -After @{

@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 6e952823bee468bd57b61a57bdc9c100ce60199e8ff1877fdf1759958e5364ce, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
+    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 4309bf851643f29a05ae0560e9c81e5da02fb4cd83b168976b382da326f119c5, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f9440b99ae98'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '6e952823bee468bd57b61a57bdc9c100ce60199e8ff1877fdf1759958e5364ce'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '4309bf851643f29a05ae0560e9c81e5da02fb4cd83b168976b382da326f119c5'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

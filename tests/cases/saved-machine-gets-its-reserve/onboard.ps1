@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 8e1b69df4f6bbe5eef60f0bef8f9064ab25a6386a5b9e046f819efbae0ecd9de, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 6c448e32f291ce89f2c05b46bf1eeda592ed3f72c6b6310000971862a2b82e63, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '3805e054716a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '8e1b69df4f6bbe5eef60f0bef8f9064ab25a6386a5b9e046f819efbae0ecd9de'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '6c448e32f291ce89f2c05b46bf1eeda592ed3f72c6b6310000971862a2b82e63'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -54,9 +54,11 @@ $plan = {
         if (Test-Open -Name 'set') { Write-Mark }
         if (Test-Open -Name 'reserve', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 80 -Maximum 100 -RelativeWeight 100 }
     }
-    Add-Step -Action 'stop it' -Undoes 0 -Before @{ running = $true; state = 'running' } -After @{ running = $false } -Set {
-        Stop-Partition -GraceMs 120000
-    }
+    Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Undoes 0 -Before @{
+        running = $true; state = 'running'
+    } -After @{
+        running = $false
+    } -Set { Stop-Partition -GraceMs 120000 }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')

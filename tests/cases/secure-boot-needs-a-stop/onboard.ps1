@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 8c6af2d9181e, rarms 0.1.0. SHA-256: the undo 5aafd7d3705fce0d1a0877db4d876012245a0d62feacaf872694399bbb156173, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
+    Manifest 8c6af2d9181e, rarms 0.1.0. SHA-256: the undo 21d730c2a74c1918c6c76280a5ba313a370a9fd85ff63cc2ae0a6a8eef1683a9, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ac9942186f87'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '5aafd7d3705fce0d1a0877db4d876012245a0d62feacaf872694399bbb156173'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '21d730c2a74c1918c6c76280a5ba313a370a9fd85ff63cc2ae0a6a8eef1683a9'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 00a62bced4f5a9f2a583ef8f28c6930d43e895c48a8d19b1c43a8b18ff638e04, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
+    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 018fda80ebbed623dbf21a0f08458fb4b1a5a6a83193b5c3a94a80bc2cdb83ca, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -41,7 +41,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '91988e6a8f9d'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '00a62bced4f5a9f2a583ef8f28c6930d43e895c48a8d19b1c43a8b18ff638e04'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '018fda80ebbed623dbf21a0f08458fb4b1a5a6a83193b5c3a94a80bc2cdb83ca'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 8; Cores = 4; ThreadsPerCore = 2; Percent = 800; Memory = 17179869184; AcceptScheduler = $false
     }

@@ -47,15 +47,21 @@ $plan = {
     }
     # === mapping: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/mapping' -Read { Get-PartitionReading -Name 'mapping' }
-    Add-Step -Action 'stop it' -Undoes 8 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
+    Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Undoes 8 -Before @{ state = 'running' } -After @{
+        state = 'off'
+    } -Set { Stop-Partition -GraceMs 120000 }
 
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
-    Add-Step -Action 'stop it' -Undoes 7 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
+    Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Undoes 7 -Before @{ state = 'running' } -After @{
+        state = 'off'
+    } -Set { Stop-Partition -GraceMs 120000 }
 
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:11:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
-    Add-Step -Action 'stop it' -Undoes 6 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
+    Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Undoes 6 -Before @{ state = 'running' } -After @{
+        state = 'off'
+    } -Set { Stop-Partition -GraceMs 120000 }
     Add-Step -Action 'remove the machine' -Undoes 4 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }

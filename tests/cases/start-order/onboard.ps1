@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 50d1c3071fb5, rarms 0.1.0. SHA-256: the undo 6ace848e037f70cc9e59826f4e20dd1617e1e837808a1b615fd30474d8662eb2, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
+    Manifest 50d1c3071fb5, rarms 0.1.0. SHA-256: the undo 1b375776472313666afe8fef4acaf11bab8c123e1fcd26c9730c1606da3cfff7, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -41,7 +41,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1ad36b4789f6'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '6ace848e037f70cc9e59826f4e20dd1617e1e837808a1b615fd30474d8662eb2'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '1b375776472313666afe8fef4acaf11bab8c123e1fcd26c9730c1606da3cfff7'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

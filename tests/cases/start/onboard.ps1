@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 814e1ab67c28d4e508b852be9d3e629e0e754daacff23c85c934c6f7f8ecb3cf, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 6444a44456e1194fd24f16fbe0aba1ef2616a0a23344f0ef766b4becbd30a868, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'b9db1b600f1b'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '814e1ab67c28d4e508b852be9d3e629e0e754daacff23c85c934c6f7f8ecb3cf'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '6444a44456e1194fd24f16fbe0aba1ef2616a0a23344f0ef766b4becbd30a868'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -45,7 +45,9 @@ $plan = {
     }
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'stop it' -Undoes 1 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
+    Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Undoes 1 -Before @{ state = 'running' } -After @{
+        state = 'off'
+    } -Set { Stop-Partition -GraceMs 120000 }
     Add-Step -Action 'mark it as robot/vision, set 28cc232b41a1 stopped' -Undoes 0 -Same @{ mark = 'robot/vision' } -Before @{ set = '28cc232b41a1' } -After @{ set = '28cc232b41a1 stopped' } -Set { Write-Mark }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.

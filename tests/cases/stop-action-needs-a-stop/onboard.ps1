@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo eb96630286c61a5886dbf555e3a84c4b7900b502f9fa6d8cd80d1757a2768ea9, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 9f9799718da5c819111e618f9b5896e286f1c8f7e4f40655b5446aa87b4bf3bf, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'b68c00c686ad'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'eb96630286c61a5886dbf555e3a84c4b7900b502f9fa6d8cd80d1757a2768ea9'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '9f9799718da5c819111e618f9b5896e286f1c8f7e4f40655b5446aa87b4bf3bf'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

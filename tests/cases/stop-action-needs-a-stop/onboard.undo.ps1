@@ -46,7 +46,9 @@ $plan = {
     }
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'stop it' -Undoes 2 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
+    Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Undoes 2 -Before @{ state = 'running' } -After @{
+        state = 'off'
+    } -Set { Stop-Partition -GraceMs 120000 }
     Add-Step -Action 'when the host starts: start if running; when the host stops: save; reserve 0.8 -> 1.6 LP (40 -> 80 % of each of 2 processors), weight 200 -> 100' -Undoes 1 -Same @{ limit = 100; mark = 'robot/vision'; state = 'off' } -Before @{
         reserve = 40; set = 'd38b532de154'; start_action = 'start'; stop_action = 'shut_down'; weight = 200
     } -After @{

@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 5694c899444931f783aa67287da4be532c56cf074f8fd95935f4dea4ac42afb4, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 5417e64fa00eb4428d7d05e9dcdcd3846c9767ebc75a9818143ec0515283ed7e, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '0e3cec8f49ca'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '5694c899444931f783aa67287da4be532c56cf074f8fd95935f4dea4ac42afb4'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '5417e64fa00eb4428d7d05e9dcdcd3846c9767ebc75a9818143ec0515283ed7e'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

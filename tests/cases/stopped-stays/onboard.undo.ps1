@@ -45,7 +45,9 @@ $plan = {
     }
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'stop it' -Undoes 1 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
+    Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Undoes 1 -Before @{ state = 'running' } -After @{
+        state = 'off'
+    } -Set { Stop-Partition -GraceMs 120000 }
     Add-Step -Action 'mark it as robot/speech, set 9318451c660e measuring' -Undoes 0 -Same @{ mark = 'robot/speech' } -Before @{ set = '9318451c660e' } -After @{ set = '9318451c660e measuring' } -Set { Write-Mark }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 3b351b12634978489e4fbd25814abb493764861c6405be9e1ae7d742a8480494, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 44aba64590e1c7cdf500ecdbade35a7971302569fa71d2e5d4a438f45880c38a, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '6802e2d2d537'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '3b351b12634978489e4fbd25814abb493764861c6405be9e1ae7d742a8480494'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '44aba64590e1c7cdf500ecdbade35a7971302569fa71d2e5d4a438f45880c38a'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

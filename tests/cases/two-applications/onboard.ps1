@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 75336c52a5a3ed3ad7c9ab42d3b8581181c0cbe6931fabb65fd58b95d26274cb, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 9058cba1173977f47c24f308e2a694c79d3c19f2e2b30ea2488622c900cda9c7, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '4d866721c309'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '75336c52a5a3ed3ad7c9ab42d3b8581181c0cbe6931fabb65fd58b95d26274cb'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '9058cba1173977f47c24f308e2a694c79d3c19f2e2b30ea2488622c900cda9c7'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 1d2c3f100e9b88ef5e8792e559356290f6cd01b2b8dd04e21a20c4bc65acf724, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo dd355e99f5da971f673bac22740f592ab92c6a11fd0fbd8f9c30a60ca6a2e800, Rarms.psm1 9808132F3CB25504417CF434195DFEF2809F990CC632A57DBE5AA169F8AFEAAD.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'bc3b0e7405db'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '1d2c3f100e9b88ef5e8792e559356290f6cd01b2b8dd04e21a20c4bc65acf724'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'dd355e99f5da971f673bac22740f592ab92c6a11fd0fbd8f9c30a60ca6a2e800'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
