@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from math import ceil
+from math import ceil, inf
 from typing import assert_never
 
 from rarms_iac.manifest.text.positions import FirstLine
@@ -102,7 +102,7 @@ class IndexVerdict:
 
     @output
     def error(self) -> float | None:
-        """The probability that any verdict on the layout is wrong; None: there is no verdict on this."""
+        """The probability that it is wrong; None: there is no verdict on this."""
         return ERROR if isinstance(self.verdict, Met | Missed) else None
 
 
@@ -116,6 +116,7 @@ class LayoutProof:
     series: Internal[Mapping[str, Series]]  # by component, of those with thresholds
     verdicts: tuple[IndexVerdict, ...]  # every index of every threshold, components by name
     starts: int  # how often its components began anew
+    host_ms: Internal[float] = 0.0  # what it took of the host's time
     wall_seconds: Internal[float] = 0.0  # what it took its user
 
     @output
@@ -202,15 +203,17 @@ class ProofConditions:
         return None if self.load_partition is None else self.load_partition.load
 
 
-def least_duration_ms(layout: AppliedLayout, scheduler_window_ms: float) -> float:
+def least_duration_ms(layout: AppliedLayout, scheduler_window_ms: float, budget_ms: float) -> float:
     """Work out how long a layout runs beside a load at least.
 
     Args:
         layout: what runs where.
         scheduler_window_ms: the longest window of the host's scheduler.
+        budget_ms: of the host's time.
 
     Returns:
-        Of the host's time, in ms: every start settles, and takes its part of the samples of periodic components.
+        Of the host's time, in ms: every start settles, and takes its part of the samples of periodic components, as far
+            as the budget has that.
     """
     settles = Settling(scheduler_window_ms=scheduler_window_ms).least_ms
     periodic = [
@@ -219,7 +222,13 @@ def least_duration_ms(layout: AppliedLayout, scheduler_window_ms: float) -> floa
         if isinstance(arrival := run_of(component).arrival, Periodic)
     ]
     timed = [float(until.time) for component in layout.judged if isinstance(until := run_of(component).until, Elapsed)]
-    return STARTS * settles + max(settles, *periodic, *timed, 0.0)
+    needed = STARTS * settles + max(settles, *periodic, *timed, 0.0)
+    return needed if _outlasts_budget(layout) else min(needed, max(budget_ms, 2 * STARTS * settles))
+
+
+def _outlasts_budget(layout: AppliedLayout) -> bool:
+    """Whether it is said how much is measured (`run.until`), which the budget does not shorten."""
+    return any(run_of(component).until is not None for component in layout.judged)
 
 
 def prove(
@@ -259,6 +268,7 @@ def prove(
         series=proof.series,
         verdicts=judge_layout(layout.judged, proof.series, statements=conditions.statements),
         starts=proof.starts,
+        host_ms=proof.spent_ms,
     )
 
 
@@ -285,10 +295,12 @@ class _Proof:
 
     def start_anew(self) -> TooManyFailures | Stopped | None:
         """Add a start to the series; or why there is none."""
+        left_ms = inf if _outlasts_budget(self.layout) else self.conditions.budget_ms - self.spent_ms
+        most_ms = left_ms / max(1, STARTS - self.starts)
 
-        def to_its_end(seen: Mapping[str, Series]) -> bool:
+        def is_spent(seen: Mapping[str, Series]) -> bool:
             self.samples_came({name: self._with(name, part) for name, part in seen.items()})
-            return False
+            return running.elapsed_ms() >= most_ms
 
         settling = Settling(
             scheduler_window_ms=self.host.scheduler_memory_ms, contenders=_contenders(self.layout, self.conditions.load)
@@ -297,7 +309,7 @@ class _Proof:
         work = _work_of(self.layout, self.conditions.load, seed, least_ms=settling.least_ms / STARTS)
         until = {component.name: self._until(component) for component in self.layout.judged}
         with self.host.run(replace(work, until=until)) as running:
-            seen = watch(running, self.layout.judged, settling, to_its_end, self.should_stop)
+            seen = watch(running, self.layout.judged, settling, is_spent, self.should_stop, limit_ms=most_ms)
             evidence, elapsed_ms = running.evidence(), running.elapsed_ms()
         if seen is None:
             return Stopped()
@@ -343,7 +355,9 @@ class _Proof:
         NOTE: where starts differ, a few of them do not show whether many will decide: none is given up before the end.
         """
         series = self.series[component.name]
-        done = min(1.0, max(self.spent_ms / self.conditions.budget_ms, len(series.samples) / MOST_SAMPLES))
+        is_spent = self.spent_ms >= self.conditions.budget_ms
+        done = 1.0 if is_spent else max(self.spent_ms / self.conditions.budget_ms, len(series.samples) / MOST_SAMPLES)
+        done = min(1.0, done)
         if done < 1.0 and self._starts_differ(component):
             done = NOT_GIVEN_UP
         return any(

@@ -102,6 +102,22 @@ def describe_error(error: float = ERROR) -> str:
     return f"{100 - 100 * error:.4g} % sure"
 
 
+def describe_errors(*, sure: bool, so_far: bool) -> str:
+    """Write how sure several verdicts are, below their table.
+
+    Args:
+        sure: some are wrong with a known probability: each with `ERROR`, and so is that all of them are met.
+        so_far: some are of a maximum or minimum, whose probability is unknown.
+
+    Returns:
+        A sentence; empty where there is nothing of either.
+    """
+    each = f"each of these is {describe_error()} (docs/measuring.md)" if sure else ""
+    extremes = "a maximum or minimum is met so far" if so_far else ""
+    sentence = "; ".join(filter(None, (each, extremes)))
+    return f"{sentence.capitalize()}." if sentence else ""
+
+
 def describe_extreme(beyond: float) -> str:
     """Write what an extreme says of jobs to come, the same everywhere.
 
@@ -116,7 +132,7 @@ def describe_extreme(beyond: float) -> str:
 
 ERRORS_EXPLAINED: Final = (
     f"What is said of measured numbers is {describe_error()}: that a reserve is enough, that a threshold is missed, "
-    "and what is proven of all components of a host together. A bound (from, to) has the truth beyond it as rarely. "
+    "and that all thresholds of a layout are met. A bound (from, to) has the truth beyond it as rarely. "
     "Jobs of a kind that no sample showed are counted in, taking up to twice the mean time, or as long as the longest "
     "seen. Of a maximum or minimum nothing more is said than what was seen so far, and the share of jobs that may lie "
     "beyond it."

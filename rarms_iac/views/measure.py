@@ -28,7 +28,7 @@ from rarms_iac.model.quantities import ReservePercent, guaranteed, share_of_proc
 from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.wording import counted, in_a_row, list_names
-from rarms_iac.statistics.error_probability import describe_error, describe_extreme
+from rarms_iac.statistics.error_probability import describe_errors, describe_extreme
 from rarms_iac.statistics.verdicts import until_share
 from rarms_iac.views.console import LiveRows, paragraph, show_seconds, stack, table
 from rarms_iac.views.status import describe_beside
@@ -146,13 +146,8 @@ def _totals(outcome: MeasureOutcome) -> Iterator[str]:
         settings = counted(sum(len(result.settings) for result in here), "setting")
         yield (f"{name}: {_reserved_on(name, outcome)}{settings}, {sum(result.new for result in here)} of them new.")
     extremes = {index_named(measured.index).is_extreme for measured in _concluded_indexes(results)}
-    footnotes = []
-    if False in extremes:
-        footnotes.append(f"each of these is {describe_error()} (docs/measuring.md)")
-    if True in extremes:
-        footnotes.append("a maximum or minimum is met so far")  # how often that is wrong is unknown
-    if footnotes:
-        yield f"{'; '.join(footnotes).capitalize()}."
+    if extremes:
+        yield describe_errors(sure=False in extremes, so_far=True in extremes)
 
 
 def _reserved_on(host: str, outcome: MeasureOutcome) -> str:

@@ -11,7 +11,7 @@ from rarms_iac.model.outcomes import VerdictWord, verdict_word
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.series import Series
 from rarms_iac.model.wording import counted, in_a_row, natural_order
-from rarms_iac.statistics.error_probability import describe_error
+from rarms_iac.statistics.error_probability import describe_errors
 from rarms_iac.views.console import LiveRows, paragraph, stack, table
 
 if TYPE_CHECKING:
@@ -101,15 +101,11 @@ def _sentence(proof: LayoutProof) -> str:
 
 
 def _sureness(proofs: Sequence[LayoutProof]) -> str:
-    """How sure the verdicts are, one for all that is said together, and of which that cannot be said."""
+    """How sure the verdicts are."""
     verdicts = [(each, index_named(each.measured.index)) for proof in proofs for each in proof.verdicts]
     sure = any(each.error is not None and not index.is_extreme for each, index in verdicts)
     so_far = any(index.is_extreme and verdict_word(each.verdict) == "met" for each, index in verdicts)
-    sentences = [f"All {'other ' if so_far else ''}verdicts together are {describe_error()}."] if sure else []
-    return " ".join([*sentences, *([_SO_FAR] if so_far else [])])
-
-
-_SO_FAR = "A maximum or minimum is met so far: a later job may do worse."
+    return describe_errors(sure=sure, so_far=so_far)
 
 
 def sample_counts(host: str, load: str | None, seen: Mapping[str, Series]) -> tuple[str, str]:

@@ -124,7 +124,7 @@ def _advice(measured: MeasuredIndex, ways: WaysOut) -> Wording:
     if ways.holds is not None:
         sentences.append(f"A threshold of {show_threshold(index_named(measured.index), ways.holds)} held.")
     again = command("measure", measured.component, again=True, stop_partitions=True)
-    return prose(" ".join(sentences), " Or measure it again: ", again, ".")
+    return prose(" ".join(sentences), " Or measure what it needs: ", again, ".")
 
 
 def _reserves(measured: MeasuredIndex, ways: WaysOut) -> Iterator[str]:

@@ -155,11 +155,14 @@ def _prove_all(
     for name, layout in layouts.items():
         conditions = _conditions(session, states[name], loads, thresholds)
         _announce(session, name, layout, conditions)
-        for each in conditions:
+        left_ms = float(session.hosts.system.policy.measuring.proof)
+        for number, each in enumerate(conditions):
             began = session.wall_times.clock()
-            proof = _prove(session, name, layout, each, listener)
+            within = replace(each, budget_ms=left_ms / (len(conditions) - number))
+            proof = _prove(session, name, layout, within, listener)
             if proof is None:
                 return None
+            left_ms = max(0.0, left_ms - proof.host_ms)
             proofs.append(replace(proof, wall_seconds=session.wall_times.clock() - began))
     return proofs
 
@@ -192,9 +195,10 @@ def _announce(
             f"{_describe_wall_time(session.hosts, name, layout, [each.interference for each in conditions])}."
         )
         return
-    least = least_duration_ms(layout, session.held_hosts[name].scheduler_memory_ms) * len(conditions)
+    window_ms = session.held_hosts[name].scheduler_memory_ms
+    least = sum(least_duration_ms(layout, window_ms, each.budget_ms) for each in conditions)
     most = max(least, float(session.hosts.system.policy.measuring.proof))
-    takes = f"{show_duration(least)} to {show_duration(most)}"
+    takes = show_duration(least) if most == least else f"{show_duration(least)} to {show_duration(most)}"
     session.control.reporter.message(f"The proof takes {takes} {with_load}.")
 
 

@@ -22,6 +22,7 @@ from rarms_iac.measuring.duration import (
     settings_to_run,
     with_part_of_budget,
 )
+from rarms_iac.measuring.evidence import TRIES
 from rarms_iac.measuring.loop import LoopResult, ProcessorNumberChanged, measure
 from rarms_iac.measuring.methods import Method, Search, is_of_paper, strategy_of
 from rarms_iac.measuring.partitions import (
@@ -316,20 +317,23 @@ def _describe_duration(experiment: Experiment, method: Method, bounds: DurationB
     elif is_simulated:
         takes = "how long they take here is not known yet"
     else:
-        takes = _describe_time(bounds)
+        takes = _describe_time(bounds, within_budget=isinstance(method, Search) and not is_of_paper(method))
+    if later := len(experiment.loads) - 1 - experiment.loads.index(experiment.load):
+        takes = f"{takes}; then at most as many, and as long, beside {'each of ' if later > 1 else ''}"
+        takes = f"{takes}{counted(later, 'more load')}"
     subject = f"{experiment.name} beside {experiment.setup.interference} on {experiment.host.name}"
     return f"{subject}{' (simulated)' if is_simulated else ''}: {'; '.join((f'{settings}, {takes}', *needs))}."
 
 
-def _describe_time(bounds: DurationBounds) -> str:
-    """As in: 20 s to about 2 min, as 3 settings took before."""
+def _describe_time(bounds: DurationBounds, *, within_budget: bool) -> str:
+    """As in: 20 s to about 2 min, as 3 settings took before; the budget of a setting has room for its repeats."""
     if bounds.by_timeout:
         least = f"{show_duration(bounds.least_ms)} to " if 0 < bounds.least_ms < bounds.most_ms else ""
         return f"{least}{show_duration(bounds.most_ms)}, as only `run.timeout` bounds a job"
     takes = _describe_range(bounds.least_ms, bounds.most_ms)
     if bounds.measured:
         return f"{takes}, as {counted(bounds.measured, 'setting')} took before"
-    return f"{takes}, and more where a setting is disturbed and measured again"
+    return takes if within_budget else f"{takes}, and up to {TRIES} times as long where settings are disturbed"
 
 
 def _describe_range(least_ms: float, most_ms: float) -> str:

@@ -171,7 +171,7 @@ def test_it_says_how_many_settings_there_are_and_how_long_they_take_once_it_has_
     said = " ".join(rarms(*SWEEP, *loads, "--stop-partitions", "--samples", "10").err.split())
 
     first, second = re.findall(r"vision beside [a-z0-9-]+ on onboard \(simulated\): 2 settings, (.*?)\.(?= |$)", said)
-    assert first == "how long they take here is not known yet"
+    assert first == "how long they take here is not known yet; then at most as many, and as long, beside 1 more load"
     assert re.fullmatch(r"([0-9.]+ s to )?about [0-9.]+ s, as 2 settings of this command took", second)
 
 
