@@ -12,7 +12,7 @@ MANIFEST = """\
 schema: rarms/v1
 
 application: { name: cell }
-policy: { interference: busy-loop }
+policy: { interference: busy-loop, measuring: { setting: 25 s, proof: 1 s } }
 
 hosts:
   onboard: { logical_processors: 2, memory: 4 GiB }

@@ -6,7 +6,6 @@ after it; where they cannot be made, those tests are skipped.
 
 import hashlib
 import os
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -18,13 +17,14 @@ from rarms_iac.model.host import Host, LinuxHost, ProviderKind
 from rarms_iac.providers.cgroups.effects import LocalEffects
 from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree
-from rarms_iac.providers.cgroups.machine import read_machine
+from rarms_iac.providers.cgroups.machine import LinuxMachine, read_machine
 from rarms_iac.providers.cgroups.provider import LinuxHostProvider
 from rarms_iac.providers.cgroups.remote import through_channel
 from rarms_iac.providers.channel import CommandChannel, ProgramChannel
 from rarms_iac.providers.interface import StepwiseHost
 from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage import disk
+from tests import builders
 from tests.crashing import CrashingDisk
 from tests.effort import LONG
 from tests.files import copy_files
@@ -46,6 +46,13 @@ class Bench:
     described: Callable[[Host], Host] = on_linux  # as a manifest describes it
     is_here: bool = True  # its effects are those of this process, so that it can crash at each
     is_windows: bool = False  # it has registries, disks, secure boot, and a description of the machine
+    without_channel: Callable[[Host, Path], StepwiseHost] | None = (
+        None  # opens the same host, where a channel leads to it
+    )
+
+    def furnished(self, folder: Path) -> StepwiseHost:
+        """The host for what comes before what is tested: without a channel, which takes long."""
+        return (self.without_channel or self.open)(builders.a_host(), folder)
 
 
 def slice_of(folder: Path) -> str:
@@ -80,18 +87,29 @@ def shell_channel(*words: str) -> ProgramChannel:
 
 def open_remote(host: Host, folder: Path, channel: CommandChannel | None = None) -> LinuxHostProvider:
     """This machine as if it were another, behind a shell instead of ssh."""
-    described = replace(on_linux(host), settings=LinuxHost(slice=slice_of(folder)))
-    machine = replace(read_machine(LocalEffects()), logical_processors=host.logical_processors, memory=int(host.memory))
+    described, machine = _another_machine(host, folder)
     return through_channel(described, channel or shell_channel(), folder, machine)
 
 
+def open_slice_here(host: Host, folder: Path) -> LinuxHostProvider:
+    """The host of `open_remote`, as rarms on the host itself sees it."""
+    described, machine = _another_machine(host, folder)
+    return LinuxHostProvider(described, folder, groups_of(folder), machine)
+
+
+def _another_machine(host: Host, folder: Path) -> tuple[Host, LinuxMachine]:
+    described = replace(on_linux(host), settings=LinuxHost(slice=slice_of(folder)))
+    machine = read_machine(LocalEffects())
+    return described, replace(machine, logical_processors=host.logical_processors, memory=int(host.memory))
+
+
 BENCHES = {
-    "linux": Bench(open_linux, needs=("control-groups",), stride=1 if LONG else 7),
-    "linux-remote": Bench(open_remote, needs=("control-groups",), is_here=False),
+    "linux": Bench(open_linux, needs=("control-groups",), stride=1 if LONG else 13),
+    "linux-remote": Bench(open_remote, needs=("control-groups",), is_here=False, without_channel=open_slice_here),
     "simulated": Bench(
         open_simulated,
         described=lambda host: host,
-        stride=1 if LONG else 9 if sys.platform == "win32" else 3,
+        stride=1 if LONG else 9,
         is_windows=True,
     ),
 }
@@ -132,8 +150,11 @@ def opened_bench(name: str) -> Iterator[Bench]:
     """The bench of this name for one test; what it made in the kernel is removed."""
     require(*BENCHES[name].needs)
     yield BENCHES[name]
-    for path in CONTROL_GROUPS.rglob(f"rarms-test-{os.getpid()}-*"):
-        _remove_slice(path.name)
+    if BENCHES[name].needs:  # `os.walk` passes over what other tests remove meanwhile
+        made = {group for _, groups, _ in os.walk(CONTROL_GROUPS) for group in groups}
+        for group in made:
+            if group.startswith(f"rarms-test-{os.getpid()}-"):
+                _remove_slice(group)
 
 
 def forget_groups(folder: Path) -> None:

@@ -73,6 +73,10 @@ class Room:
         settings = replace(SimulatedHost(), **described)  # type: ignore[arg-type]  # fields by name, as each test says
         return self.bench.open(builders.a_host(settings=settings), self.folder)
 
+    def furnish(self, *operations: Operation) -> None:
+        """Do what comes before what is tested."""
+        do(self.bench.furnished(self.folder), *operations)
+
 
 @pytest.fixture
 def room(bench: Bench, tmp_path: Path) -> Room:
@@ -138,8 +142,8 @@ def test_a_fresh_host_is_an_empty_machine_and_looking_makes_nothing(room: Room) 
 
 
 def test_looking_changes_nothing(room: Room) -> None:
+    room.furnish(*making(), start())
     host = room.host()
-    do(host, *making(), start())
     before = files(room.folder)
 
     first, second = host.observe(), room.host().observe()
@@ -214,8 +218,8 @@ def test_a_partition_is_made_marked_and_named_last(room: Room) -> None:
 
 
 def test_readings_are_those_of_the_observed_state(room: Room) -> None:
+    room.furnish(*making(reserve=40), start())
     host = room.host()
-    do(host, *making(reserve=40), start())
 
     state = host.observe()
 
@@ -271,8 +275,8 @@ def test_readings_of_task_classes_are_those_of_the_observed_state(windows: Room)
 def test_an_operation_does_what_it_says_and_nothing_else(
     room: Room, operation: Operation, expected: Mapping[str, bool | int | str]
 ) -> None:
+    room.furnish(*making(), *making("speech"))
     host = room.host()
-    do(host, *making(), *making("speech"))
     before, other = dict(host.read(VISION, SCOPE)), host.read(Address(partition="speech"), SCOPE)
 
     do(host, operation)
@@ -405,8 +409,8 @@ def test_each_guest_has_its_own_classes(windows: Room) -> None:
 
 
 def test_a_machine_of_the_same_name_is_neither_seen_as_ours_nor_touched(room: Room) -> None:
+    room.furnish(*making(), EraseMark(partition="vision"))
     host = room.host()
-    do(host, *making(), EraseMark(partition="vision"))
     (stranger,) = host.observe().partitions
 
     assert host.read(VISION, SCOPE) == NOTHING
@@ -421,8 +425,8 @@ def test_a_machine_of_the_same_name_is_neither_seen_as_ours_nor_touched(room: Ro
 
 
 def test_an_id_reaches_a_machine_that_is_not_ours(room: Room) -> None:
+    room.furnish(*making(), EraseMark(partition="vision"))
     host = room.host()
-    do(host, *making(), EraseMark(partition="vision"))
     (stranger,) = host.observe().partitions
 
     do(host, WriteMark(partition="vision", machine=stranger.id, application="robot", name="vision", set="c" * 12))
@@ -433,8 +437,8 @@ def test_an_id_reaches_a_machine_that_is_not_ours(room: Room) -> None:
 
 
 def test_two_machines_under_one_mark_are_of_no_partition(room: Room) -> None:
+    room.furnish(*making("vision"), *making("speech"))
     host = room.host()
-    do(host, *making("vision"), *making("speech"))
     speech = next(partition for partition in host.observe().partitions if partition.settings.name == "speech")
 
     do(host, WriteMark(partition="speech", machine=speech.id, application="robot", name="vision", set="c" * 12))
@@ -457,8 +461,8 @@ def test_a_plan_knows_its_own_pending_machine_and_no_other(room: Room) -> None:
 
 
 def test_a_marked_and_a_pending_machine_are_one_too_many(room: Room) -> None:
+    room.furnish(*making())
     host = room.host()
-    do(host, *making())
     host.execute(creation("speech"), SCOPE)
     speech = next(partition for partition in host.observe().partitions if partition.settings.name.startswith("speech"))
 
@@ -524,8 +528,8 @@ def test_the_memory_of_a_running_static_machine(windows: Room, described: dict[s
 
 
 def test_a_running_machine_does_not_grow_beyond_the_host(room: Room) -> None:
+    room.furnish(*making(), start())
     host = room.host()
-    do(host, *making(), start())
 
     assert re.search(
         "needs 8 GiB, and of 4 GiB 4 GiB are free", refusal_of(host, SetMemory(partition="vision", memory=8192 * MIB))
@@ -543,8 +547,8 @@ def test_a_running_machine_does_not_grow_beyond_the_host(room: Room) -> None:
     ],
 )
 def test_what_no_machine_can_have(room: Room, operation: Operation, message: str) -> None:
+    room.furnish(*making())
     host = room.host()
-    do(host, *making())
 
     assert re.search(message, refusal_of(host, operation))
 
@@ -597,8 +601,8 @@ def test_the_record_of_another_application_stays(windows: Room) -> None:
 
 
 def test_too_much_reserve_is_only_noticed_at_the_start(room: Room) -> None:
+    room.furnish(*making("vision", reserve=60), *making("speech", reserve=50), start("vision"))
     host = room.host()
-    do(host, *making("vision", reserve=60), *making("speech", reserve=50), start("vision"))
 
     assert re.search(
         "the reserve of speech, 50 % of each of 2 processors, does not fit 2 logical processors",
@@ -619,8 +623,8 @@ def test_reserves_are_placed_whole_onto_processors(windows: Room) -> None:
 
 
 def test_more_processors_than_there_are_start_without_a_reserve_only(room: Room) -> None:
+    room.furnish(*making(processors=3, reserve=1))
     host = room.host()
-    do(host, *making(processors=3, reserve=1))
 
     assert re.search(
         "3 (virtual )?processors with a reserve, and (there are|the host has) 2", refusal_of(host, start())
@@ -630,8 +634,8 @@ def test_more_processors_than_there_are_start_without_a_reserve_only(room: Room)
 
 
 def test_memory_that_is_not_there_is_noticed_at_the_start(room: Room) -> None:
+    room.furnish(*making("vision", memory=3072 * MIB), *making("speech", memory=1026 * MIB), start("vision"))
     host = room.host()
-    do(host, *making("vision", memory=3072 * MIB), *making("speech", memory=1026 * MIB), start("vision"))
 
     assert re.search("speech needs 1.002 GiB, and of 4 GiB 1 GiB are free", refusal_of(host, start("speech")))
 

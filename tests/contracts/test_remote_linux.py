@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.applying.run_report import RunEnding
-from rarms_iac.model.host import Connect, LinuxHost
+from rarms_iac.model.host import Connect
 from rarms_iac.model.journal import Closing, RunClosed, StepRecorded, StepStatus
 from rarms_iac.model.operations import (
     CreatePartition,
@@ -47,9 +47,9 @@ from tests.contracts.benches import (
     groups_of,
     on_linux,
     open_remote,
+    open_slice_here,
     opened_bench,
     shell_channel,
-    slice_of,
 )
 from tests.contracts.runs import a_run
 from tests.contracts.test_apply_crashes import SECOND, Lab, apply_again, go_on
@@ -63,15 +63,15 @@ SCOPE = Scope(application="robot", plan="0123456789ab")
 def host(tmp_path: Path) -> Iterator[LinuxHostProvider]:
     """A host with one partition that runs."""
     for _ in opened_bench("linux-remote"):
-        host = open_remote(builders.a_host(), tmp_path)
+        here = open_slice_here(builders.a_host(), tmp_path)
         for operation in (
             CreatePartition(partition="vision", generation=0, memory=2**26),
             WriteMark(partition="vision", application="robot", name="vision", set="0" * 12),
             RenamePartition(partition="vision", name="vision"),
             StartPartition(partition="vision"),
         ):
-            host.execute(operation, SCOPE)
-        yield host
+            here.execute(operation, SCOPE)
+        yield open_remote(builders.a_host(), tmp_path)
 
 
 @pytest.fixture
@@ -93,12 +93,6 @@ def answering(lines: str) -> LinuxHostProvider:
 
 def effects_there(folder: Path) -> LinuxEffects:
     return RemoteEffects(on_linux(builders.a_host()), shell_channel(), folder / "state")
-
-
-def open_slice_here(folder: Path) -> LinuxHostProvider:
-    """The host of `open_remote`, as rarms on the host itself sees it."""
-    described = replace(on_linux(builders.a_host()), settings=LinuxHost(slice=slice_of(folder)))
-    return LinuxHostProvider(described, folder, groups_of(folder))
 
 
 def host_files(folder: Path) -> dict[str, bytes]:
@@ -461,7 +455,7 @@ def test_between_batches_the_lease_keeps_others_out_until_no_batch_came_for_a_mi
 ) -> None:
     on_another_computer(monkeypatch)
     monkeypatch.setattr(remote, "FRESH_SECONDS", 0.0)
-    there, here = open_remote(builders.a_host(), tmp_path), open_slice_here(tmp_path)
+    there, here = open_remote(builders.a_host(), tmp_path), open_slice_here(builders.a_host(), tmp_path)
     with host.lock("ann@lab, process 7"):
         for other in (there, here):
             age(tmp_path, 50)
@@ -504,7 +498,7 @@ def test_an_owner_that_comes_back_changes_nothing_and_is_refused(
 
     def take_over() -> None:
         age(folder, 61)
-        here = open_slice_here(folder)
+        here = open_slice_here(builders.a_host(), folder)
         with here.lock("ben@lab"):
             if is_closed:
                 here.record(RunClosed(closing=Closing.ABANDONED))
@@ -523,7 +517,7 @@ def test_a_host_whose_clock_went_back_is_free_a_minute_later_and_not_at_once(
 ) -> None:
     on_another_computer(monkeypatch)
     (folder,) = {path.parent for path in tmp_path.rglob("*.json")}
-    for other in (open_remote(builders.a_host(), tmp_path), open_slice_here(tmp_path)):
+    for other in (open_remote(builders.a_host(), tmp_path), open_slice_here(builders.a_host(), tmp_path)):
         (folder / "lease").write_text("ann@lab\nelsewhere 7 0123\n", encoding="ascii")
         age(tmp_path, -86_400)
         with pytest.raises(HostLocked, match="held by ann@lab"), other.lock("ben@lab"):
@@ -547,7 +541,7 @@ def test_a_run_whose_process_on_this_computer_ended_is_taken_over_at_once(
     host: LinuxHostProvider, tmp_path: Path
 ) -> None:
     (folder,) = {path.parent for path in tmp_path.rglob("*.json")}
-    for other in (open_remote(builders.a_host(), tmp_path), open_slice_here(tmp_path)):
+    for other in (open_remote(builders.a_host(), tmp_path), open_slice_here(builders.a_host(), tmp_path)):
         leave_lease(folder, effects.this_computer())
         with other.lock("ben@lab"):
             assert other.observe().partitions[0].settings.running
@@ -567,7 +561,7 @@ def test_of_a_run_in_another_container_or_off_linux_no_other_run_can_tell_that_i
         no_linux = effects.this_computer()
     for computer in (*others, no_linux):
         leave_lease(folder, computer)
-        for other in (open_remote(builders.a_host(), tmp_path), open_slice_here(tmp_path)):
+        for other in (open_remote(builders.a_host(), tmp_path), open_slice_here(builders.a_host(), tmp_path)):
             with pytest.raises(HostLocked, match="held by ann@lab"), other.lock("ben@lab"):
                 pass
 

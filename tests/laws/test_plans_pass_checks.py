@@ -22,6 +22,7 @@ from rarms_iac.model.state import HostFacts, Partition, State
 from rarms_iac.model.system import Acceptance, Disruption, Policy, System
 from tests import builders_plan as build
 from tests.builders import a_component, a_host, a_system
+from tests.effort import examples
 from tests.planning import a_request
 from tests.strategies import facts_for
 
@@ -107,7 +108,7 @@ def is_refused_by_all_layouts(situation: Situation) -> bool:
 
 
 @pytest.mark.needs("highspy")  # without the solver a layout is looked for in so many steps, and may not be found
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=examples(40))
 @given(situations())
 def test_a_plan_is_refused_only_where_each_layout_would_be(situation: Situation) -> None:
     result = planned(situation.system, situation.states)
@@ -117,7 +118,7 @@ def test_a_plan_is_refused_only_where_each_layout_would_be(situation: Situation)
         assert is_refused_by_all_layouts(situation), [finding.detail for finding in result.findings]
 
 
-@settings(deadline=None, max_examples=80)
+@settings(deadline=None, max_examples=examples(30))
 @given(situations())
 def test_what_was_applied_can_be_planned_again_and_so_can_the_emptied_host(situation: Situation) -> None:
     first = planned(situation.system, situation.states)

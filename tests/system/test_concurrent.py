@@ -1,6 +1,6 @@
 """Many processes that apply to one host at the same time: nothing is lost, and what they did has one order.
 
-A usual run has 4 processes that apply 5 times each; `make test-long` has 20 with 50 each.
+A usual run has 4 processes that apply 3 times each; `make test-long` has 20 with 50 each.
 """
 
 import random
@@ -26,7 +26,7 @@ from tests.crashing import CrashingDisk
 from tests.effort import LONG, Attempt, tried
 from tests.unit.cli.running import rarms
 
-PROCESSES, APPLIES = (20, 50) if LONG else (4, 5)
+PROCESSES, APPLIES = (20, 50) if LONG else (4, 3)
 MANIFEST = """\
 schema: rarms/v1
 application: {{ name: {name} }}

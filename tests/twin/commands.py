@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
+from functools import cache
 from typing import TYPE_CHECKING
 
 from rarms_iac.powershell.tree import text_of
@@ -203,9 +204,9 @@ def _call_cmdlet(written: Written, scope: Scope) -> Value:
         raise Unsupported(f"the command {written.name}")
     if written.splatted:
         raise Unsupported(f"a table behind @ for {plain}")
-    names = [name for name, _ in written.given]
-    if problems := problems_of_call(called, names, positional=len(written.positional)):
-        raise ScriptError(problems[0].message, error_id="NamedParameterNotFound", category="InvalidArgument")
+    names = tuple(name for name, _ in written.given)
+    if problem := _problem_of_call(plain, names, len(written.positional)):
+        raise ScriptError(problem, error_id="NamedParameterNotFound", category="InvalidArgument")
     bound: dict[str, Value] = {}
     for name, value in written.given:
         parameter = called.parameter(name)
@@ -233,6 +234,15 @@ def _call_cmdlet(written: Written, scope: Scope) -> Value:
             return EMPTY
         error.command, error.line = error.command or plain, error.line or written.line
         raise
+
+
+@cache
+def _problem_of_call(name: str, given: tuple[str, ...], positional: int) -> str:
+    """Why a call of this cmdlet does not bind; empty: it does."""
+    called = cmdlet(name)
+    assert called is not None
+    problems = problems_of_call(called, given, positional=positional)
+    return problems[0].message if problems else ""
 
 
 def _require_kind(scope: Scope) -> None:

@@ -80,7 +80,7 @@ class Ascii(Thing):
 
     def do_getstring(self, data: Value, offset: Value = 0, count: Value = None) -> str:
         end = len(data) if count is None else number(offset) + number(count)
-        return "".join(chr(byte) if byte < 0x80 else "?" for byte in bytes(data)[number(offset) : end])
+        return bytes(data)[number(offset) : end].decode("ascii", "replace").replace("\N{REPLACEMENT CHARACTER}", "?")
 
 
 class Sha256(Thing):

@@ -7,6 +7,7 @@ an array, `bytes` a `byte[]`. Whole numbers keep their width, because a hashtabl
 import re
 from collections.abc import Callable, Iterable, Iterator
 from datetime import UTC, datetime, timedelta
+from functools import cache
 from typing import Any
 
 Value = Any
@@ -152,10 +153,11 @@ class Table:
             self.put(key, value)
 
     def put(self, key: Value, value: Value) -> None:
-        old = self._held.get(self._key(key))
+        place = self._key(key)
         if isinstance(key, str) and not self.ordinal:
             self._texts[_in_some_culture(key)] = key
-        self._held[self._key(key)] = (old[0] if old else key, None if value is EMPTY else value)
+        old = self._held.get(place)
+        self._held[place] = (old[0] if old else key, None if value is EMPTY else value)
 
     def clear(self) -> None:
         self._held.clear()
@@ -183,9 +185,10 @@ class Table:
     def _key(self, key: Value) -> tuple[str, object]:
         if isinstance(key, str) and (held := self._texts.get(_in_some_culture(key), key)) != key:
             raise Unsupported(f"the keys {held!r} and {key!r}: whether they are one depends on the culture")
-        return _key(key)
+        return ("text", key) if type(key) is str else _key(key)  # most are
 
 
+@cache
 def _in_some_culture(key: str) -> str:
     return key.lower().replace("\N{SOFT HYPHEN}", "")
 

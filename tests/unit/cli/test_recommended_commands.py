@@ -42,7 +42,7 @@ components:
     cpu: { reserve: 45 % }
     memory: 512 MiB
     simulation: { work: 20 ms, varies: 2 % }
-  speech: { criticality: 5, memory: 512 MiB, cpu: { reserve: 20 % }, simulation: { work: 1 ms } }
+  speech: { criticality: 5, memory: 512 MiB, cpu: { reserve: 20 % }, simulation: { work: 20 ms } }
 """
 MEASURED = MANIFEST.replace("45 %", "measured")
 WIDE = MEASURED.replace("    cpu: { reserve: measured", "    processors: 2\n    cpu: { reserve: measured")
