@@ -264,6 +264,7 @@ def test_no_text_of_a_log_or_journal_reaches_a_terminal_raw(
 IMPOSSIBLE: list[tuple[str, int, tuple[Any, ...], Any, list[str]]] = [
     ("measurements/onboard/tuning.jsonl", 0, ("trail", 1, "components"), [], ["report", "--out", "report.html"]),
     ("measurements/onboard/paths.configuration.jsonl", -1, ("indexes", 0, "index"), "mean", ["report"]),
+    ("measurements/onboard/paths.configuration.jsonl", -1, ("indexes", 0, "index"), "mean", ["prove", "--load-host"]),
 ]
 """Values of the right type that no rarms writes: a file, its record, the field, the value, a command."""
 
@@ -282,6 +283,7 @@ def test_a_value_that_no_rarms_writes_makes_the_log_unreadable(
     assert "Traceback" not in answer.err
     assert Path(file).name in answer.err
     assert "RARMS199" not in answer.err
+    assert "The proof" not in answer.err
 
 
 def make_pipe(path: Path) -> None:

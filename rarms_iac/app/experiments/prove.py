@@ -12,7 +12,7 @@ from rarms_iac.app.experiments.measure_request import USUAL_SEED, refuse_unknown
 from rarms_iac.app.experiments.proof_findings import not_met
 from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts, refuse_what_cannot_run
 from rarms_iac.app.hosts import Hosts
-from rarms_iac.app.measurement_files import hold_configuration_logs, now
+from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors, now
 from rarms_iac.app.options import flag, load_host_option, lock_timeout_option, option
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring import measuring_findings
@@ -43,7 +43,7 @@ from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.running.secrets import short_secrets
-from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, append_entry, read_entries
+from rarms_iac.storage.datalog.decisions import Entry, Proven, ProvenIndex, append_entry, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
 
 
@@ -110,7 +110,7 @@ def prove_layout(
     Raises:
         RequestError: The manifest has no such interference.
         UseCaseError: The manifest asks for what is not on the hosts, or a host is held (refused); it cannot be
-            planned, or too many samples failed (negative); no host can run components (failed).
+            planned, a log is damaged, or too many samples failed (negative); no host can run components (failed).
     """
     if request.interference and request.without_load:
         raise RequestError("--without-load is beside no load, and --interference beside one.")
@@ -127,10 +127,12 @@ def prove_layout(
             for name, layout in applied_layouts(hosts, states, everywhere).items()
         }
         refuse_unapplied(hosts, states, everywhere)
+        for name, layout in layouts.items():
+            _recorded(hosts, name, layout)  # a log that nothing can be added to is found before components run
         proofs = _prove_all(holding, layouts, states, loads_to_prove(hosts.system, request), listener)
     if proofs is None:
         return ProveOutcome(proofs=(), findings=(), stopped=True)
-    with hold_configuration_logs(hosts.folder):
+    with hold_configuration_logs(hosts.folder), log_errors():
         _record(hosts, proofs, states)
     return ProveOutcome(
         proofs=tuple(proofs),
@@ -204,12 +206,8 @@ def _announce(
 
 def _describe_wall_time(hosts: Hosts, host: str, layout: AppliedLayout, loads: Sequence[str | None]) -> str:
     """Say how long a proof on a simulated host takes its user, as the last one of each load did."""
-    platform = hosts.system.hosts[host].platform
-    took: dict[str | None, float] = {}
-    for component in layout.judged:
-        for entry in read_entries(configuration_path(hosts.folder, platform, component.name)):
-            if isinstance(entry, Proven) and entry.host == host:
-                took[entry.interference] = entry.wall_seconds
+    proofs = (entry for entry in _recorded(hosts, host, layout) if isinstance(entry, Proven))
+    took = {proof.interference: proof.wall_seconds for proof in proofs if proof.host == host}
     if not all(took.get(load) for load in loads):
         return "how long that takes here is not known yet"
     last = f"about {show_duration(1000 * sum(took[load] for load in loads))}, as the last proof took"
@@ -217,6 +215,14 @@ def _describe_wall_time(hosts: Hosts, host: str, layout: AppliedLayout, loads: S
     if any(run_of(each).until != run_of(components[each.name]).until for each in layout.judged):
         return f"{last}, or longer if that took fewer samples"
     return last
+
+
+def _recorded(hosts: Hosts, host: str, layout: AppliedLayout) -> tuple[Entry, ...]:
+    """What the configuration logs of a layout's components hold."""
+    platform = hosts.system.hosts[host].platform
+    logs = [configuration_path(hosts.folder, platform, component.name) for component in layout.judged]
+    with log_errors():
+        return tuple(entry for log in logs for entry in read_entries(log))
 
 
 def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]) -> None:
