@@ -343,7 +343,8 @@ def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
 
     Raises:
         RequestError: their last applies are of different plans.
-        UseCaseError: a host cannot be reached or read (failed), or its last run is another application's (refused).
+        UseCaseError: a host cannot be reached or read (failed); its last run is another application's, or an
+            unfinished undo whose journal does not fit the key (refused).
     """
     with host_errors():
         opened = (hosts.open(name) for name in hosts.chosen)
@@ -357,6 +358,8 @@ def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
     ]
     if others:
         raise UseCaseError(Outcome.REFUSED, others)
+    undone = [last.host for last in chosen if last.journal and last.journal.started.run is RunKind.UNDO]
+    _refuse_unsigned_runs(undone, needs_key=hosts.system.policy.signed_plans)  # an undo that ended early is finished
     plans = {last.host.name: last.journal.started.plan for last in chosen if last.journal is not None}
     if len(set(plans.values())) > 1:
         raise _different_plans(plans)

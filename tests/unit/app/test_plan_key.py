@@ -157,6 +157,25 @@ def test_an_unfinished_run_is_finished_only_where_its_plan_was_signed(
     assert "error[RARMS341]" in refused.err
 
 
+def test_an_unfinished_undo_is_finished_only_where_its_plan_was_signed(
+    robot: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    undo = ("undo", "-f", str(robot), "--auto-approve")
+    assert rarms("apply", "-f", str(robot), "--auto-approve").code == rarms(*undo).code == 0
+    (journal,) = (robot.parent / ".rarms" / "hosts").glob("*.journal.jsonl")
+    unfinished = b"".join(journal.read_bytes().splitlines(keepends=True)[:-1])
+    journal.write_bytes(unfinished)
+
+    monkeypatch.setenv(VARIABLE, KEY)
+    refused = rarms(*undo)
+    assert journal.read_bytes() == unfinished
+    monkeypatch.delenv(VARIABLE)
+    finished = rarms(*undo)
+
+    assert (refused.code, finished.code) == (3, 0)
+    assert "error[RARMS341]" in refused.err
+
+
 def test_an_unfinished_run_of_a_signed_plan_is_finished(robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     faults = '{ faults: { broken: { operation: start_partition, at: "*", effect: refuse, times: 1 } } }'
     text = robot.read_text(encoding="utf-8")
