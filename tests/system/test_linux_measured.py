@@ -16,7 +16,7 @@ from tests.unit.cli.running import rarms
 MANIFEST = """\
 schema: rarms/v1
 application: {{ name: walk }}
-policy: {{ interference: busy-loop, measuring: {{ setting: 20 s, proof: 5 s }} }}
+policy: {{ interference: busy-loop }}
 hosts:
   here:
     provider: linux
@@ -32,7 +32,7 @@ components:
     apt: {{ mean_response_time: {{ at_most: 25 ms }} }}
     run:
       command: [python3, jobs.py, '0.006', '0', '1']
-      until: {{ elapsed: 1 s }}
+      until: {{ elapsed: 3 s }}
       samples: {{ from: json_lines, response_time: {{ field: ms, unit: ms }} }}
   ears:
     criticality: 10
@@ -41,7 +41,7 @@ components:
     apt: {{ mean_response_time: {{ at_most: 100 ms }} }}
     run:
       command: [python3, jobs.py, '0.006', '0.02', '1']
-      until: {{ elapsed: 1 s }}
+      until: {{ elapsed: 3 s }}
       samples: {{ from: json_lines, response_time: {{ field: ms, unit: ms }} }}
 interference:
   busy-loop: {{ kind: busy_loop }}
