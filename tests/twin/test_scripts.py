@@ -16,6 +16,7 @@ from rarms_iac.powershell.outline import outline
 from rarms_iac.storage.append import records_in
 from tests.builders import a_component, a_partition
 from tests.effort import every_few
+from tests.twin import cmdlets
 from tests.twin.cell import Cell, apply, apply_script, files_of, scripts_of, undo, undo_script
 from tests.twin.cells import (
     IMAGE,
@@ -778,6 +779,16 @@ def test_a_stranger_that_takes_the_room_stops_the_start_and_not_the_host() -> No
     del host.vms[greedy.id]
     finished = again(host, prepared)
     assert finished.code == 0, finished.says
+
+
+def test_what_the_host_does_not_take_ends_with_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    prepared = alike_changed()
+    monkeypatch.setitem(cmdlets.CMDLETS, "set-vmprocessor", lambda *_: None)
+
+    ran = apply(prepared.copy(), prepared.plan)
+
+    assert ran.code == 1, ran.says
+    assert "set, but the host still shows another reserve: see what refuses or sets it there, then run this" in ran.says
 
 
 def test_a_machine_with_an_image_boots_from_its_disk_and_linux_with_its_own_template() -> None:

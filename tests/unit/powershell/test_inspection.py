@@ -51,6 +51,13 @@ def test_what_rarms_renders_passes(name: str, scripts: Mapping[str, str]) -> Non
     assert inspect_recorded(scripts[name].encode("ascii"), name, module_of(scripts[name])) == ()
 
 
+def test_a_journals_script_of_a_version_that_gave_no_advice_about_its_module_passes() -> None:
+    older = SCRIPTS["onboard.ps1"].replace(" is not that of rarms 0.1.0: put it there'", " is not that of rarms 0.1.0'")
+    assert older != SCRIPTS["onboard.ps1"]
+
+    assert inspect_recorded(older.encode("ascii"), "onboard.ps1", MODULE) == ()
+
+
 @pytest.mark.parametrize("scripts", [SCRIPTS, SINGLE], ids=["module", "single"])
 def test_mutants_of_an_apply_script_are_caught(scripts: Mapping[str, str]) -> None:
     passed, tried = missed(IN_THE_PLAN | AROUND_THE_PLAN, scripts["onboard.ps1"])
