@@ -83,9 +83,7 @@ def not_undone_lines(steps: Iterable[Step]) -> tuple[str, ...]:
     for step in steps:
         if isinstance(step.undo.operation, RestorePartition):
             owners.setdefault(NOT_MADE_AGAIN, {})[owner_of(step)] = None
-        elif step.undo.level is UndoLevel.NONE or (
-            step.undo.level is not UndoLevel.FULL and owner_of(step) not in gone
-        ):
+        elif step.undo.level is UndoLevel.NONE or (step.undo.level is UndoLevel.PARTIAL and owner_of(step) not in gone):
             owners.setdefault(step.undo.message, {})[owner_of(step)] = None
     return tuple(f"{NOT_UNDONE}: {', '.join(names)}: {message}" for message, names in owners.items())
 
