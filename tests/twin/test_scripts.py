@@ -303,7 +303,7 @@ def test_a_task_class_that_another_tool_moved_is_not_touched() -> None:
         ({"elevated": False}, 1, ""),
         ({"bits": 32}, 3, "32 bits"),
         ({"loads_hyperv": False}, 3, "start powershell.exe"),
-        ({"module": ["1.1"]}, 3, "version 2.0.0.0 of Hyper-V"),
+        ({"module": ["1.1"]}, 3, "Hyper-V 2.0.0.0"),
     ],
     ids=["another computer", "processors", "root", "locked", "no rights", "32 bits", "7 on 2016", "module"],
 )

@@ -190,7 +190,7 @@ function Initialize-Run {
     # With it, nothing that is called by mistake changes anything either.
     $script:WhatIfPreference = $script:Preview
     $script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
-    $script:Looking = $false        # whether everything is looked at, and no step done
+    $script:Listing = $false        # whether a machine is sought among all, not asked for by its id
     $script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that a declined -Confirm left out
     $script:Nodes = @()             # NUMA nodes, where no machine may lie on two of them
     $script:Changed = 0             # steps that this run did
@@ -310,7 +310,7 @@ function Assert-Host {
     param([switch] $Last)
     $made = [hashtable]::new($script:Ordinal)  # by address: what the steps that were done made of it
     $ahead = [hashtable]::new($script:Ordinal)  # addresses with names that a step is to change yet
-    $script:Looking = $true
+    $script:Listing = $true
     $script:Fresh = [DateTime]::UtcNow.AddMilliseconds(10000)
     $alive = [DateTime]::UtcNow.AddMilliseconds(10000)
     foreach ($step in $script:Steps) {
@@ -359,7 +359,6 @@ function Assert-Host {
         }
     }
     $script:Current = $script:Whole
-    $script:Looking = $false
 }
 
 function Invoke-Step {
@@ -377,8 +376,9 @@ function Invoke-Step {
         $script:Current = $script:Whole
         Stop-Run -Kind 'run' -Status 'stopped' -Code 1 -Detail 'asked to stop; run it again to go on'
     }
-    # What was read of another is no use here, and what is ten seconds old may be so no more.
-    if ([DateTime]::UtcNow -gt $script:Fresh -or -not $script:Known.Contains($Step.Address)) { $script:Known.Clear() }
+    # What is ten seconds old may be so no more. A promise counts all machines.
+    if ([DateTime]::UtcNow -gt $script:Fresh) { $script:Known.Clear() }
+    $script:Listing = $null -ne $fits
     $lacks = @(foreach ($one in $Step.Needs) { if ($script:Skipped.Contains($one)) { $one } })
     $live = Get-Reading -Step $Step
     $script:Open = @(Compare-Reading -Live $live -Expected $Step.After)
@@ -411,7 +411,8 @@ function Invoke-Step {
     foreach ($message in $script:Messages) { Write-RunEvent -Kind 'step' -Step $Step -Status 'waited' -Detail $message }
     $script:Messages = @()
     $script:Known.Clear()
-    $script:Known['removed'] = $Step.After['exists'] -ceq $false
+    $allFollow = $Step.Number -eq $script:Steps.Count - 1 -and $Step.Address -cne $script:Steps[0].Address
+    $script:Listing = $allFollow -or $Step.After['exists'] -ceq $false
     $missed = @(Compare-Reading -Live (Get-Reading -Step $Step) -Expected $Step.After)
     $text = '{0}: set, but the host still shows another {1}: see what refuses or sets it there, then run this again'
     if ($missed.Count) { throw ($text -f $Step.Address, ($missed -join ', ')) }
@@ -797,7 +798,7 @@ function Assert-VmHost {
     # Where 7 does not load Hyper-V itself, its objects come through 5.1 and are none that cmdlets take.
     $command = Get-Command -Name 'Hyper-V\Get-VM'
     if ([string] $command.CommandType -cne 'Cmdlet' -or $command.Version.Major -lt 2) {
-        Stop-Run -Detail 'this PowerShell does not load version 2.0.0.0 of Hyper-V itself: start powershell.exe'
+        Stop-Run -Detail 'this PowerShell does not load Hyper-V 2.0.0.0 itself: start powershell.exe of Server 2016 or later'
     }
     $vmHost = Hyper-V\Get-VMHost
     if ($vmHost.Name -ne $plan.Computer) {
@@ -889,11 +890,10 @@ function Get-PartitionReading {
 }
 
 function Find-Machine {
-    # All machines are listed where everything is looked at, where a promise counts the others, and where it was removed.
     param([string] $Machine)
-    $all = $script:Looking -or $script:Current['Fits']
-    if ($script:Known.Contains('removed')) { $all = $script:Known['removed'] }
-    if (-not $all) { try { return Hyper-V\Get-VM -Id $Machine } catch { Write-Verbose -Message $_.Exception.Message } }
+    if (-not $script:Listing -and -not $script:Known.Contains('machines')) {
+        try { return Hyper-V\Get-VM -Id $Machine } catch { Write-Verbose -Message $_.Exception.Message }
+    }
     foreach ($vm in @(Get-MachineList)) { if ([string] $vm.Id -eq $Machine) { $vm } }
 }
 
@@ -1152,10 +1152,9 @@ function Stop-Partition {
     $vm = $script:Vm
     $begun = [DateTime]::UtcNow
     $until = $begun.AddMilliseconds($GraceMs)
-    $force = $begun.AddMilliseconds($GraceMs / 2)
     # -Force gives programs five minutes and no more: a longer grace is not cut short by it.
-    $last = $begun.AddMilliseconds($GraceMs - 300000)
-    if ($last -gt $force) { $force = $last }
+    $plain = if ($GraceMs -gt 600000) { $GraceMs - 300000 } else { $GraceMs / 2 }
+    $force = $begun.AddMilliseconds($plain)
     $asked = ''
     $jobs = @()
     $now = $vm
