@@ -131,7 +131,7 @@ def describe_extreme(beyond: float) -> str:
 
 
 ERRORS_EXPLAINED: Final = (
-    f"What is said of measured numbers is {describe_error()}: that a reserve is enough, that a threshold is missed, "
+    f"Each sentence on measured numbers is {describe_error()}: that a reserve is enough, that a threshold is missed, "
     "and that all thresholds of a layout are met. A bound (from, to) has the truth beyond it as rarely. "
     "Jobs of a kind that no sample showed are counted in, taking up to twice the mean time, or as long as the longest "
     "seen. Of a maximum or minimum nothing more is said than what was seen so far, and the share of jobs that may lie "

@@ -50,7 +50,7 @@ def weak_loads(system: System) -> Iterator[Violation]:
                 measure = command("measure", component.name, interference=BUSY_LOOP)
                 yield Violation(
                     path=own if component.interference else ("policy", "interference"),
-                    detail=f"None of {in_a_row(loads)} can take all that is reserved beside {component.name} on the "
+                    detail=f"{in_a_row(loads)} cannot take all that is reserved beside {component.name} on the "
                     f"{show_processors(host.logical_processors)} of {host.name}. What is measured there need not hold "
                     "beside others.",
                     advice=advice_on_weak_loads(system, host, [component.name], loads, measure),
