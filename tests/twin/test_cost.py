@@ -168,7 +168,7 @@ def from_an_image(count: int) -> System:
 
 @pytest.mark.parametrize(
     ("system", "apply_lines", "undo_lines"),
-    [(a_system(10), 140, 120), (from_an_image(10), 165, 150), (from_an_image(1), 110, 110)],
+    [(a_system(10), 140, 120), (from_an_image(10), 165, 155), (from_an_image(1), 110, 110)],
     ids=["ten", "ten from an image", "one from an image"],
 )
 def test_what_is_made_and_its_undo_are_few_lines_that_do_it(system: System, apply_lines: int, undo_lines: int) -> None:
