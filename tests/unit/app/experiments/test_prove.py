@@ -5,11 +5,15 @@ import re
 from collections.abc import Iterator
 from contextlib import chdir
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from rarms_iac.measuring.prove import STARTS
+from rarms_iac.measuring.prove import STARTS, AppliedLayout, LayoutProof, ProofConditions
+from rarms_iac.measuring.prove import prove as run_proof
+from rarms_iac.model.outcomes import TooManyFailures
 from rarms_iac.model.state import Partition
+from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage.datalog.decisions import Proven, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
@@ -174,6 +178,23 @@ def test_a_proof_keeps_its_budget_unless_its_samples_are_asked_for(here: Path) -
     assert (code, tail["verdict"], tail["samples_needed"]) == (4, "within the noise", 833)
     assert int(str(tail["samples"])) < 40
     assert int(str(asked["vision p99_response_time"]["samples"])) >= 40
+
+
+def test_a_load_leaves_the_next_one_what_it_did_not_take(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    change(here, "interference: busy-loop", "interference: [busy-loop, bursts-20], measuring: { proof: 10 min }")
+    budgets: list[float] = []
+
+    def with_budget(
+        host: MeasuringHost, layout: AppliedLayout, conditions: ProofConditions, *rest: Any
+    ) -> LayoutProof | TooManyFailures | None:
+        budgets.append(conditions.budget_ms)
+        return run_proof(host, layout, conditions, *rest)
+
+    monkeypatch.setattr("rarms_iac.app.experiments.prove.prove", with_budget)
+
+    assert prove().code == 0
+    assert budgets[0] == 300_000
+    assert 500_000 < budgets[1] < 600_000
 
 
 def test_each_load_of_the_policy_is_proven_and_recorded(here: Path) -> None:
