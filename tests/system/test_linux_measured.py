@@ -37,7 +37,7 @@ components:
   ears:
     criticality: 10
     memory: 64 MiB
-    cpu: {{ reserve: measured }}
+    cpu: {{ reserve: 20 % }}
     apt: {{ mean_response_time: {{ at_most: 100 ms }} }}
     run:
       command: [python3, jobs.py, '0.006', '0.02', '1']
@@ -79,7 +79,7 @@ def run_twice(folder: Path, first: tuple[str, ...], again: tuple[str, ...]) -> s
 def test_real_processes_are_measured_planned_applied_proven_mended_and_removed(walk: Path) -> None:
     groups, plan = groups_of(walk), str(walk / "walk.plan")
 
-    paper = ("measure", "--strategy", "paper")
+    paper = ("measure", "eyes", "--strategy", "paper")
     measured = run_twice(walk, paper, (*paper, "--again"))
     planned = run(walk, "plan", "--out", plan)
     proven = run_twice(walk, ("apply", plan, "--prove", "--load-host"), ("prove", "--load-host"))
