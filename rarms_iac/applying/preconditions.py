@@ -74,12 +74,12 @@ def _other_robot(
 def no_rights(facts: HostFacts, place: Place | None = None) -> Diagnostic:
     """The finding about a host of which it is unknown whether everything was seen."""
     lack = "has no right to" if facts.rights is Rights.MISSING else "could not prove that it may"
-    return NO_RIGHTS.at(
-        place,
+    return NO_RIGHTS.of_host(
+        facts.name,
         f"On {facts.name}, rarms {lack} manage machines: those that are there cannot be seen, let alone changed.",
         "Run as an administrator of the host; on a simulated one, say `administrator: true`.",
-        address=f"host/{facts.name}",
-        values={"host": facts.name, "rights": facts.rights.value},
+        place=place,
+        rights=facts.rights.value,
     )
 
 
@@ -95,22 +95,22 @@ def scheduler_findings(facts: HostFacts, whose: str, place: Place | None) -> Ite
     """A host on which no reserve has an effect (an error), or none that is known; `whose` would have one."""
     why = _why_ignored(facts)
     if why:
-        yield SCHEDULER.at(
-            place,
+        yield SCHEDULER.of_host(
+            facts.name,
             f"{facts.name} {why}: reserve, limit and weight of {whose} would be stored without effect.",
             f"{_scheduler_advice(facts)}, take another host, or accept RARMS159 at host/{facts.name}.",
-            address=f"host/{facts.name}",
-            values={"host": facts.name, "scheduler": facts.scheduler.value},
+            place=place,
+            scheduler=facts.scheduler.value,
         )
     elif facts.scheduler is SchedulerType.UNKNOWN:
-        yield UNKNOWN_SCHEDULER.at(
-            place,
+        yield UNKNOWN_SCHEDULER.of_host(
+            facts.name,
             f"{facts.name} does not tell which scheduler it runs: whether reserve, limit and weight of {whose} have an "
             "effect is not known.",
             "Restart the host, which writes its event 2 of Microsoft-Windows-Hyper-V-Hypervisor anew; or run `bcdedit "
             "/enum {current}` there: only where hypervisorschedulertype says Root, they have none.",
-            address=f"host/{facts.name}",
-            values={"host": facts.name, "scheduler": facts.scheduler.value},
+            place=place,
+            scheduler=facts.scheduler.value,
         )
 
 

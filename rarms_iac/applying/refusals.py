@@ -45,48 +45,47 @@ _NEW_PLAN = prose("Make a new plan: ", PLAN_OUT, ".")
 
 def used(host: str, plan: str) -> Diagnostic:
     """The plan's serial has passed on this host."""
-    return USED.at(
-        None,
+    return USED.of_host(
+        host,
         f"Plan {plan} was applied to {host}, or another apply or undo has run there since it was made.",
         _NEW_PLAN,
-        address=f"host/{host}",
-        values={"host": host, "plan": plan},
+        plan=plan,
     )
 
 
 def moved(host: str, parts: Sequence[str]) -> Diagnostic:
     """Parts of the observed state differ from those that the plan rests on."""
-    return MOVED.at(
-        None,
+    return MOVED.of_host(
+        host,
         f"On {host} this is no longer as the plan saw it: {'; '.join(parts)}.",
         prose("Nothing was changed. Look with ", DRIFT, ", then make a new plan."),
-        address=f"host/{host}",
-        values={"host": host, "differences": tuple(parts)},
+        differences=tuple(parts),
     )
 
 
 def different_host(host: str, serial: int, planned: int) -> Diagnostic:
     """A host never forgets a run: one that knows of fewer than the plan is not the one that the plan saw."""
-    return MOVED.at(
-        None,
+    return MOVED.of_host(
+        host,
         f"{host} is not the host that the plan saw, or was set back since: it knows of {serial} applies and undos, and "
         f"the plan of {planned}.",
         "Nothing was changed. Look whether the plan is applied in the right folder and to the right machine, then make "
         "a new plan.",
-        address=f"host/{host}",
-        values={"host": host, "serial": serial, "planned_serial": planned},
+        serial=serial,
+        planned_serial=planned,
     )
 
 
 def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
     """A run of another plan was begun and never closed."""
     started = journal.started
-    return UNFINISHED.at(
-        None,
+    return UNFINISHED.of_host(
+        host,
         f"{_run(started)} on {host} was begun by {started.started_by} and not finished.",
         prose("Wait while that process still works. Otherwise run ", _EITHER),
-        address=f"host/{host}",
-        values={"host": host, "run": started.run.value, "plan": started.plan, "owner": started.started_by},
+        run=started.run.value,
+        plan=started.plan,
+        owner=started.started_by,
     )
 
 
@@ -98,12 +97,11 @@ def unsigned(host: str, plan: str, *, is_begun: bool) -> Diagnostic:
         if is_begun
         else prose("Make the plan again where the key is set: ", PLAN_OUT, ".")
     )
-    return UNSIGNED.at(
-        None,
+    return UNSIGNED.of_host(
+        host,
         f"{subject} of plan {plan} on {host} has no signature that fits the key of this environment.",
         advice,
-        address=f"host/{host}",
-        values={"host": host, "plan": plan},
+        plan=plan,
     )
 
 
@@ -130,44 +128,37 @@ def run_of_another(host: str, journal: Journal | ScriptRun, application: Applica
         f"{quoted(each)} of the robot {quoted(robot)}" if robot else quoted(each)
         for each, robot in ((started.application, started.robot), (application.name, application.robot))
     )
-    return OTHERS_RUN.at(
-        None,
+    return OTHERS_RUN.of_host(
+        host,
         f"{_run(started)} on {host} is a run of the application {begun_for}, begun by "
         f"{started.started_by}; this manifest is that of {own}.",
         prose(
             "Nothing was changed. Take it back with that application's manifest: ", command("undo", f="MANIFEST"), "."
         ),
-        address=f"host/{host}",
-        values={
-            "host": host,
-            "plan": started.plan,
-            "application": started.application,
-            "own_application": application.name,
-            "robot": started.robot,
-            "own_robot": application.robot,
-            "owner": started.started_by,
-        },
+        plan=started.plan,
+        application=started.application,
+        own_application=application.name,
+        robot=started.robot,
+        own_robot=application.robot,
+        owner=started.started_by,
     )
 
 
 def locked(error: HostLocked) -> Diagnostic:
     """Another run holds the host, or took it over from this one."""
     if isinstance(error, HostTakenOver):
-        return LOCKED.at(
-            None,
+        return LOCKED.of_host(
+            error.host,
             f"This run asked for nothing on {error.host} for a minute, and {error.owner} took it over.",
             prose("This run changed nothing since. See what the other one did: ", HISTORY, "."),
-            address=f"host/{error.host}",
-            values={"host": error.host, "owner": error.owner},
+            owner=error.owner,
         )
     return _locked(error.host, error.message)
 
 
 def _locked(host: str, detail: str) -> Diagnostic:
     advice = "Wait for that run to end, or let rarms wait: `--lock-timeout 60s`."
-    return LOCKED.at(
-        None, f"{host}: {detail}.", advice, address=f"host/{host}", values={"host": host, "reason": detail}
-    )
+    return LOCKED.of_host(host, f"{host}: {detail}.", advice, reason=detail)
 
 
 def step_moved(host: str, step: Step, live: Readings) -> Diagnostic:
@@ -217,15 +208,11 @@ def _reading_facts(live: Readings, expected: Readings) -> Facts:
 
 def host_failed(error: HostError) -> Diagnostic:
     """The host cannot be reached or read, or what it keeps for us is damaged."""
-    unreachable = isinstance(error, HostUnreachable)
-    finding = DAMAGED if isinstance(error, HostDamaged) else HOST_UNREACHABLE if unreachable else HOST_FAILED
-    return finding.at(
-        None,
-        f"{error.host}: {error.message}.",
-        error.advice,
-        address=f"host/{error.host}",
-        values={"host": error.host, "reason": error.message, **({"unreachable": True} if unreachable else {})},
-    )
+    detail, reason = f"{error.host}: {error.message}.", error.message
+    if isinstance(error, HostUnreachable):
+        return HOST_UNREACHABLE.of_host(error.host, detail, error.advice, reason=reason, unreachable=True)
+    finding = DAMAGED if isinstance(error, HostDamaged) else HOST_FAILED
+    return finding.of_host(error.host, detail, error.advice, reason=reason)
 
 
 def not_reached(host: str, address: str, difference: str) -> Diagnostic:
@@ -241,9 +228,7 @@ def not_reached(host: str, address: str, difference: str) -> Diagnostic:
 
 def nothing_to_undo(host: str, why: str) -> Diagnostic:
     """There is no apply to take back."""
-    return NOTHING_TO_UNDO.at(
-        None, f"{host}: {why}.", "Nothing was changed.", address=f"host/{host}", values={"host": host, "reason": why}
-    )
+    return NOTHING_TO_UNDO.of_host(host, f"{host}: {why}.", "Nothing was changed.", reason=why)
 
 
 def undo_partial(host: str, step: Step) -> Diagnostic:
@@ -261,29 +246,23 @@ def undo_script_partial(host: str, lost: str) -> Diagnostic:
     """What an undo script could not take back, as it says of itself."""
     detail = f"{host}: {lost.rstrip('.')}."
     advice = prose("Look at it with ", DRIFT, " afterwards.")
-    return UNDO_PARTIAL.at(None, detail, advice, address=f"host/{host}", values={"host": host, "reason": lost})
+    return UNDO_PARTIAL.of_host(host, detail, advice, reason=lost)
 
 
 def unknown(host: str, plan: str, why: str) -> Diagnostic:
     """The script was started, and the way to it was lost before it said how it ended."""
-    return UNKNOWN.at(
-        None,
+    return UNKNOWN.of_host(
+        host,
         f"Plan {plan} on {host}: {why}. What was done until then, and whether it goes on, is not known here.",
         prose("Run ", APPLY, ": it asks the host's own journal, and finishes what is unfinished."),
-        address=f"host/{host}",
-        values={"host": host, "plan": plan, "reason": why},
+        plan=plan,
+        reason=why,
     )
 
 
 def no_script(host: str, plan: str) -> Diagnostic:
     """The plan was made for a host that walks steps, or by a version that wrote no scripts."""
-    return SCRIPT_REFUSED.at(
-        None,
-        f"Plan {plan} holds no script for {host}.",
-        _NEW_PLAN,
-        address=f"host/{host}",
-        values={"host": host, "plan": plan},
-    )
+    return SCRIPT_REFUSED.of_host(host, f"Plan {plan} holds no script for {host}.", _NEW_PLAN, plan=plan)
 
 
 def script_refused(host: str, event: RunEvent) -> Diagnostic:
@@ -291,12 +270,11 @@ def script_refused(host: str, event: RunEvent) -> Diagnostic:
     if event.kind is EventKind.LOCK:
         return _locked(host, event.detail)
     if event.address == "host":
-        return SCRIPT_REFUSED.at(
-            None,
+        return SCRIPT_REFUSED.of_host(
+            host,
             f"{host}: {event.detail}.",
             prose("No step was done. Look with ", DRIFT, ", then make a new plan."),
-            address=f"host/{host}",
-            values={"host": host, "reason": event.detail},
+            reason=event.detail,
         )
     return STEP_MOVED.at(
         None,

@@ -130,10 +130,9 @@ def edited_script(plan: Plan) -> str | None:
 
 
 def _no_literal(part: HostPlan, error: NoLiteral) -> Diagnostic:
-    return NO_LITERAL.at(
-        None,
+    return NO_LITERAL.of_host(
+        part.host.name,
         f"{part.host.name}: {error}.",
         "Take the character out of the name or path where the manifest or the host says it.",
-        address=f"host/{part.host.name}",
-        values={"host": part.host.name, "reason": str(error)},
+        reason=str(error),
     )

@@ -44,7 +44,7 @@ def undo(
             case StepwiseHost():
                 last = host.journal()
                 journal = run_to_undo(last)
-                if not isinstance(journal, Journal) or not can_be_undone(journal):
+                if last is None or not isinstance(journal, Journal) or not can_be_undone(journal):
                     return _nothing_to_undo(host, journal)
                 return without_rights(host) or _walk_back(host, journal, last, origin, reporter, should_stop)
             case ScriptedHost():
@@ -76,14 +76,14 @@ def without_rights(host: LiveHost) -> RunReport | None:
 def _walk_back(
     host: StepwiseHost,
     journal: Journal,
-    last: Journal | None,
+    last: Journal,
     origin: RunOrigin,
     reporter: RunReporter,
     should_stop: ShouldStop,
 ) -> RunReport:
     if journal.started.run is RunKind.UNDO:
         return run_steps(host, journal, reporter, should_stop)
-    started = undo_run(journal, origin, after=last)
+    started = undo_run(journal, origin, last)
     host.start_run(started)
     report = run_steps(host, Journal(started=started), reporter, should_stop)
     return replace(report, findings=(*report.findings, *not_undone_findings(host.name, journal)))
@@ -162,15 +162,15 @@ def not_undone_findings(host: str, journal: Journal | ScriptRun) -> tuple[Diagno
             return tuple(refusals.undo_script_partial(host, lost) for lost in not_undone(journal.started.undo))
 
 
-def undo_run(journal: Journal, origin: RunOrigin, *, after: Journal | None = None) -> RunStarted:
+def undo_run(journal: Journal, origin: RunOrigin, last: Journal) -> RunStarted:
     """The run that takes the journal's steps back. It raises the serial: what was planned before it is stale.
 
     Args:
         journal: the run that is taken back.
         origin: of the undo.
-        after: the last run on the host; None: the same run.
+        last: the last run on the host.
     """
-    started, last = journal.started, after or journal
+    started = journal.started
     changes = started.host_plan.changes_by_address
     steps = tuple(reversal(step, changes) for _, step in steps_to_undo(journal) if step.undo.operation is not None)
     return replace(

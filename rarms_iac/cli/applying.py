@@ -30,7 +30,7 @@ from rarms_iac.views.plan import plan_text
 from rarms_iac.views.run import run_text
 
 
-def show_plan(session: Session, plan: Plan, sources: Sources | None = None) -> None:
+def show_plan(session: Session, plan: Plan, sources: Sources) -> None:
     """Show a plan that was made now, as text, or as JSON for a program."""
     session.answer(lambda: json_of(plan), lambda: plan_text(plan, sources=sources))
 

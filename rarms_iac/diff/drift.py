@@ -70,9 +70,7 @@ def drift(
     return tuple(sorted(drifts, key=lambda drift: drift.address))
 
 
-def drift_of_marks(
-    observed: State, application: str, last_run: frozenset[str] | None = None
-) -> tuple[ResourceDrift, ...]:
+def drift_of_marks(observed: State, application: str, last_run: frozenset[str] | None) -> tuple[ResourceDrift, ...]:
     """Find what was changed on a host, by what rarms last wrote there: needs neither manifest nor data logs.
 
     Args:

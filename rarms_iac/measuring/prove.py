@@ -408,7 +408,7 @@ def _contenders(layout: AppliedLayout, load: Interference | None) -> tuple[Conte
 
 
 def judge_layout(
-    components: tuple[Component, ...], seen: Mapping[str, Series], *, statements: int | None = None
+    components: tuple[Component, ...], seen: Mapping[str, Series], *, statements: int | None
 ) -> tuple[IndexVerdict, ...]:
     """Judge every index of every component's APT; the error holds for all looks at it together.
 

@@ -9,7 +9,8 @@ from typing import Literal, Protocol, Self, TypeAlias
 from rarms_iac.model.commands import Prose, RecommendedCommand, Wording, prose
 from rarms_iac.model.output import output
 
-Facts: TypeAlias = Mapping[str, str | bool | int | float | tuple[str, ...]]
+Fact: TypeAlias = str | bool | int | float | tuple[str, ...]
+Facts: TypeAlias = Mapping[str, Fact]
 """The names and numbers behind a message, each under a name of its own."""
 
 
@@ -104,6 +105,23 @@ class Finding:
             related=related,
             values=values,
         )
+
+    def of_host(
+        self, host: str, detail: str, advice: Wording, *, place: Place | None = None, **values: Fact
+    ) -> "Diagnostic":
+        """One case of this finding that is about a host.
+
+        Args:
+            host: its name in the manifest.
+            detail: as of `at`.
+            advice: as of `at`.
+            place: its line, where that tells a reader more.
+            values: as of `at`, without the host.
+
+        Returns:
+            The case, with the address `host/<name>`.
+        """
+        return self.at(place, detail, advice, values={"host": host, **values}, address=f"host/{host}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

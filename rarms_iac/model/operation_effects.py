@@ -42,7 +42,7 @@ from rarms_iac.model.state import (
 from rarms_iac.model.system import GRACE
 
 
-def mark_operation(mark: Mark | None, partition: str, machine: str = "") -> WriteMark | EraseMark:
+def mark_operation(mark: Mark | None, partition: str, machine: str) -> WriteMark | EraseMark:
     """Write this mark on a machine; without one, erase the mark that it has."""
     if mark is None:
         return EraseMark(partition=partition, machine=machine)

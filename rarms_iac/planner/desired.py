@@ -55,9 +55,7 @@ class Desired:
         return tuple(partition for partition in everywhere if partition.host == host)
 
 
-def desired_state(
-    system: System, layout: Layout, observed: State, places: Places, limit: Disruption = Disruption.HOST_RESTART
-) -> Desired:
+def desired_state(system: System, layout: Layout, observed: State, places: Places, limit: Disruption) -> Desired:
     """Work out the state that one host is to have, and what the difference must know beside it.
 
     A partition with our mark that is placed on no host is removed where it holds nothing that could be lost, or where

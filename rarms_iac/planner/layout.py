@@ -208,22 +208,24 @@ def smaller_host_findings(host: Host, facts: HostFacts | None, places: Places) -
     if facts is None:
         return
     if facts.logical_processors < host.logical_processors:
-        yield planning_findings.SMALLER.at(
-            places.value("hosts", host.name, "logical_processors"),
+        yield planning_findings.SMALLER.of_host(
+            host.name,
             f"{host.name} has {show_processors(facts.logical_processors)}, and the manifest says "
             f"{show_processors(host.logical_processors)}; planned with what is there.",
             f"Say `logical_processors: {facts.logical_processors}`.",
-            address=f"host/{host.name}",
-            values={"host": host.name, "has_lp": facts.logical_processors, "manifest_lp": host.logical_processors},
+            place=places.value("hosts", host.name, "logical_processors"),
+            has_lp=facts.logical_processors,
+            manifest_lp=host.logical_processors,
         )
     if facts.memory < host.memory:
-        yield planning_findings.SMALLER.at(
-            places.value("hosts", host.name, "memory"),
+        yield planning_findings.SMALLER.of_host(
+            host.name,
             f"{host.name} has {show_bytes(facts.memory, host.memory)}, and the manifest says "
             f"{show_bytes(host.memory, facts.memory)}; planned with what is there.",
             "Say what it has, or less.",
-            address=f"host/{host.name}",
-            values={"host": host.name, "has_memory_bytes": facts.memory, "manifest_memory_bytes": host.memory},
+            place=places.value("hosts", host.name, "memory"),
+            has_memory_bytes=facts.memory,
+            manifest_memory_bytes=host.memory,
         )
 
 

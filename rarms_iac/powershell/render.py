@@ -154,7 +154,7 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, form: Scri
 
 
 def render_guest(
-    host_plan: HostPlan, plan: Plan, inside: str, tasks: Sequence[GuestTask], form: ScriptForm = ScriptForm.MODULE
+    host_plan: HostPlan, plan: Plan, inside: str, tasks: Sequence[GuestTask], form: ScriptForm
 ) -> Mapping[str, bytes]:
     """The script of a guest that could not be looked into, and its undo, by file name.
 

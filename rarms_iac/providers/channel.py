@@ -246,9 +246,7 @@ def open_channel(host: str, words: Sequence[str]) -> Channel:
         raise HostUnreachable(host, message, f"Install {words[0]}, or mend its rights.") from None
 
 
-def await_line(
-    channel: Conversation, host: str, target: str, is_wanted: Callable[[str], bool], way: str = "ssh"
-) -> str | None:
+def await_line(channel: Conversation, host: str, target: str, is_wanted: Callable[[str], bool], way: str) -> str | None:
     """Wait for the line by which the other end says that it is ready; what a login prints before is passed over.
 
     Args:

@@ -20,7 +20,6 @@ from rarms_iac.model.run import Run
 from rarms_iac.model.series import Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
-from rarms_iac.statistics.error_probability import LOOK_ERROR
 from rarms_iac.statistics.overload import estimate_of_setting
 
 
@@ -87,7 +86,7 @@ class Curve:
         return point.upper if index_named(self.index).smaller_is_better else point.lower
 
 
-def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, *, error: float = LOOK_ERROR) -> Curve:
+def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run) -> Curve:
     """Draw the curve of a component's index.
 
     Args:
@@ -96,14 +95,14 @@ def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, 
         component: Its name.
         index: A name of `model/indexes`.
         run: The component's; says the deadline.
-        error: The probability, 0..1, that the truth is beyond the band, on each side, at a look at a measured point.
 
     Returns:
-        The curve, its points by ascending reserve, made monotone for indexes that cannot get worse with more CPU;
+        The curve; the truth is beyond its band at a measured point with `LOOK_ERROR` on each side. Its points are by
+        ascending reserve, made monotone for indexes that cannot get worse with more CPU;
         without points where no setting gave an estimate.
     """
     found = {
-        setting.reserve: _estimate(series, index, run, error)
+        setting.reserve: _estimate(series, index, run)
         for setting in settings
         for series in setting.series
         if series.component == component
@@ -264,8 +263,8 @@ def _misses(point: Point, curve: Curve, threshold: Threshold) -> bool:
             return good < float(limit)
 
 
-def _estimate(series: Series, index: str, run: Run, error: float) -> Estimate | NoEstimate:
-    estimate = estimate_of_setting(index, series, run, error=error)
+def _estimate(series: Series, index: str, run: Run) -> Estimate | NoEstimate:
+    estimate = estimate_of_setting(index, series, run)
     if isinstance(estimate, Estimate) and estimate.beyond is not None:
         # An extreme has no bound of its own: the curve shows what was seen.
         return replace(estimate, lower=estimate.value, upper=estimate.value)

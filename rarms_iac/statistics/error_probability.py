@@ -37,7 +37,7 @@ starts are alike nothing else shows it: all jobs of a start have its phase.
 """
 
 
-def shared_error(parts: int, error: float = ERROR) -> float:
+def shared_error(parts: int, error: float) -> float:
     """Share an error among several statements, so that it holds for all of them together (union bound).
 
     Args:
@@ -90,16 +90,9 @@ def samples_needed(index: str, threshold: Threshold) -> int:
     return FIRST_LOOK if bad >= 1.0 else max(FIRST_LOOK, ceil(log(LOOK_ERROR) / log1p(-bad)))
 
 
-def describe_error(error: float = ERROR) -> str:
-    """Write how sure a statement is, the same everywhere.
-
-    Args:
-        error: the probability, 0..1, that it is wrong.
-
-    Returns:
-        Words to append to a message: `99 % sure`, wrong in at most 1 of 100 runs.
-    """
-    return f"{100 - 100 * error:.4g} % sure"
+def describe_error() -> str:
+    """Return how sure a statement is, to append to a message: `99 % sure`, wrong in at most 1 of 100 runs."""
+    return f"{100 - 100 * ERROR:.4g} % sure"
 
 
 def describe_errors(*, sure: bool, so_far: bool) -> str:

@@ -79,7 +79,7 @@ def _estimate(index: str, series: Series, run: Run, error: float, unseen: bool) 
     return _ESTIMATORS[index](series, run, error, unseen)
 
 
-def estimate_steady(index: str, series: Series, run: Run, *, error: float = LOOK_ERROR) -> Estimate | NoEstimate:
+def estimate_steady(index: str, series: Series, run: Run, *, error: float) -> Estimate | NoEstimate:
     """Estimate a performance index over the steady part of a series, without its warm-up (`estimate`).
 
     A series that wanders is one of a machine whose speed changes and stays so for seconds. Where its level changes, or

@@ -32,7 +32,7 @@ def least_starts(*, is_periodic: bool) -> int:
 
 
 def least_setting_ms(
-    samples_ms: float, load: Interference, window_ms: float, *, is_periodic: bool, begins_anew: bool = True
+    samples_ms: float, load: Interference, window_ms: float, *, is_periodic: bool, begins_anew: bool
 ) -> float:
     """Say how long a setting of a search takes at least beside a load.
 

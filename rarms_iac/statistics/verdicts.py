@@ -68,19 +68,18 @@ def judge(series: Series, apt: Mapping[str, Threshold], run: Run, *, error: floa
     return _judge_indexes(series, part, apt, run, error, shared_error(halves * len(apt), error))
 
 
-def judge_each(series: Series, apt: Mapping[str, Threshold], run: Run, *, error: float = ERROR) -> dict[str, Verdict]:
+def judge_each(series: Series, apt: Mapping[str, Threshold], run: Run) -> dict[str, Verdict]:
     """Judge each index by itself.
 
     Args:
         series: the samples of one component at one setting, in order.
         apt: the thresholds by index.
         run: how the component is run, with its deadline.
-        error: the probability, 0..1, that the verdict on an index is wrong.
 
     Returns:
         A verdict for each index of the APT, in its order.
     """
-    return {index: judge(series, {index: threshold}, run, error=error) for index, threshold in apt.items()}
+    return {index: judge(series, {index: threshold}, run) for index, threshold in apt.items()}
 
 
 def judge_look(series: Series, apt: Mapping[str, Threshold], run: Run, *, members: int = 1) -> Verdict:

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
-def explanation_text(explanation: ComponentExplanation, *, without_infeasibility: bool = False) -> "RenderableType":
+def explanation_text(explanation: ComponentExplanation, *, without_infeasibility: bool) -> "RenderableType":
     """Lay out the explanation: what a step is about, its sentence behind it, and its other sentences below.
 
     Args:

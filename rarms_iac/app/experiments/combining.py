@@ -6,7 +6,7 @@ Begin at `combine_if_wanted`. `combining_offer` says what is needed, what there 
 from dataclasses import dataclass
 from typing import Protocol
 
-from rarms_iac.app.control import UNATTENDED, Control
+from rarms_iac.app.control import Control
 from rarms_iac.app.experiments.level_prompt import SessionEnded
 from rarms_iac.app.experiments.stopping import stopped_to_measure
 from rarms_iac.app.experiments.tune import TuneRequest, TuningPrompt, TuningResult, tune_components
@@ -54,7 +54,7 @@ class CombiningOutcome:
 
 
 def combine_if_wanted(
-    hosts: Hosts, request: TuneRequest, prompt: CombiningPrompt, control: Control = UNATTENDED
+    hosts: Hosts, request: TuneRequest, prompt: CombiningPrompt, control: Control
 ) -> CombiningOutcome:
     """Offer to combine components where their reservations exceed the hosts, and write what is found and confirmed.
 

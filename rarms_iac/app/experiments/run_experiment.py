@@ -362,11 +362,10 @@ def _work_of_others(hosts: Hosts, running: Sequence[Partition]) -> Iterator[Part
 
 def _busy_warning(experiment: Experiment, running: Sequence[Partition]) -> Diagnostic:
     names = tuple(map(partition_name, running))
-    return measuring_findings.MEASURED_BUSY.at(
-        None,
+    return measuring_findings.MEASURED_BUSY.of_host(
+        experiment.host.name,
         f"{experiment.name} was measured while these ran on {experiment.host.name}: {', '.join(names)}. "
         "Its log says so.",
         "Measure it again on a quiet host with --again: then this no longer counts.",
-        address=f"host/{experiment.host.name}",
-        values={"host": experiment.host.name, "partitions": names},
+        partitions=names,
     )

@@ -138,8 +138,8 @@ def stop_own_partitions(session: MeasuringSession, host: MeasuringHost) -> None:
         raise UseCaseError(
             Outcome.REFUSED,
             [
-                measuring_findings.BUSY_HOST.at(
-                    None,
+                measuring_findings.BUSY_HOST.of_host(
+                    host.name,
                     f"On {host.name} these run, and would change what is measured: {', '.join(names)}.",
                     prose(
                         "Let ",
@@ -150,8 +150,7 @@ def stop_own_partitions(session: MeasuringSession, host: MeasuringHost) -> None:
                         START,
                         ".",
                     ),
-                    address=f"host/{host.name}",
-                    values={"host": host.name, "partitions": names},
+                    partitions=names,
                 )
             ],
         )

@@ -34,7 +34,7 @@ class Examination:
 
     def host_finding(self, finding: Finding, detail: str, advice: Wording, values: Facts = NO_MORE_FACTS) -> Diagnostic:
         """A finding about the host itself; `values` without its name."""
-        return finding.at(self.place, detail, advice, values={"host": self.name, **values}, address=f"host/{self.name}")
+        return finding.of_host(self.name, detail, advice, place=self.place, **values)
 
     def machine_finding(
         self, finding: Finding, machine: Partition, detail: str, advice: Wording, values: Facts = NO_MORE_FACTS

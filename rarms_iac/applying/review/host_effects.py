@@ -38,18 +38,14 @@ def review_smt(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterat
         names = in_a_row(
             [f"{name} ({show_processors(load_of([claim]).idle_processors)})" for name, claim in costs.items()]
         )
-        yield SMT_COSTS.at(
-            None,
+        yield SMT_COSTS.of_host(
+            desired.host,
             f"The core scheduler of {desired.host} runs one machine on a core at a time. What is reserved for {names} "
             "keeps so much idle beside it, because the number of virtual processors is odd, or the machine has no SMT "
             "itself.",
             "Give it an even number of `processors`, leave HwThreadCountPerCore at 0, or combine components.",
-            address=f"host/{desired.host}",
-            values={
-                "host": desired.host,
-                "partitions": tuple(costs),
-                "idle_lp": float(load_of(costs.values()).idle_processors),
-            },
+            partitions=tuple(costs),
+            idle_lp=float(load_of(costs.values()).idle_processors),
         )
 
 
@@ -85,13 +81,11 @@ def review_script_placement(request: PlanRequest, desired: Desired, plan: HostPl
     managed = [partition.claim for partition in partitions if partition.settings.running]
     claims = (*foreign_claims(desired.observed, request.application), *managed)
     if managed and not packs_by_size(claims, capacity_of(plan.host, desired.observed.facts)):
-        yield NO_SCRIPT_PLACEMENT.at(
-            None,
+        yield NO_SCRIPT_PLACEMENT.of_host(
+            desired.host,
             f"On {desired.host} the virtual processors fit only if they are placed cleverly. A script places "
             "the largest reserve first, finds no place for one of them, and would stop half-way.",
             "Lower a reserve, give a partition other `processors`, or move a component to another host.",
-            address=f"host/{desired.host}",
-            values={"host": desired.host},
         )
 
 
@@ -124,8 +118,8 @@ def review_unmanaged_machines(request: PlanRequest, desired: Desired, plan: Host
                 f"{settings.reserve * settings.processors / 100:.2f} LP reserved"
             )
     if losers:
-        yield UNMANAGED_GETS_LESS.at(
-            None,
+        yield UNMANAGED_GETS_LESS.of_host(
+            desired.host,
             f"Machines on {desired.host} that {request.application} does not manage stay as they are, and get less "
             f"while all are busy: {'; '.join(losers.values())}.",
             prose(
@@ -133,8 +127,7 @@ def review_unmanaged_machines(request: PlanRequest, desired: Desired, plan: Host
                 command("import", "PARTITION", id="ID"),
                 ".",
             ),
-            address=f"host/{desired.host}",
-            values={"host": desired.host, "machines": tuple(losers)},
+            machines=tuple(losers),
         )
 
 
@@ -159,14 +152,12 @@ def review_task_classes(request: PlanRequest, desired: Desired, plan: HostPlan) 
         systems.setdefault(f"{task_class.name} ({priority})", []).append(inside or "the host itself")
     if systems:
         concerned = sorted({system for names in systems.values() for system in names})
-        yield CLASSES_ABOVE.at(
-            None,
+        yield CLASSES_ABOVE.of_host(
+            desired.host,
             f"On {desired.host}, threads of {', '.join(sorted(systems))} run above robotic ones in "
             f"{', '.join(concerned)}, when a program joins these classes.",
             "Keep programs that play or record sound and video out of these systems. The classes themselves stay as "
             "they are.",
-            address=f"host/{desired.host}",
-            values={"host": desired.host},
         )
 
 

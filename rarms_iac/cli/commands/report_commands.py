@@ -12,7 +12,6 @@ from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
-from rarms_iac.cli.messages import tell
 from rarms_iac.cli.session import Session
 from rarms_iac.model.wording import quoted
 from rarms_iac.views.graph import candidates_text, graph_text
@@ -77,15 +76,13 @@ def report_command(session: Session, options: ReportOptions, source: ManifestSou
         session.terminal.data(json_of(report))
     if not writes_page:
         return ExitCode.DONE
-    from rarms_iac.views.reports.html import MEGABYTE, as_html, size_warning
+    from rarms_iac.views.reports.html import as_html
 
     page, file = as_html(report, session.terminal.manifest_options), options.out or DEFAULT_FILE
     if file == "-":
         session.terminal.data(page.decode("utf-8"))
         return ExitCode.DONE
     write_file(file, page)
-    if len(page) > MEGABYTE:
-        tell(session.terminal, [size_warning(file, len(page), len(report.measurements))])
     session.terminal.talk(f"Wrote {file}. Open it in a browser.")
     return ExitCode.DONE
 

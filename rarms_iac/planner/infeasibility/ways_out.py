@@ -4,7 +4,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain, islice, zip_longest
-from types import MappingProxyType
 
 from rarms_iac.model.layout import Relaxation, RelaxationKind
 from rarms_iac.model.wording import in_a_row, natural_order
@@ -29,7 +28,7 @@ PAIRS = 30
 
 
 def ways_out(
-    problem: Problem, conflict: Sequence[str], start: Variant, moves: Mapping[str, str] = MappingProxyType({})
+    problem: Problem, conflict: Sequence[str], start: Variant, moves: Mapping[str, str]
 ) -> tuple[Relaxation, ...]:
     """Find changes with which everything fits.
 

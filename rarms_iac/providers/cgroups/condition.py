@@ -32,24 +32,21 @@ def off_without_stop(host: Host, partitions: Sequence[str]) -> Iterator[Diagnost
         line = ' does that at each start, as a line of the machine (docs/linux.md, "After the machine starts").'
         here = (START_AT_BOOT, line)
         far = ("Nothing else does on a host that is only reached over ssh: run it after each start.",)
-        yield OFF_WITHOUT_STOP.at(
-            None,
+        yield OFF_WITHOUT_STOP.of_host(
+            host.name,
             f"{counted(len(partitions), 'partition')} of {host.name} ran until the machine stopped, or until the "
             f"control group was removed: {in_a_row(partitions)}.",
             prose(APPLY, " starts what is off. ", *(far if host.connect else here)),
-            address=f"host/{host.name}",
-            values={"host": host.name, "partitions": tuple(partitions)},
+            partitions=tuple(partitions),
         )
 
 
 def nothing_withheld(host: Host, processors: int) -> Iterator[Diagnostic]:
     """Find that partitions may use all of the machine's logical processors (`processors`)."""
     if slice_limit(host, processors) is None:
-        yield NOTHING_WITHHELD.at(
-            None,
+        yield NOTHING_WITHHELD.of_host(
+            host.name,
             f"{host.name} keeps no processor time for what runs outside its partitions. While they use all of it, ssh, "
             "rarms and the kernel's own threads get about 1 % of a processor each.",
             "Write `keep_for_host: { processor: 5 % }`: partitions never get that part.",
-            address=f"host/{host.name}",
-            values={"host": host.name},
         )

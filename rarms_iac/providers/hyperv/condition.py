@@ -178,20 +178,18 @@ def _not_whole(machine: ObservedMachine, reserve: int) -> Diagnostic:
 def _journal_findings(observation: HostObservation, host: str) -> Iterator[Diagnostic]:
     match last_run_of(observation):
         case JournalPlanted(owner=owner):
-            yield JOURNAL.at(
-                None,
+            yield JOURNAL.of_host(
+                host,
                 f"%ProgramData%\\rarms\\journal.jsonl of {host} belongs to {owner}, not to Administrators or SYSTEM.",
                 "Find out who put it there, then remove it. A script refuses to run beside it.",
-                address=f"host/{host}",
-                values={"host": host, "owner": owner},
+                owner=owner,
             )
         case JournalDamaged(message=message):
-            yield JOURNAL.at(
-                None,
+            yield JOURNAL.of_host(
+                host,
                 f"%ProgramData%\\rarms\\journal.jsonl of {host} is damaged: {message}.",
                 "Look at the host to see what the last run did, then remove the file.",
-                address=f"host/{host}",
-                values={"host": host, "reason": message},
+                reason=message,
             )
         case _:
             return

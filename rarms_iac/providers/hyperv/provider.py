@@ -197,7 +197,7 @@ class LiveHypervHost:
         return HostFailed(self.name, f"what {OBSERVE} printed cannot be read: {message}", advice)
 
 
-def open_hyperv(host: Host, signed_folder: Path, channel: CommandChannel | None = None) -> LiveHypervHost:
+def open_hyperv(host: Host, signed_folder: Path, channel: CommandChannel | None) -> LiveHypervHost:
     """Open the host that this describes.
 
     Args:

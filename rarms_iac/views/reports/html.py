@@ -13,8 +13,8 @@ from hashlib import sha256
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import PlatformCapacity, Report
-from rarms_iac.model.commands import command, command_text, plain_text, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Sources
+from rarms_iac.model.commands import command_text, plain_text
+from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.quantities import guaranteed, show_processors
 from rarms_iac.statistics.error_probability import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
@@ -40,21 +40,6 @@ if TYPE_CHECKING:
 FOLDER = "templates/report"
 MODULES = ("lookup.js", "axis.js", "show.js", "move.js", "report.js")
 """The page's ES modules, each after those that it imports: one script, in this order, where there is no server."""
-
-
-LARGE = Finding.warning("RARMS291", "The report is larger than a megabyte")
-MEGABYTE = 1_000_000
-
-
-def size_warning(file: str, size: int, measurements: int) -> Diagnostic:
-    """Say that a page of so many bytes is large, and what makes it smaller."""
-    message = f"{file} has {size:,} bytes: a plot of each of {measurements} data logs."
-    return LARGE.at(
-        None,
-        message,
-        prose("Name the components that matter: ", command("report", "COMPONENT..."), "."),
-        values={"file": file, "bytes": size, "data_logs": measurements},
-    )
 
 
 def as_html(report: Report, manifest_options: str = "") -> bytes:

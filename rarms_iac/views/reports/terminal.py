@@ -231,7 +231,7 @@ def _numbers(field: int) -> str:
     return (" " * (LABELS + 2) + "".join(line)).rstrip()
 
 
-def legend(*, ascii_only: bool = False) -> "RenderableType":
+def legend(*, ascii_only: bool) -> "RenderableType":
     """What each sign of a plot stands for."""
     signs = ASCII if ascii_only else UNICODE
     names = ("curve", "band", "measured", "threshold", "reserve")

@@ -986,15 +986,3 @@ def test_a_machine_that_is_another_partition_is_released_as_recommended(tmp_path
     assert 'is partition "vision" of application' in taken.err
     assert recommended(taken.err) == ("rarms release vision",)
     run_it("rarms release vision", tmp_path)
-
-
-def test_of_a_large_page_components_can_be_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rarms_iac.views.reports.html.MEGABYTE", 1_000)
-    with chdir(tmp_path):
-        write(PAIR)()
-        logs(vision=40, speech=45)()
-        large = rarms("report")
-        smaller = rarms("report", "vision")
-
-    assert "Name the components that matter: `rarms report COMPONENT...`." in " ".join(large.err.split())
-    assert (large.code, smaller.code) == (0, 0)
