@@ -9,15 +9,7 @@ from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, Scr
 from rarms_iac.model.plan import Readings, Step
 from rarms_iac.model.system import Application
 from rarms_iac.model.wording import quoted
-from rarms_iac.providers.interface import (
-    EventKind,
-    HostDamaged,
-    HostError,
-    HostLocked,
-    HostTakenOver,
-    HostUnreachable,
-    RunEvent,
-)
+from rarms_iac.providers.interface import HostDamaged, HostError, HostLocked, HostTakenOver, HostUnreachable
 
 USED = Finding.error("RARMS181", "The plan was used, or another run came after it was made")
 MOVED = Finding.error("RARMS182", "The host has moved since the plan was made")
@@ -34,9 +26,7 @@ NOTHING_TO_UNDO = Finding.note("RARMS192", "There is nothing to undo")
 UNDO_PARTIAL = Finding.warning("RARMS193", "Not everything can be taken back")
 UNSIGNED = Finding.error("RARMS341", "What is to be run is not signed with the key")
 OTHERS_RUN = Finding.error("RARMS340", "The last run is another application's")
-UNKNOWN = Finding.error("RARMS250", "It is unknown how the run ended")
 SCRIPT_REFUSED = Finding.error("RARMS251", "The script would not run on the host")
-SCRIPT_FAILED = Finding.error("RARMS252", "The script failed on the host")
 
 _EITHER = prose(APPLY, " to finish it, ", UNDO, " to take it back, or ", APPLY_ABANDON, " to leave it as it is.")
 GO_ON = prose("Run ", _EITHER)
@@ -153,10 +143,11 @@ def locked(error: HostLocked) -> Diagnostic:
             prose("This run changed nothing since. See what the other one did: ", HISTORY, "."),
             owner=error.owner,
         )
-    return _locked(error.host, error.message)
+    return lock_held(error.host, error.message)
 
 
-def _locked(host: str, detail: str) -> Diagnostic:
+def lock_held(host: str, detail: str) -> Diagnostic:
+    """Another run holds the host, as `detail` says."""
     advice = "Wait for that run to end, or let rarms wait: `--lock-timeout 60s`."
     return LOCKED.of_host(host, f"{host}: {detail}.", advice, reason=detail)
 
@@ -249,52 +240,9 @@ def undo_script_partial(host: str, lost: str) -> Diagnostic:
     return UNDO_PARTIAL.of_host(host, detail, advice, reason=lost)
 
 
-def unknown(host: str, plan: str, why: str) -> Diagnostic:
-    """The script was started, and the way to it was lost before it said how it ended."""
-    return UNKNOWN.of_host(
-        host,
-        f"Plan {plan} on {host}: {why}. What was done until then, and whether it goes on, is not known here.",
-        prose("Run ", APPLY, ": it asks the host's own journal, and finishes what is unfinished."),
-        plan=plan,
-        reason=why,
-    )
-
-
 def no_script(host: str, plan: str) -> Diagnostic:
     """The plan was made for a host that walks steps, or by a version that wrote no scripts."""
     return SCRIPT_REFUSED.of_host(host, f"Plan {plan} holds no script for {host}.", _NEW_PLAN, plan=plan)
-
-
-def script_refused(host: str, event: RunEvent) -> Diagnostic:
-    """The script ended with exit code 3: before a step, or before any."""
-    if event.kind is EventKind.LOCK:
-        return _locked(host, event.detail)
-    if event.address == "host":
-        return SCRIPT_REFUSED.of_host(
-            host,
-            f"{host}: {event.detail}.",
-            prose("No step was done. Look with ", DRIFT, ", then make a new plan."),
-            reason=event.detail,
-        )
-    return STEP_MOVED.at(
-        None,
-        f"{event.address} on {host}: {event.detail}.",
-        prose("Nothing more was changed. Look with ", DRIFT, ". ", GO_ON),
-        address=event.address,
-        values={"host": host, "resource": event.address, "reason": event.detail},
-    )
-
-
-def script_failed(host: str, at: str, printed: str, code: int) -> Diagnostic:
-    """The script ended with another exit code, in the middle of a step or outside of all."""
-    location = f"{at} on {host}" if at else host
-    return (STEP_FAILED if at else SCRIPT_FAILED).at(
-        None,
-        f"{location}: {printed.strip().rstrip('.') or 'the script says nothing'} (exit code {code}).",
-        sentences("Mend that on the host.", GO_ON),
-        address=at or f"host/{host}",
-        values={"host": host, "resource": at, "exit_code": code, "reason": printed.strip()},
-    )
 
 
 def differences(live: Readings, expected: Readings) -> str:

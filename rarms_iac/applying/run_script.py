@@ -7,10 +7,11 @@ its end was not heard, nothing is guessed: the host's journal knows, and the nex
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from rarms_iac.applying import refusals
+from rarms_iac.applying.refusals import GO_ON, SCRIPT_REFUSED, STEP_FAILED, STEP_MOVED, lock_held
 from rarms_iac.applying.run_report import HostReport, RunEnding, RunReport, RunReporter, TitledStep
 from rarms_iac.applying.run_steps import ShouldStop
-from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.commands import APPLY, DRIFT, prose, sentences
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.journal import RunKind, ScriptRun, StepStatus
 from rarms_iac.model.plan import HostPlan, UndoLevel
 from rarms_iac.powershell.inspection.inspect import inspect_recorded
@@ -28,6 +29,9 @@ from rarms_iac.providers.interface import (
     ScriptLost,
     WaitLimits,
 )
+
+UNKNOWN_ENDING = Finding.error("RARMS250", "It is unknown how the run ended")
+SCRIPT_FAILED = Finding.error("RARMS252", "The script failed on the host")
 
 REFUSED_CODE = 3
 """A script's exit code where it would not go on (docs/scripts.md)."""
@@ -229,16 +233,16 @@ class RunListener:
         last = self._last
         match ended:
             case ScriptLost(why=why):
-                return RunEnding.FAILED, refusals.unknown(self._host, self._job.plan, why)
+                return RunEnding.FAILED, _unknown_ending(self._host, self._job.plan, why)
             case ScriptExited(code=0) if last is not None and last.status in _GOOD_ENDS:
                 return (RunEnding.DONE,)
             case ScriptExited(code=0):
                 why = "it ended with exit code 0 and without its last event"
-                return RunEnding.FAILED, refusals.unknown(self._host, self._job.plan, why)
+                return RunEnding.FAILED, _unknown_ending(self._host, self._job.plan, why)
             case ScriptExited() if last is not None and last.status is EventStatus.STOPPED:
                 return (RunEnding.INTERRUPTED,)
             case ScriptExited(code=code) if code == REFUSED_CODE and last is not None:
-                return RunEnding.REFUSED, refusals.script_refused(self._host, last)
+                return RunEnding.REFUSED, _script_refused(self._host, last)
             case ScriptExited(code=code, last_lines=lines):
                 return RunEnding.FAILED, self._failed(code, lines)
 
@@ -246,7 +250,7 @@ class RunListener:
         last = self._last
         message = last.detail if last is not None else " ".join([*self._other_lines, *lines[-3:]])
         at = self._running.address if self._running is not None else ""
-        return refusals.script_failed(self._host, at, message, code)
+        return _script_failed(self._host, at, message, code)
 
 
 _GOOD_ENDS = frozenset({EventStatus.DONE, EventStatus.ABANDONED, EventStatus.UNCHANGED})
@@ -254,3 +258,46 @@ _GOOD_ENDS = frozenset({EventStatus.DONE, EventStatus.ABANDONED, EventStatus.UNC
 
 def _titled_step(event: RunEvent) -> TitledStep:
     return TitledStep(address=event.address, title=event.detail or event.status.value)
+
+
+def _unknown_ending(host: str, plan: str, why: str) -> Diagnostic:
+    """The script was started, and the way to it was lost before it said how it ended."""
+    return UNKNOWN_ENDING.of_host(
+        host,
+        f"Plan {plan} on {host}: {why}. What was done until then, and whether it goes on, is not known here.",
+        prose("Run ", APPLY, ": it asks the host's own journal, and finishes what is unfinished."),
+        plan=plan,
+        reason=why,
+    )
+
+
+def _script_refused(host: str, event: RunEvent) -> Diagnostic:
+    """The script ended with exit code 3: before a step, or before any."""
+    if event.kind is EventKind.LOCK:
+        return lock_held(host, event.detail)
+    if event.address == "host":
+        return SCRIPT_REFUSED.of_host(
+            host,
+            f"{host}: {event.detail}.",
+            prose("No step was done. Look with ", DRIFT, ", then make a new plan."),
+            reason=event.detail,
+        )
+    return STEP_MOVED.at(
+        None,
+        f"{event.address} on {host}: {event.detail}.",
+        prose("Nothing more was changed. Look with ", DRIFT, ". ", GO_ON),
+        address=event.address,
+        values={"host": host, "resource": event.address, "reason": event.detail},
+    )
+
+
+def _script_failed(host: str, at: str, printed: str, code: int) -> Diagnostic:
+    """The script ended with another exit code, in the middle of a step or outside of all."""
+    location = f"{at} on {host}" if at else host
+    return (STEP_FAILED if at else SCRIPT_FAILED).at(
+        None,
+        f"{location}: {printed.strip().rstrip('.') or 'the script says nothing'} (exit code {code}).",
+        sentences("Mend that on the host.", GO_ON),
+        address=at or f"host/{host}",
+        values={"host": host, "resource": at, "exit_code": code, "reason": printed.strip()},
+    )

@@ -97,13 +97,13 @@ def _changes_without_capacity(changes: Sequence[Change], held_back: _Held, budge
         else:
             claims[_key(changes[at])] = after
     everything = {**claims, **{_key(changes[at]): pairs[at][1] for at in growing}}
-    if budget.holds(everything.values()):
+    if budget.fits(everything.values()):
         return {}
     why = "it needs what a change that is held back would have given back"
     more: _Held = {}
     for at in sorted(growing, key=lambda at: (-budget.rank(changes[at].address.partition)[0], changes[at].address)):
         claims_then = {**claims, _key(changes[at]): pairs[at][1]}
-        if budget.holds(claims_then.values()):
+        if budget.fits(claims_then.values()):
             claims = claims_then
         else:
             more[at] = HeldBack(change=changes[at], why=why)

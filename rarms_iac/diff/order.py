@@ -127,7 +127,7 @@ class _Walk:
                 final[_key(step)] = step.claim_after
         growing = all(within(step.claim_after, final[_key(step)]) for steps in self.queue for step in steps)
         unchanged = all(within(claim, final[key]) for key, claim in self.claims.items())
-        return growing and unchanged and self.budget.holds(final.values())
+        return growing and unchanged and self.budget.fits(final.values())
 
     def _do(self, step: Step) -> None:
         self.now = self._load_after(step)

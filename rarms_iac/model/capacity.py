@@ -117,7 +117,7 @@ def capacity_of(host: Host, facts: HostFacts | None) -> Capacity:
 
 
 def fits(capacity: Capacity, claims: Iterable[Claim]) -> bool:
-    """Whether the host can keep all these promises at once; no where that is not known, as of `holds`.
+    """Whether the host can keep all these promises at once; no where that is not known, as of `decide_fit`.
 
     Args:
         capacity: of the host.
@@ -126,7 +126,7 @@ def fits(capacity: Capacity, claims: Iterable[Claim]) -> bool:
     Returns:
         True: it is known to hold.
     """
-    return holds(capacity, claims) is True
+    return decide_fit(capacity, claims) is True
 
 
 @dataclass(slots=True)
@@ -136,7 +136,7 @@ class Effort:
     steps: int
 
 
-def holds(capacity: Capacity, claims: Iterable[Claim], effort: Effort | None = None) -> bool | None:
+def decide_fit(capacity: Capacity, claims: Iterable[Claim], effort: Effort | None = None) -> bool | None:
     """Whether the host can keep all these promises at once; None: the search for places gave up.
 
     What is kept for the host counts against the sum only: its own virtual processors lie on every logical one, so it
@@ -156,7 +156,7 @@ def holds(capacity: Capacity, claims: Iterable[Claim], effort: Effort | None = N
         return False
     if isinstance(capacity, CheckedCapacity) and not capacity.admits(together):
         return False
-    return packed(together, capacity, effort)
+    return decide_packing(together, capacity, effort)
 
 
 def packs(claims: Iterable[Claim], capacity: Capacity) -> bool:
@@ -171,10 +171,10 @@ def packs(claims: Iterable[Claim], capacity: Capacity) -> bool:
     Returns:
         True: it is known to pack; sums and memory are not looked at.
     """
-    return packed(claims, capacity) is True
+    return decide_packing(claims, capacity) is True
 
 
-def packed(claims: Iterable[Claim], capacity: Capacity, effort: Effort | None = None) -> bool | None:
+def decide_packing(claims: Iterable[Claim], capacity: Capacity, effort: Effort | None = None) -> bool | None:
     """Whether claims pack onto a host; None: the exact search gave up, so that neither is known.
 
     It takes `SEARCH_NODES` steps at most, and where an effort is given, no more than that has left.
@@ -201,7 +201,7 @@ def packed(claims: Iterable[Claim], capacity: Capacity, effort: Effort | None = 
     return None if found and isinstance(capacity, CheckedCapacity) and capacity.by_script else found
 
 
-def packs_by_size(claims: Iterable[Claim], capacity: Capacity) -> bool:
+def packs_by_first_fit(claims: Iterable[Claim], capacity: Capacity) -> bool:
     """Whether first fit, the largest first, finds a place for each, as scripts for Hyper-V ask before each promise.
 
     Partitions that are as wide as the host are laid over all of it before. Where it finds none there may yet be one.

@@ -45,7 +45,7 @@ class StepBudget:
     forces: bool = True  # the host can force a guest to shut down
     remaining: Mapping[str, str] = field(default_factory=dict)  # by partition: another host, where the plan leaves it
 
-    def holds(self, claims: Iterable[Claim]) -> bool:
+    def fits(self, claims: Iterable[Claim]) -> bool:
         """Whether these claims of managed partitions fit the host beside the foreign ones.
 
         Args:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping
 
-from rarms_iac.providers.simulated.rules import packs
+from rarms_iac.providers.simulated.reserve_packing import reserves_fit
 from tests.twin import guests
 from tests.twin.host import Vm, WindowsHost
 from tests.twin.members import cast
@@ -260,7 +260,7 @@ def start_vm(scope: Scope, given: Given) -> Value:
     for claim in claims:
         sizes[claim.reserve] += places_of(claim, smt=smt)
     wide = vm.reserve and places_of(vm, smt=smt) > places
-    if host.scheduler != ROOT and (wide or (vm.reserve and not packs(sizes, places))):
+    if host.scheduler != ROOT and (wide or (vm.reserve and not reserves_fit(sizes, places))):
         raise refuse(f"'{vm.name}' failed to start: the reserve cannot be met.", "StartVM", "Unspecified")
     writes = vm.wrote_entry or (vm.generation == 2 and bool(vm.disks))  # as Windows, shim and grub do
     _set(scope, vm, "Start-VM", {"state": "Running", "started_at": host.clock, "wrote_entry": writes})

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.system import RunsOn, System
-from rarms_iac.providers.simulated.rules import packs
+from rarms_iac.providers.simulated.reserve_packing import reserves_fit
 from tests.builders import a_host
 from tests.effort import Attempt, examples, tried
 from tests.strategies import FOREIGN_NAMES, systems
@@ -64,7 +64,7 @@ def within(host: WindowsHost) -> None:
     sizes: Counter[int] = Counter()
     for vm in active:
         sizes[vm.reserve] += vm.processors
-    assert packs(sizes, host.logical_processors), sizes
+    assert reserves_fit(sizes, host.logical_processors), sizes
     assert sum(vm.memory for vm in active) <= host.memory
 
 

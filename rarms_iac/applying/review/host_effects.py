@@ -5,7 +5,7 @@ from fractions import Fraction
 
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.state_after import partition_after_change, partitions_after
-from rarms_iac.model.capacity import capacity_of, foreign_claims, packs_by_size
+from rarms_iac.model.capacity import capacity_of, foreign_claims, packs_by_first_fit
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
@@ -80,7 +80,7 @@ def review_script_placement(request: PlanRequest, desired: Desired, plan: HostPl
     partitions = partitions_after(desired.observed, request.application, plan.changes)
     managed = [partition.claim for partition in partitions if partition.settings.running]
     claims = (*foreign_claims(desired.observed, request.application), *managed)
-    if managed and not packs_by_size(claims, capacity_of(plan.host, desired.observed.facts)):
+    if managed and not packs_by_first_fit(claims, capacity_of(plan.host, desired.observed.facts)):
         yield NO_SCRIPT_PLACEMENT.of_host(
             desired.host,
             f"On {desired.host} the virtual processors fit only if they are placed cleverly. A script places "

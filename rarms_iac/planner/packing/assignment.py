@@ -8,7 +8,7 @@ places, it is forbidden when it comes up (`forbid`).
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import gcd, inf
 
-from rarms_iac.model.capacity import Capacity, holds, reserved_by_core
+from rarms_iac.model.capacity import Capacity, decide_fit, reserved_by_core
 from rarms_iac.model.claims import WHOLE, Claim, DeadlineClaim
 from rarms_iac.planner.packing.highs import Row
 from rarms_iac.planner.packing.values import Bin, Item, free_in, is_move, least_cost
@@ -133,7 +133,7 @@ class Assignment:
 
     def _can_hold(self, host: Bin, numbers: Sequence[int]) -> bool | None:
         claims = (self.items[number].claims[host.name] for number in numbers)
-        return holds(host.capacity, [*host.foreign_claims, *claims])
+        return decide_fit(host.capacity, [*host.foreign_claims, *claims])
 
     def _claim(self, pair: tuple[int, int]) -> Claim:
         return self.items[pair[0]].claims[self.bins[pair[1]].name]

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import accumulate, chain, islice, product
 from random import Random
 
-from rarms_iac.model.capacity import CheckedCapacity, packs_by_size
+from rarms_iac.model.capacity import CheckedCapacity, packs_by_first_fit
 from rarms_iac.model.claims import Claim, Load
 from rarms_iac.planner.packing.values import (
     Bin,
@@ -90,7 +90,7 @@ class _RemainingCapacity:
         if free.percent < 0 or free.memory < 0:
             return False
         claims, places = [*self._claims, claim], (claim.processors, claim.reserve)
-        if places in self._refused or not packs_by_size(claims, self._capacity):
+        if places in self._refused or not packs_by_first_fit(claims, self._capacity):
             self._refused.add(places)
             return False
         if isinstance(self._capacity, CheckedCapacity) and not self._capacity.admits(claims):

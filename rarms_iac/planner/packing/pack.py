@@ -6,7 +6,7 @@ Of packings that are equally good the first by name, so that equal inputs have e
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from rarms_iac.model.capacity import Effort, holds
+from rarms_iac.model.capacity import Effort, decide_fit
 from rarms_iac.model.claims import Claim
 from rarms_iac.planner.packing.assignment import Assignment
 from rarms_iac.planner.packing.first_fit import FEW_WAYS, best_first_fit, exceeds_capacity, lower_bound
@@ -71,7 +71,7 @@ def first_by_name(items: Sequence[Item], bins: Sequence[Bin], best: Objective) -
         if reserved + claim.percent + least[number + 1] > best[0] or moves + move > best[1]:
             continue
         claims[name].append(claim)
-        if not holds(capacities[name], claims[name], effort):
+        if not decide_fit(capacities[name], claims[name], effort):
             claims[name].pop()
             continue
         hosts.append(name)
@@ -185,7 +185,7 @@ def _with_possible_claims(item: Item, kinds: Mapping[Hashable, Sequence[Bin]]) -
         for host in hosts:
             if (claim := item.claims.get(host.name)) is not None:
                 if id(claim) not in possible:
-                    possible[id(claim)] = holds(host.capacity, (*host.foreign_claims, claim)) is not False
+                    possible[id(claim)] = decide_fit(host.capacity, (*host.foreign_claims, claim)) is not False
                 if possible[id(claim)]:
                     claims[host.name] = claim
     return replace(item, claims=dict(sorted(claims.items())))

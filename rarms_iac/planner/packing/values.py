@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from rarms_iac.model.capacity import Capacity, holds
+from rarms_iac.model.capacity import Capacity, decide_fit
 from rarms_iac.model.claims import WHOLE, Claim, Load, load_of
 
 
@@ -129,7 +129,7 @@ def hosts_can_hold(items: Sequence[Item], bins: Sequence[Bin], host_of: Mapping[
         True, False, or None where the search for virtual processors' places gave up on a host and no other refuses.
     """
     claims, used = claims_by_host(items, bins, host_of), set(host_of.values())
-    answers = [holds(host.capacity, claims[host.name]) for host in bins if host.name in used]
+    answers = [decide_fit(host.capacity, claims[host.name]) for host in bins if host.name in used]
     if False in answers:
         return False
     return None if None in answers else True

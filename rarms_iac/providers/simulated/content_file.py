@@ -12,7 +12,7 @@ from functools import lru_cache
 from rarms_iac.model.state import RunState
 from rarms_iac.model.wording import quoted
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine
-from rarms_iac.providers.simulated.rules import out_of_range
+from rarms_iac.providers.simulated.refusals import out_of_range
 from rarms_iac.storage.codec import NotDecodable, decode
 from rarms_iac.storage.json_text import canonical, parse_json
 

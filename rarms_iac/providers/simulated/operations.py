@@ -26,7 +26,7 @@ from rarms_iac.model.state import (
 )
 from rarms_iac.providers.marks import erase_mark, write_mark
 from rarms_iac.providers.simulated.content import FRESH, Content, Registry, SimulatedMachine, Values, next_id
-from rarms_iac.providers.simulated.rules import Refusal
+from rarms_iac.providers.simulated.refusals import Refusal
 
 T = TypeVar("T")
 

@@ -43,7 +43,7 @@ from rarms_iac.providers.simulated.operations import (
     with_new_machine,
     with_restored_machine,
 )
-from rarms_iac.providers.simulated.rules import Refusal, refuse_change, refuse_creation, refuse_without_rights
+from rarms_iac.providers.simulated.refusals import Refusal, refuse_change, refuse_creation, refuse_without_rights
 from rarms_iac.storage.replace import remove_leftovers
 
 ROBOTS = "hosts"

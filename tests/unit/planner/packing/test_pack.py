@@ -9,7 +9,7 @@ from random import Random
 
 import pytest
 
-from rarms_iac.model.capacity import Capacity, fits, packed
+from rarms_iac.model.capacity import Capacity, decide_packing, fits
 from rarms_iac.model.claims import Claim, CoreSharing
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.planner.packing import pack as packing_module
@@ -218,7 +218,7 @@ TRIPLES = (46, 34, 32, 40, 30, 40, 39, 32, 32, 37, 40, 30, 28, 36, 38, 28, 32, 3
 def test_where_the_search_for_places_gives_up_nothing_is_proven(hosts: int) -> None:
     bins = [a_bin("one", 10), replace(a_bin("two", 10), capacity=replace(a_bin("two", 0).capacity))][:hosts]
     claims = [Claim(processors=1, reserve=size, memory=0) for size in (*TRIPLES, 26, 41, 27)]
-    assert packed(claims, a_bin("one", 10).capacity) is None
+    assert decide_packing(claims, a_bin("one", 10).capacity) is None
     items = [Item(name=f"part-{at:02}", claims={host.name: claim for host in bins}) for at, claim in enumerate(claims)]
 
     assert pack(items, bins) == NoPacking(proven=False, undecided=True)

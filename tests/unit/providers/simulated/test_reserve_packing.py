@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.model.capacity import packs as planned_packs
+from rarms_iac.model.capacity import packs
 from rarms_iac.model.claims import Claim
-from rarms_iac.providers.simulated.rules import CAPACITY, packs
+from rarms_iac.providers.simulated.reserve_packing import CAPACITY, reserves_fit
 from tests.builders import a_capacity
 
 
@@ -40,12 +40,12 @@ def fits_somehow(sizes: list[int], processors: int) -> bool:
     ],
 )
 def test_examples(sizes: list[int], processors: int, expected: bool) -> None:
-    assert packs(Counter(sizes), processors) is expected
+    assert reserves_fit(Counter(sizes), processors) is expected
 
 
 @given(st.lists(st.integers(0, 100), max_size=6), st.integers(1, 3))
 def test_the_answer_is_that_of_trying_everything(sizes: list[int], processors: int) -> None:
-    assert packs(Counter(sizes), processors) is fits_somehow(sizes, processors)
+    assert reserves_fit(Counter(sizes), processors) is fits_somehow(sizes, processors)
 
 
 @given(st.lists(st.tuples(st.integers(1, 4), st.integers(0, 100)), max_size=8), st.integers(4, 8))
@@ -54,5 +54,5 @@ def test_what_the_planner_promises_fits(claims: list[tuple[int, int]], processor
     for count, reserve in claims:
         sizes[reserve] += count
 
-    if planned_packs([Claim(processors=count, reserve=reserve) for count, reserve in claims], a_capacity(processors)):
-        assert packs(sizes, processors)
+    if packs([Claim(processors=count, reserve=reserve) for count, reserve in claims], a_capacity(processors)):
+        assert reserves_fit(sizes, processors)

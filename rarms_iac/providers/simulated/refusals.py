@@ -1,7 +1,6 @@
-"""The rules by which a simulated host refuses what Hyper-V refuses (windows.md 1.2, 3, 5), reserves included. Pure."""
+"""What a simulated host refuses as Hyper-V does (windows.md 1.2, 3, 5), reserves included. Pure."""
 
 from collections import Counter
-from collections.abc import Mapping
 
 from rarms_iac.model.commands import Wording
 from rarms_iac.model.host import SchedulerType
@@ -22,6 +21,7 @@ from rarms_iac.model.operations import (
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, show_bytes, write_bytes
 from rarms_iac.model.state import HostFacts, PartitionSettings, Rights, RunState
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine
+from rarms_iac.providers.simulated.reserve_packing import reserves_fit
 
 LONGEST_NAME = 100
 """Characters of a machine's name (windows.md 10)."""
@@ -29,49 +29,6 @@ MOST_PROCESSORS = {1: 64, 2: 240}
 """Virtual processors by generation (windows.md 2)."""
 SERVER_2016, WINDOWS_10 = 14393, 10240
 """Builds from which static memory changes while the machine runs: of a server and of a client (windows.md 3)."""
-CAPACITY = 100  # per cent of a logical processor
-TRIES = 20_000
-"""Placements that are tried before a doubtful case counts as fitting: the documented limit is only the sum."""
-
-
-# NOTE: the planner has its own arithmetic (model/capacity.py), and this is written apart from it on purpose: a host
-# that repeated the planner's mistakes would never show them. It refuses only what certainly does not fit.
-def packs(sizes: Mapping[int, int], processors: int) -> bool:
-    """Whether so many logical processors hold all reserves; `sizes` maps a per cent to how many have it."""
-    items = [size for size, count in sorted(sizes.items(), reverse=True) for _ in range(count) if size > 0]
-    if sum(items) > CAPACITY * processors or any(size > CAPACITY for size in items):
-        return False
-    return _first_fit(items, processors) or _search(items, processors)
-
-
-def _first_fit(items: list[int], processors: int) -> bool:
-    free = [CAPACITY] * processors
-    for size in items:
-        at = next((at for at, room in enumerate(free) if room >= size), None)
-        if at is None:
-            return False
-        free[at] -= size
-    return True
-
-
-def _search(items: list[int], processors: int) -> bool:
-    """Whether some placement holds all; also true where `TRIES` placements did not tell.
-
-    The largest item comes first, the fullest processor that has room for it is tried first, and of processors with
-    equal room one alone.
-    """
-    untried = [(0, (CAPACITY,) * processors)]  # the next item, and the room on each processor
-    for _ in range(TRIES):
-        if not untried:
-            return False
-        number, free = untried.pop()
-        if number == len(items):
-            return True
-        by_room = {room: at for at, room in enumerate(free) if room >= items[number]}
-        for room in sorted(by_room, reverse=True):
-            at = by_room[room]
-            untried.append((number + 1, (*free[:at], room - items[number], *free[at + 1 :])))
-    return True
 
 
 class Refusal(Exception):
@@ -206,7 +163,7 @@ def _refuse_lack_of_reserve(machine: SimulatedMachine, content: Content, facts: 
     sizes: Counter[int] = Counter()
     for running in (machine, *_others_with_resources(machine, content)):
         sizes[running.settings.reserve] += -(-running.settings.processors // threads)
-    if packs(sizes, facts.logical_processors // threads):
+    if reserves_fit(sizes, facts.logical_processors // threads):
         return
     raise Refusal(
         f"the reserve of {settings.name}, {settings.reserve} % of each of {settings.processors} processors, "
