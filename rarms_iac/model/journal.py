@@ -107,10 +107,9 @@ JournalRecord = RunStarted | StepRecorded | RunClosed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Journal:
-    """The last run on a host, as far as it got."""
+class _Run:
+    """How far a run got."""
 
-    started: RunStarted
     steps: tuple[StepRecorded, ...] = ()
     closed: RunClosed | None = None
 
@@ -122,6 +121,13 @@ class Journal:
     def touched(self) -> frozenset[int]:
         """Numbers of the steps that were begun or done in this run and may have changed the host."""
         return frozenset(record.number for record in self.steps if record.status is not StepStatus.UNCHANGED)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Journal(_Run):
+    """The last run on a host that rarms walks itself, as far as it got."""
+
+    started: RunStarted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,21 +150,10 @@ class ScriptStarted:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ScriptRun:
+class ScriptRun(_Run):
     """The last run of a script on a host, as far as it got: what `Journal` is of a run that rarms walks."""
 
     started: ScriptStarted
-    steps: tuple[StepRecorded, ...] = ()
-    closed: RunClosed | None = None
-
-    @property
-    def unfinished(self) -> bool:
-        """Whether it was neither completed nor abandoned."""
-        return self.closed is None
-
-    def touched(self) -> frozenset[int]:
-        """Numbers of the steps that were begun or done and may have changed something."""
-        return frozenset(step.number for step in self.steps if step.status is not StepStatus.UNCHANGED)
 
 
 def history_of(last: Journal | ScriptRun | None) -> tuple[PastRun, ...]:
