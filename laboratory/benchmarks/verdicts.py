@@ -33,6 +33,7 @@ KINDS = (
     "mean_response_time of short jobs",
     "p95_response_time",
     "p95_response_time of two modes",
+    "p95_response_time of short jobs",
     "jitter",
     "jitter of two modes",
     "success_rate",
@@ -172,14 +173,23 @@ def _dependent(chance: random.Random, distance: float) -> Case:
 WINDOW_MS = 100.0
 
 
-def short_jobs(chance: random.Random, count: int, per_start: int | None) -> tuple[list[float], float, float]:
+def short_jobs(
+    chance: random.Random, count: int, per_start: int | None, waiting: float | None = None
+) -> tuple[list[float], float, float]:
     """Jobs one after the other, which wait where a scheduler's window gives no more; each start in a random phase.
+
+    Args:
+        chance: Draws the work and the window, but for the share of jobs that wait, where that is given.
+        count: Of jobs.
+        per_start: Of jobs; None: there is one start.
+        waiting: 0..1.
 
     Returns:
         Response times; their true mean; the share of jobs, in per cent, that do not wait.
     """
     share = chance.uniform(0.2, 0.8)
     budget, work = WINDOW_MS * share, chance.uniform(2.0, min(30.0, WINDOW_MS * share / 2))
+    work = work if waiting is None else waiting * budget
     noise, used, times = chance.choice((0.0, 0.0, 0.03)), 0.0, list[float]()
     for number in range(count):
         if number % (per_start or count) == 0:
@@ -201,7 +211,15 @@ def _short_successes(chance: random.Random, distance: float) -> Case:
     return _at_least("success_rate", limited, succeed, 0.01 * chance.gauss(0.0, distance))
 
 
+def _short_percentile(chance: random.Random, distance: float) -> Case:
+    waiting = min(0.4, 0.05 * math.exp(0.3 * chance.gauss(0.0, distance)))
+    times, _, _ = short_jobs(chance, SAMPLES, None, waiting)
+    limit = limit_at(min(times) + WINDOW_MS / 10)
+    return Case(series=series_of(times), apt={"p95_response_time": limit}, met=waiting <= 0.05)
+
+
 _HARD = {
+    "p95_response_time of short jobs": _short_percentile,
     "mean_response_time of short jobs": _short_jobs,
     "success_rate of short jobs": _short_successes,
     "mean_response_time of a long tail": _long_tail,
@@ -431,6 +449,7 @@ FLAT = (
     "success_rate",
     "mean_response_time of short jobs",
     "success_rate of short jobs",
+    "p95_response_time of short jobs",
 )
 PER_START = (None, 10, 40, 300)
 """Short jobs between two starts of a load; None: there is one start."""
@@ -464,12 +483,14 @@ def flat_series(kind: str, chance: random.Random, count: int) -> tuple[Series, d
             return series_of([50.0 if each else 150.0 for each in good], limit=MEAN), {
                 kind: AtLeast(value=Fraction(90))
             }
-        case "mean_response_time of short jobs" | "success_rate of short jobs":
+        case "mean_response_time of short jobs" | "success_rate of short jobs" | "p95_response_time of short jobs":
             per_start = chance.choice(PER_START)
-            times, mean, succeed = short_jobs(chance, count, per_start)
+            times, mean, succeed = short_jobs(chance, count, per_start, 0.0501 if kind.startswith("p95") else None)
             series = series_of(times, limit=min(times) + WINDOW_MS / 10)
             series = replace(series, starts=tuple(range(per_start or count, count, per_start or count)))
             index = kind.split(maxsplit=1)[0]
+            if index == "p95_response_time":
+                return series, {index: limit_at(min(times) + WINDOW_MS / 10)}
             return series, {index: limit_at(0.999 * mean) if index == "mean_response_time" else _above(succeed)}
         case _:
             times = [2 * MEAN if chance.random() < 0.051 else MEAN * chance.uniform(0.99, 1.01) for _ in range(count)]

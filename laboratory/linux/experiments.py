@@ -188,8 +188,16 @@ class Laboratory:
         rows = [(round(each.began_ms - first, 3), each.response_ms, each.successful, each.count) for each in samples]
         return {"series": {"elapsed_ms": ended - first, "samples": rows}, "consumed": consumed}
 
-    def at_reserve(self, component: Component, reserve: int, priority: int | None) -> Record:
-        """Run a component beside busy loops with so many per cent of the host, in its class where it has one.
+    def at_reserve(
+        self,
+        component: Component,
+        reserve: int,
+        priority: int | None,
+        *,
+        load: Interference = BUSY,
+        seconds: float = SECONDS,
+    ) -> Record:
+        """Run a component beside a load with so many per cent of the host, in its class where it has one.
 
         It starts with nearly everything: to load its programs with 5 % takes half a minute.
         """
@@ -203,8 +211,8 @@ class Laboratory:
                 self.tree.allow_real_time(COMPONENT_GROUP, percent)
 
         reserve_all(STARTS_WITH)
-        with self.load(BUSY):
-            return self.run(component, place, SECONDS, fewest=FEWEST_JOBS, begin=lambda: reserve_all(reserve))
+        with self.load(load, reserve=100.0 - reserve):
+            return self.run(component, place, seconds, fewest=FEWEST_JOBS, begin=lambda: reserve_all(reserve))
 
     def _measured(self, component: Component) -> float:
         """What `rarms measure` finds, in per cent of the host."""
@@ -215,7 +223,7 @@ class Laboratory:
             words, cwd=self.robot, env=dict(self.environment), stdout=subprocess.PIPE, text=True, check=True
         )
         (found,) = json.loads(done.stdout)["experiments"]
-        return float(found["planned"] or found["reserve"])
+        return percent_of_host(found)
 
     def _alone(self, component: Component) -> Record:
         """Nothing runs beside the component."""
@@ -269,6 +277,11 @@ def laboratory(robot: Path, environment: Mapping[str, str], processors: int) -> 
         os.sched_setscheduler(0, *before)
         for name in tree.names():
             tree.remove(name)
+
+
+def percent_of_host(found: Record) -> float:
+    """What an experiment of `rarms measure` found, in per cent of the host; its own are of the processors used."""
+    return float(found["planned"] or found["reserve"]) * found["processors"] / found["host_lp"]
 
 
 def series_of(component: str, recorded: Record) -> Series:

@@ -7,7 +7,7 @@ from typing import assert_never
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, why_unsteady
 from rarms_iac.measuring.search.bracketing import WIDTH
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.model.commands import command, prose
+from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding, Places
 from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value
 from rarms_iac.model.outcomes import (
@@ -33,7 +33,7 @@ from rarms_iac.model.setting import Setting, most_used
 from rarms_iac.model.system import Measured
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.error_probability import LOOK_ERROR, describe_extreme
-from rarms_iac.statistics.overload import find_overload, more_processors_help
+from rarms_iac.statistics.overload import describe_overload, find_overload, more_processors_help
 from rarms_iac.statistics.verdicts import LONG
 
 NOT_ACHIEVABLE = Finding.error("RARMS110", "Threshold performance is not achievable on this platform.")
@@ -108,17 +108,18 @@ def findings_of(
             assert_never(conclusion)
 
 
-def show_index(measured: MeasuredIndex) -> str:
+def show_index(measured: MeasuredIndex, *, helps: bool = True) -> str:
     """Write an index with its bounds: `mean_response_time 94.1 ms (93.5 to 94.8 ms)`.
 
     Args:
         measured: with its estimate, in the unit of the index.
+        helps: as of `describe_overload`.
 
     Returns:
         Words for a message; without an estimate the reason.
     """
     if measured.overload is not None:
-        return f"{measured.index} grows without an end ({measured.reason})"
+        return f"{measured.index} grows without an end ({describe_overload(measured.overload, helps=helps)})"
     if measured.estimate is None:
         return f"{measured.index} cannot be told: {measured.reason}"
     index = index_named(measured.index)
@@ -163,12 +164,13 @@ def _not_achievable(
         indexes = measured_indexes(setting, experiment)
         # What is on the right side, and not for sure, is not met either.
         for measured in [index for index in indexes if index.misses] or indexes:
+            helps = measured.component not in waiting
             yield NOT_ACHIEVABLE.at(
                 places.value("components", measured.component, "apt", measured.index),
-                f"{measured.component} at {reserve} % of its VPs: {show_index(measured)}, and its threshold is "
-                f"{show_threshold(index_named(measured.index), measured.threshold)}.{most}",
+                f"{measured.component} at {reserve} % of its VPs: {show_index(measured, helps=helps)}, and its "
+                f"threshold is {show_threshold(index_named(measured.index), measured.threshold)}.{most}",
                 NO_MORE_CPU
-                if measured.component in waiting
+                if not helps
                 else prose(
                     first,
                     command("select", measured.component, at="LEVEL"),
@@ -212,13 +214,21 @@ def _not_resolved(
         "components": tuple(member.name for member in experiment.members),
         "reason": end.reason,
     }
-    advice = f"Move the threshold away from what the component just reaches: {MOST_SAMPLES} samples would not tell."
+    advice: Wording = (
+        f"Move the threshold away from what the component just reaches: {MOST_SAMPLES} samples would not tell."
+    )
     there = min((len(series.samples) for series in highest.series), default=0) if highest else 0
-    early = _ended_early(highest, experiment)
+    # NOTE: the highest setting of a search that may go on may be clear.
+    early = "" if end.more_settings or end.ends_at_until else _ended_early(highest, experiment)
     if end.more_settings:
-        early = ""  # its highest setting may be clear
         values = {**values, "more_settings": end.more_settings}
         advice = f"Run the same command: up to {counted(end.more_settings, 'setting')} more may show one."
+    elif end.ends_at_until and there and (end.samples is None or end.samples <= MOST_SAMPLES):
+        values = {**values, "samples": there}
+        many = min(MOST_SAMPLES, end.samples or 10 * there)
+        again = command("measure", *experiment.setup.members, strategy="paper", again=True, samples=many)
+        taken = f"A setting ends at `run.until` at the latest: {counted(there, 'sample')} were taken. Take more: "
+        advice = prose(taken, again, ".")
     elif highest and end.samples is None and 0 < there < MOST_SAMPLES:
         values = {**values, "samples": there}
         advice = (

@@ -74,7 +74,7 @@ class Searching:
             return decision
         known = [trial for trial in trials if trial.reserve == self.most]
         if decision.reserve > self.most and known:  # what the host can give decides
-            return sufficient(trials, self.most) if known[-1].passed else not_sufficient(known[-1])
+            return sufficient(trials, self.most) if known[-1].passed else not_sufficient(known[-1], self.goal)
         return replace(decision, reserve=min(decision.reserve, self.most), within_until=self.goal.ends_at_until)
 
 

@@ -253,25 +253,40 @@ def share_estimate(
     if min(ones) == max(ones) and len(times) == len(ones):
         effective = effective_samples(times, starts, error)
     lower, upper = share_interval(share * effective, effective, error=2.0 * error)
-    if effective > len(ones) / 2 and (of_batches := batch_moments(ones, starts, error)):
-        seen, effective = _Moments(share, *of_batches), float(len(ones))
-        below, above = seen.with_unseen_jobs(-share, max(share, 1.0 - share), effective)
-        lower = max(0.0, _bound(below, effective, error, side=-1.0))
-        upper = min(1.0, _bound(above, effective, error, side=1.0))
+    if room := _room_of_batches(ones, effective, starts, error):
+        lower, upper, effective = max(0.0, share - room[0]), min(1.0, share + room[1]), float(len(ones))
     return Estimate(
         value=100 * share, lower=100 * lower, upper=100 * upper, samples=len(ones), effective_samples=effective
     )
 
 
+def _room_of_batches(
+    ones: Sequence[float], effective: float, starts: Sequence[int], error: float
+) -> tuple[float, float] | None:
+    """How far a share, 0..1, lies from its lower and from its upper bound, as of a mean, where `batch_moments` gain."""
+    if effective <= len(ones) / 2 or not (of_batches := batch_moments(ones, starts, error)):
+        return None
+    share, count = sum(ones) / len(ones), float(len(ones))
+    below, above = _Moments(share, *of_batches).with_unseen_jobs(-share, max(share, 1.0 - share), count)
+    return share - _bound(below, count, error, side=-1.0), _bound(above, count, error, side=1.0) - share
+
+
 def _percentile(times: Sequence[float], share: float, error: float, starts: Sequence[int]) -> Estimate | NoEstimate:
-    """Order statistics: for every distribution, the number of samples below its percentile is binomial."""
+    """Order statistics: for every distribution, the number of samples below its percentile is binomial.
+
+    Where `batch_moments` gain, the ranks are as far from it as the bounds of the share of jobs that take no longer are
+    from that share (Woodruff 1952).
+    """
     count = len(times)
     if count == 0:
         return NoEstimate(reason="no job answered")
     ordered = sorted(times)
     value = ordered[min(count - 1, ceil(share * count) - 1)]
-    effective = effective_samples([1.0 if time > value else 0.0 for time in times], starts, error)
+    below = [1.0 if time <= value else 0.0 for time in times]
+    effective = effective_samples(below, starts, error)
     lower, upper = _rank_bounds(share, effective, 2.0 * error)
+    if room := _room_of_batches(below, effective, starts, error):
+        lower, upper = share - room[1], share + room[0]
     return Estimate(
         value=value,
         lower=ordered[ceil(lower * count) - 1] if lower > 0.0 else -inf,

@@ -24,6 +24,8 @@ from rarms_iac.statistics.steady_state import find_steady_part
 
 _ON_SCHEDULE = 0.01  # a part of the period by which the beginnings of two jobs may be off it
 
+_INTERRUPTS = 0.03  # a part of a processor that interrupts may take: who waits no longer waits for nothing else
+
 _QUARTERS = 4
 _FEWEST = 40  # ends: of fewer, quarters say nothing
 
@@ -117,16 +119,17 @@ def estimate_of_setting(index: str, series: Series, run: Run, *, error: float = 
     return estimate_steady(index, series, run, error=error)
 
 
-def describe_overload(overload: Overload) -> str:
+def describe_overload(overload: Overload, *, helps: bool = True) -> str:
     """Write what an overloaded component needs.
 
     Args:
         overload: as it was seen.
+        helps: whether more CPU does (`more_processors_help`); of who waits for something else, LPs are not told.
 
     Returns:
         A clause with numbers: `overloaded: needs 1.3 LP, has 1.0`.
     """
-    if overload.needed_lp is None or overload.received_lp is None:
+    if not helps or overload.needed_lp is None or overload.received_lp is None:
         return (
             f"overloaded: a job is due every {overload.period_ms:.4g} ms, and one ends every "
             f"{overload.between_ms:.4g} ms"
@@ -138,8 +141,8 @@ def more_processors_help(overload: Overload, share: float, processors: int) -> b
     """Tell whether a larger reservation could end an overload, as far as the samples rule that out.
 
     A demand of more LPs than the partition has processors asks for more of them. Otherwise, while a job waits for a
-    processor it gets at least what the partition reserves; so what a job takes beyond its processor time by that share,
-    it waits for something else.
+    processor it gets at least what the partition reserves, but for interrupts; so what a job takes beyond its processor
+    time by that share, it waits for something else.
 
     Args:
         overload: as seen at this reservation.
@@ -152,6 +155,8 @@ def more_processors_help(overload: Overload, share: float, processors: int) -> b
     if overload.job_cpu_ms is None or overload.job_cpu_ms >= processors * overload.period_ms:
         return True
     waits_ms = overload.between_ms - overload.job_cpu_ms / share
+    if waits_ms <= _INTERRUPTS * overload.between_ms:
+        return True
     return waits_ms + overload.job_cpu_ms / processors <= overload.period_ms
 
 

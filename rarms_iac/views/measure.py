@@ -84,7 +84,7 @@ def _outcome(result: ExperimentResult, loads: str) -> tuple[str, str, str]:
         case NotAchievable(reserve=reserve):
             return "", "-", ", ".join(filter(None, [f"not achievable at {_amount(result, reserve)}", loads]))
         case NotResolved():
-            remark = "not resolved"
+            remark = "not shown yet"
         case SettingFailed(reserve=reserve):
             remark = f"too many failed samples at {_amount(result, reserve)}"
         case Swept():

@@ -1,4 +1,4 @@
-"""One number: after any sequence of runs, `measure`, `plan`, `explain` and `report` say the same reservation."""
+"""One number: after any sequence of runs, `measure`, `plan`, `explain`, `report` and `select` say the same."""
 
 import json
 from contextlib import chdir
@@ -26,11 +26,14 @@ policy: {{ interference: busy-loop, measuring: {{ setting: {budget} s }} }}
 """
 
 
-def a_manifest(chance: Random, work: int, blocked: int) -> str:
+def with_manifest(chance: Random, work: int, blocked: int) -> tuple[str, str]:
+    """Write a manifest; return its index and limit."""
     limit = round(blocked + work * chance.uniform(1.2, 6.0), 1)
     index = chance.choice(["mean_response_time", "p90_response_time", "maximum_response_time", "jitter"])
     budget = chance.choice([10, 60])
-    return MANIFEST.format(index=index, limit=limit, work=work, blocked=blocked, budget=budget)
+    text = MANIFEST.format(index=index, limit=limit, work=work, blocked=blocked, budget=budget)
+    Path("rarms.yaml").write_text(text, encoding="utf-8")
+    return index, f"{limit} ms"
 
 
 def a_run(chance: Random) -> list[str]:
@@ -61,14 +64,23 @@ def planned(ran: Ran) -> int | None:
     return found
 
 
-def everywhere() -> set[int | None]:
+def selected(index: str, limit: str) -> set[int | None]:
+    """Nothing where the level is refused, as one far outside of what was measured."""
+    ran = rarms("select", "vision", "--index", index, "--at", limit, "--dry-run", "--json")
+    if ran.code == 0:
+        (level,) = json.loads(ran.out)["levels"]
+        return {level["reserve"]}
+    return {None} if ran.code == 4 else set()
+
+
+def everywhere(index: str, limit: str) -> set[int | None]:
     """What all others say of the data log that there is."""
     plan = rarms("plan", "--json")
     assert plan.code in (0, 2, 4), plan.err
     explained = json.loads(rarms("explain", "vision", "--json").out)
     (measurement,) = json.loads(rarms("report", "--json").out)["measurements"]
     reserve = (explained["settings"] or {"reserve": None})["reserve"]
-    return {explained["least"], reserve, measurement["least"]}
+    return {explained["least"], reserve, measurement["least"]} | selected(index, limit)
 
 
 @pytest.mark.parametrize("seed", range(examples(2)))
@@ -77,11 +89,11 @@ def test_any_sequence_of_runs_gives_one_number(tmp_path: Path, seed: int) -> Non
     work, blocked = chance.randint(2, 40), chance.choice([0, 0, 30])
     with chdir(tmp_path):
         for _ in range(4):
-            Path("rarms.yaml").write_text(a_manifest(chance, work, blocked), encoding="utf-8")
+            apt = with_manifest(chance, work, blocked)
             words = a_run(chance)
             ran = rarms(*words, "--json")
             assert ran.code in (0, 4), (words, ran.err)
-            assert everywhere() == {planned(ran)}, words
+            assert everywhere(*apt) == {planned(ran)}, words
             again = rarms("measure", "--json")
-            assert everywhere() == {planned(again)}, words
+            assert everywhere(*apt) == {planned(again)}, words
             assert json.loads(rarms("measure", "--json").out)["experiments"][0]["new"] == 0, "it is answered"

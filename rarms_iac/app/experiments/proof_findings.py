@@ -76,8 +76,8 @@ def not_met(hosts: Hosts, proofs: Sequence[LayoutProof], states: Mapping[str, St
             finding, advice = _finding_of(verdict, ways)
             yield finding.at(
                 hosts.manifest.places.value("components", measured.component, "apt", measured.index),
-                f"{measured.component} on {proof.host}{with_load}: {show_index(measured)}, and its threshold is "
-                f"{show_threshold(index, measured.threshold)}.",
+                f"{measured.component} on {proof.host}{with_load}: {show_index(measured, helps=ways.helps)}, and its "
+                f"threshold is {show_threshold(index, measured.threshold)}.",
                 advice,
                 address=f"component/{measured.component}",
                 values={

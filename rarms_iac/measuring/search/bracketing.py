@@ -90,11 +90,12 @@ def bisect(history: Sequence[SearchTrial], goal: Goal) -> SearchDecision:
             return Measure(reserve=(low + high) // 2, until_clear=True)
 
 
-def walk_by_ten(history: Sequence[SearchTrial], _goal: Goal) -> SearchDecision:
+def walk_by_ten(history: Sequence[SearchTrial], goal: Goal) -> SearchDecision:
     """CMCPUR as the paper has it: 10, 20, ... 100 %, until the APT is met or 100 % misses it.
 
     Args:
         history: the settings so far; others than its own count for nothing.
+        goal: what is searched.
 
     Returns:
         The next setting, or how the search ends.
@@ -105,4 +106,4 @@ def walk_by_ten(history: Sequence[SearchTrial], _goal: Goal) -> SearchDecision:
             return Measure(reserve=reserve, until_clear=True)
         if own[reserve].passed:
             return sufficient([trial for trial in history if trial.reserve % WALK_STEP == 0], reserve)
-    return not_sufficient(own[100])
+    return not_sufficient(own[100], goal)

@@ -313,7 +313,7 @@ def bracket_of(history: Sequence[SearchTrial], goal: Goal) -> Bracket | NotAchie
         failed = max(failed, below)
     highest = [trial for trial in history if trial.reserve == 100 and not trial.passed]
     if highest and passed is None:
-        return not_sufficient(highest[-1])
+        return not_sufficient(highest[-1], goal)
     _, inconclusive = settings_below(history, NOTHING_PASSED if passed is None else passed)
     above = tuple(reserve for reserve in inconclusive if reserve > failed)
     return Bracket(highest_failed=failed, lowest_passed=passed, inconclusive=above)
@@ -371,11 +371,12 @@ def conclude(settings: Sequence[Setting], goal: Goal, most_settings: int) -> Suf
     return replace(end, more_settings=max(1, min(most_settings, least - 1 - (end.failed or 0))))
 
 
-def not_sufficient(highest: SearchTrial) -> NotAchievable | NotResolved:
+def not_sufficient(highest: SearchTrial, goal: Goal) -> NotAchievable | NotResolved:
     """Conclude from the highest CR there is, which did not pass.
 
     Args:
         highest: the setting of the highest CR.
+        goal: what is searched.
 
     Returns:
         That it is not achievable where a member was shown to miss; otherwise why nothing was resolved.
@@ -386,7 +387,11 @@ def not_sufficient(highest: SearchTrial) -> NotAchievable | NotResolved:
     described = "; ".join(
         f"{name} {_DESCRIPTIONS.get(type(highest.verdicts[name]), _DESCRIPTIONS[WithinNoise])}" for name in members
     )
-    return NotResolved(reason=f"at {highest.reserve} % of its VPs {described}", samples=_samples_to_clear(highest))
+    return NotResolved(
+        reason=f"at {highest.reserve} % of its VPs {described}",
+        samples=_samples_to_clear(highest),
+        ends_at_until=goal.ends_at_until,
+    )
 
 
 def _samples_to_clear(trial: SearchTrial) -> int | None:

@@ -75,7 +75,8 @@ def test_who_waits_for_something_else_is_told_that_more_cpu_does_not_help(cpu_ms
     )
 
     assert found
-    assert all(f"grows without an end (overloaded: needs {cpu_ms / 50:.3g} LP" in each.detail for each in found)
+    why = "overloaded: needs 1.2 LP, has 1" if helps else "overloaded: a job is due every 50 ms, and one ends every 60"
+    assert all(f"grows without an end ({why}" in each.detail for each in found)
     assert all(str(each.advice).startswith("More CPU does not help") is not helps for each in found)
 
 
@@ -134,6 +135,17 @@ def test_what_is_not_shown_yet_says_with_how_many_samples_it_would_be(samples: i
     assert str(found.advice).startswith(advice)
     assert ("`policy: { measuring: { setting: 1 min } }`" in str(found.advice)) is (samples != 50_000)
     assert "The setting ended after 8 s of the 10 min that it may take" in found.detail
+
+
+@pytest.mark.parametrize(("samples", "asked"), [(7000, 7000), (None, 1000)])
+def test_where_settings_end_at_until_more_samples_are_asked_for(samples: int | None, asked: int) -> None:
+    settings = (a_setting(100, a_series("vision", [81.4, 86.4] * 50)),)
+    end = NotResolved(reason="within the noise", samples=samples, ends_at_until=True)
+
+    [found] = findings_of(EXPERIMENT, end, settings, FirstLine(""))
+
+    assert f"`rarms measure vision --strategy paper --again --samples {asked}`" in str(found.advice)
+    assert "The setting ended" not in found.detail, "no budget ended it"
 
 
 def test_a_search_that_ended_early_and_shows_none_asks_for_the_same_command() -> None:

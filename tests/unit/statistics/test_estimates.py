@@ -10,7 +10,7 @@ from rarms_iac.model.indexes import INDEXES
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.series import Series
 from rarms_iac.statistics.distributions import student_quantile
-from rarms_iac.statistics.error_probability import PERIODIC_STARTS
+from rarms_iac.statistics.error_probability import LOOK_ERROR, PERIODIC_STARTS
 from rarms_iac.statistics.estimates import estimate, mean_estimate
 from rarms_iac.statistics.samples import effective_samples
 from tests.builders import a_run
@@ -73,6 +73,21 @@ def test_jobs_that_make_up_for_one_another_within_a_window_are_known_by_their_ba
     assert regular.lower < 5.0 < regular.upper
     assert regular.upper - regular.lower < (independent.upper - independent.lower) / 4
     assert regular.effective_samples == regular.samples
+
+
+@pytest.mark.parametrize("starts", [(), tuple(range(100, 8000, 100))])
+def test_a_percentile_of_jobs_that_make_up_for_one_another_is_known_by_their_batches(starts: tuple[int, ...]) -> None:
+    """One of 21 waits for the next window, so that 95 % do not: by a drawn order 8,000 jobs do not tell."""
+    window = [*[3.0] * 20, 23.0]
+    times = (window * 381)[:8000]
+    drawn = random.Random(1).sample(times, k=len(times))
+
+    regular, independent = (
+        found("p95_response_time", replace(a_series(each), starts=starts), error=LOOK_ERROR) for each in (times, drawn)
+    )
+
+    assert (regular.lower, regular.value, regular.upper) == (3.0, 3.0, 3.0)
+    assert independent.upper == 23.0
 
 
 def test_periodic_jobs_have_no_bounds_below_thirty_starts_of_a_load() -> None:

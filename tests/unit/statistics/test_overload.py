@@ -132,6 +132,7 @@ def test_a_curve_has_no_value_of_what_grows_and_is_missed_there() -> None:
         (60.0, 20.0, 0.5, 1, True),  # waits for 20 ms at least, and computes for 20
         (60.0, 12.0, 0.5, 1, True),  # waits for 36 ms at least
         (70.0, 12.0, 0.5, 1, False),  # waits for 46 ms at least
+        (51.0, 50.0, 1.0, 1, True),  # computes all the time, but for what interrupts take
     ],
 )
 def test_more_cpu_helps_unless_jobs_were_seen_to_wait(
