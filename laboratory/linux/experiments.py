@@ -281,7 +281,7 @@ def laboratory(robot: Path, environment: Mapping[str, str], processors: int) -> 
 
 def percent_of_host(found: Record) -> float:
     """What an experiment of `rarms measure` found, in per cent of the host; its own are of the processors used."""
-    return float(found["planned"] or found["reserve"]) * found["processors"] / found["host_lp"]
+    return float((found["planned"] or found["reserve"]) * found["processors"] / found["host_lp"])
 
 
 def series_of(component: str, recorded: Record) -> Series:

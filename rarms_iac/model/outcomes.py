@@ -184,7 +184,7 @@ class NotResolved:
     samples: int | None = None  # with which the highest setting would probably be clear, maybe more than it may have;
     # None: nothing tells
     more_settings: int = 0  # the search ended before its end: so many settings more, at most, may find one
-    ends_at_until: bool = False  # a setting took `run.until` at most, whatever its budget
+    ends_at_until: bool = False  # a setting took `run.until` at most, and no budget
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
