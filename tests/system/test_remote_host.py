@@ -108,7 +108,7 @@ def test_apply_ends_with_an_empty_plan_and_undo_takes_all_of_it_back(remote: Rem
 
 
 def test_an_installed_module_takes_the_scripts_and_another_version_is_refused_by_name(remote: Remote) -> None:
-    change_manifest(remote, "shell: pwsh }", "shell: pwsh, receiver: installed }")
+    change_manifest(remote, "shell: pwsh", "shell: pwsh, receiver: installed")
     missing = remote.rarms("plan")
     remote.ask(installed=["0.0.1", "0.0.2"])
     other = remote.rarms("plan")

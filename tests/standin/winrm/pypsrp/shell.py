@@ -56,7 +56,7 @@ class Process:
         pipe = subprocess.PIPE
         assert len(" ".join(self.words)) < 8191, "the shell is cmd.exe"
         words = (
-            self.words
+            [word.strip('"') for word in self.words]  # as a program of Windows takes its command line apart
             if shutil.which(self.words[0])
             else ["sh", "-c", f"echo {self.words[0]} is not known >&2; exit 1"]
         )
