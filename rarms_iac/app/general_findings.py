@@ -2,6 +2,7 @@
 
 from rarms_iac.model.commands import PLAN, Wording, command, prose, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.storage.disk import advice_on
 
 IN_THE_WAY = Finding.error("RARMS176", "A file is in the way")
 DECLINED = Finding.note("RARMS174", "Nothing was changed")
@@ -61,7 +62,7 @@ def system_finding(error: OSError) -> Diagnostic:
     return SYSTEM_REFUSED.at(
         None,
         f"{path}{error.strerror or error}.",
-        "Look at the path, its rights and the space on its disk; --debug shows where it happened.",
+        advice_on(error, "Look at the path, its rights and the space on its disk; --debug shows where it happened."),
         values={"file": str(error.filename or ""), "reason": str(error.strerror or error)},
     )
 

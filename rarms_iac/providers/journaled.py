@@ -11,7 +11,7 @@ from rarms_iac.model.wording import quoted
 from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked
 from rarms_iac.storage.append import Damaged, Record, append, first_in, last_in, line_of, records_in
 from rarms_iac.storage.codec import NotDecodable, decode_union, encode
-from rarms_iac.storage.disk import make_folder_for
+from rarms_iac.storage.disk import advice_on, make_folder_for
 from rarms_iac.storage.lock import Locked, hold, read_holder
 from rarms_iac.storage.reading import STATE_LIMIT, read_file
 from rarms_iac.storage.replace import replace
@@ -115,7 +115,7 @@ class JournaledHost:
 
 @contextmanager
 def report_damage(host: str, path: Path) -> Iterator[None]:
-    """Raise `HostDamaged` where what is read of a host's file (`path`) is damaged, or cannot be read."""
+    """Raise `HostDamaged` where a host's file (`path`) is damaged, `HostFailed` where it cannot be read."""
     advice = f"Restore {path} from a copy, or move it away to go on without it."
     try:
         yield
@@ -124,7 +124,8 @@ def report_damage(host: str, path: Path) -> Iterator[None]:
     except NotDecodable as problem:
         raise HostDamaged(host, f"{path.name} is damaged: {problem}", advice) from None
     except OSError as problem:
-        raise HostDamaged(host, f"{path.name} cannot be read: {problem.strerror or problem}", advice) from None
+        message = f"{path.name} cannot be read: {problem.strerror or problem}"
+        raise HostFailed(host, message, advice_on(problem, advice)) from None
 
 
 @contextmanager
@@ -135,9 +136,8 @@ def report_failure(host: str, path: Path) -> Iterator[None]:
     except Locked as locked:
         raise HostLocked(host, locked.owner) from None
     except OSError as problem:
-        raise HostFailed(
-            host, f"{path} cannot be written: {problem.strerror or problem}", "Make room, or mend its rights."
-        ) from None
+        message = f"{path} cannot be written: {problem.strerror or problem}"
+        raise HostFailed(host, message, advice_on(problem, "Look at its disk, which may be full or damaged.")) from None
 
 
 def journal_in(data: bytes | None, path: Path) -> Journal | None:

@@ -136,11 +136,43 @@ def leads_out(path: Path | str) -> bool:
     return repository is not None and not real.is_relative_to(repository.resolve())
 
 
-class NotOurFile(OSError):
-    """What has the name is a symbolic link, or no regular file: rarms writes to neither."""
+class NotRegular(OSError):
+    """What has the name is a folder, a device, a pipe or a socket, or a link that is not followed."""
 
-    def __init__(self, path: Path, kind: str) -> None:
-        super().__init__(0, f"it is {kind}: rarms writes to regular files only, and through no link", str(path))
+    def __init__(self, path: Path | str, kind: str) -> None:
+        super().__init__(0, f"it is {kind}, not a regular file", str(path))
+        self.kind = kind
+
+
+A_LINK, LEADS_OUT = "a symbolic link", "a link that leads out of the repository"
+
+
+def kind_of(mode: int) -> str:
+    """Name what is no regular file by its `st_mode`; empty: a regular file."""
+    if stat.S_ISREG(mode):
+        return ""
+    return A_LINK if stat.S_ISLNK(mode) else "a folder" if stat.S_ISDIR(mode) else "a device, a pipe or a socket"
+
+
+def advice_on(error: OSError, otherwise: str) -> str:
+    """Say what to do about a file that could not be read or written.
+
+    Args:
+        error: the failure.
+        otherwise: the advice where neither rights nor what the name stands for are the reason.
+
+    Returns:
+        Whole sentences.
+    """
+    match error:
+        case NotRegular(kind=kind) if kind in {A_LINK, LEADS_OUT}:
+            return "Remove the link; what it leads to can be copied or mounted there instead."
+        case NotRegular():
+            return "Remove it, or put a regular file there."
+        case PermissionError():
+            return "Run rarms as its owner, or mend its rights."
+        case _:
+            return otherwise
 
 
 def open_to_write(path: Path, flags: int = 0) -> int:
@@ -156,15 +188,15 @@ def open_to_write(path: Path, flags: int = 0) -> int:
         A file descriptor, which the caller closes.
 
     Raises:
-        NotOurFile: the name is that of a link, a folder, a pipe or a device.
+        NotRegular: the name is that of a link, a folder, a pipe or a device.
         OSError: the system refuses.
     """
     check_target(path)
     safe = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     handle = os.open(path, os.O_RDWR | safe | flags, 0o664)
-    if not stat.S_ISREG(os.fstat(handle).st_mode):  # it came between the check and the opening
+    if kind := kind_of(os.fstat(handle).st_mode):  # it came between the check and the opening
         os.close(handle)
-        raise NotOurFile(path, "not a regular file")
+        raise NotRegular(path, kind)
     return handle
 
 
@@ -175,17 +207,15 @@ def check_target(path: Path) -> None:
         path: what is to be written.
 
     Raises:
-        NotOurFile: the name is that of a link, a folder, a pipe or a device, or `check_folder` refuses its folder.
+        NotRegular: the name is that of a link, a folder, a pipe or a device, or `check_folder` refuses its folder.
     """
     check_folder(path.parent)
     try:
         mode = path.lstat().st_mode
     except FileNotFoundError:
         return
-    if stat.S_ISLNK(mode):
-        raise NotOurFile(path, "a symbolic link")
-    if not stat.S_ISREG(mode):
-        raise NotOurFile(path, "not a regular file")
+    if kind := kind_of(mode):
+        raise NotRegular(path, kind)
 
 
 PRIVATE = ".rarms"
@@ -201,10 +231,10 @@ def check_folder(folder: Path) -> None:
         folder: that need not exist.
 
     Raises:
-        NotOurFile: the folder, or one above it, is such a link.
+        NotRegular: the folder, or one above it, is such a link.
     """
     if {PRIVATE, MEASUREMENTS} & set(folder.absolute().parts) and leads_out(folder):
-        raise NotOurFile(folder, "behind a link that leads out of the repository")
+        raise NotRegular(folder, LEADS_OUT)
 
 
 _in_use: list[FileEffects] = [FileEffects()]
@@ -239,7 +269,7 @@ def make_folders(folder: Path) -> None:
         folder: nothing is done where it exists.
 
     Raises:
-        NotOurFile: as `check_folder`.
+        NotRegular: as `check_folder`.
     """
     check_folder(folder)
     missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]

@@ -4,7 +4,6 @@
 """
 
 import os
-import stat
 import sys
 import time
 from contextlib import suppress
@@ -12,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import BinaryIO
 
-from rarms_iac.storage.disk import leads_out
+from rarms_iac.storage.disk import LEADS_OUT, NotRegular, kind_of, leads_out
 
 STANDARD_INPUT = "-"
 """The path that stands for standard input."""
@@ -23,14 +22,6 @@ LOG_LIMIT = 1024 * MEBIBYTE
 """The largest state of a simulated host; the largest data log or journal; in bytes."""
 
 _RETRIES, _RETRY_SECONDS = 40, 0.025
-
-
-class NotRegular(OSError):
-    """The path names a folder, a device, a pipe or a socket."""
-
-    def __init__(self, path: Path | str, kind: str) -> None:
-        super().__init__(0, f"it is {kind}, not a regular file", str(path))
-        self.kind = kind
 
 
 class TooLarge(OSError):
@@ -62,10 +53,10 @@ def open_regular(path: Path | str) -> BinaryIO:
         ValueError: no file can have this name (it holds a NUL).
     """
     if leads_out(path):
-        raise NotRegular(path, "a link that leads out of the repository")
+        raise NotRegular(path, LEADS_OUT)
     handle = _open(path)
     status = os.fstat(handle)
-    kind = "" if stat.S_ISREG(status.st_mode) else "a folder" if stat.S_ISDIR(status.st_mode) else _SPECIAL
+    kind = kind_of(status.st_mode)
     if not kind and status.st_dev in _kernels_devices():
         kind = "a file of the kernel"  # it calls it regular, and to read it may wait for ever or take what it shows
     if kind:
@@ -74,7 +65,6 @@ def open_regular(path: Path | str) -> BinaryIO:
     return os.fdopen(handle, "rb")
 
 
-_SPECIAL = "a device, a pipe or a socket"
 _OF_THE_KERNEL = ("/proc", "/sys", "/sys/kernel/debug", "/sys/kernel/tracing", "/sys/fs/cgroup", "/dev/mqueue")
 
 

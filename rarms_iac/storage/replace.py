@@ -23,7 +23,7 @@ def replace(path: Path, data: bytes, like: os.stat_result | None = None) -> None
         like: whose owner and rights the file is to have; None: those of a new file.
 
     Raises:
-        NotOurFile: the name is that of a link, a folder, a pipe or a device.
+        NotRegular: the name is that of a link, a folder, a pipe or a device.
         OSError: it cannot be written; the old content is still there.
     """
     disk.check_target(path)

@@ -13,7 +13,8 @@ from rarms_iac.manifest.text.tree import Node, build_positions
 from rarms_iac.model.commands import INIT, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related
 from rarms_iac.model.wording import quoted
-from rarms_iac.storage.reading import STANDARD_INPUT, NotRegular, TooLarge, read_input
+from rarms_iac.storage.disk import NotRegular
+from rarms_iac.storage.reading import STANDARD_INPUT, TooLarge, read_input
 
 NOT_READABLE = Finding.error("RARMS001", "The file cannot be read")
 NOT_REGULAR = Finding.error("RARMS002", "Not a regular file")

@@ -110,7 +110,8 @@ class SimulatedHostProvider(JournaledHost):
         """Read what is on the host; an empty machine where there is no file.
 
         Raises:
-            HostDamaged: the file cannot be read, or is not as it was written.
+            HostDamaged: the file is not as it was written.
+            HostFailed: it cannot be read.
         """
         with report_damage(self.name, self._path):
             data = self._files.content(self._path)

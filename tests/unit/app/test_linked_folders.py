@@ -5,11 +5,12 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.storage.append import append
-from rarms_iac.storage.disk import NotOurFile, make_folders
+from rarms_iac.storage.disk import NotRegular, advice_on, make_folders
 from rarms_iac.storage.replace import replace
 from tests.unit.cli.running import rarms
 from tests.unit.cli.test_status import MANIFEST, MEASURED
 
+ADVICE = "Remove the link; what it leads to can be copied or mounted there instead."
 pytestmark = pytest.mark.needs("posix")
 
 
@@ -31,6 +32,7 @@ def test_what_is_linked_out_of_the_repository_is_not_written_through(outside: Pa
 
     assert answer.code not in {0, 70}
     assert "a link that leads out of the repository" in " ".join(answer.err.split())
+    assert ADVICE in " ".join(answer.err.split())
     assert not any(outside.iterdir())
 
 
@@ -41,6 +43,7 @@ def test_a_simulated_host_is_not_changed_through_such_a_link(outside: Path) -> N
     answer = rarms("apply", "--auto-approve")
 
     assert answer.code not in {0, 70}
+    assert ADVICE in " ".join(answer.err.split())
     assert not any(outside.iterdir())
 
 
@@ -48,11 +51,11 @@ def test_a_simulated_host_is_not_changed_through_such_a_link(outside: Path) -> N
 def test_neither_writer_goes_through_it(outside: Path, name: str) -> None:
     Path(name).symlink_to(outside)
 
-    with pytest.raises(NotOurFile, match="behind a link that leads out of the repository"):
+    with pytest.raises(NotRegular, match="a link that leads out of the repository"):
         replace(Path(name, "file"), b"")
-    with pytest.raises(NotOurFile, match="behind a link that leads out of the repository"):
+    with pytest.raises(NotRegular, match="a link that leads out of the repository"):
         append(Path(name, "file"), {"name": "value"})
-    with pytest.raises(NotOurFile, match="behind a link that leads out of the repository"):
+    with pytest.raises(NotRegular, match="a link that leads out of the repository"):
         make_folders(Path(name, "folder"))
     assert not any(outside.iterdir())
 
@@ -64,3 +67,15 @@ def test_a_link_to_another_folder_of_the_repository_is_followed(outside: Path) -
     assert rarms("measure", "--samples", "60").code == 0
     assert list(Path("elsewhere").rglob("*.jsonl"))
     assert not any(outside.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("error", "advice"),
+    [
+        (NotRegular("file", "a folder"), "Remove it, or put a regular file there."),
+        (PermissionError(13, "Permission denied"), "Run rarms as its owner, or mend its rights."),
+        (OSError(28, "No space left on device"), "Make room."),
+    ],
+)
+def test_the_advice_fits_what_is_in_the_way(error: OSError, advice: str) -> None:
+    assert advice_on(error, "Make room.") == advice

@@ -4,8 +4,9 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.storage.codec import NotDecodable
+from rarms_iac.storage.disk import NotRegular
 from rarms_iac.storage.json_text import parse_json
-from rarms_iac.storage.reading import NotRegular, TooLarge, read_file, read_input
+from rarms_iac.storage.reading import TooLarge, read_file, read_input
 from tests.needs import require
 
 
