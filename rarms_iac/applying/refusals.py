@@ -25,7 +25,7 @@ NOT_REACHED = Finding.error("RARMS191", "The host is not as the plan left it")
 NOTHING_TO_UNDO = Finding.note("RARMS192", "There is nothing to undo")
 UNDO_PARTIAL = Finding.warning("RARMS193", "Not everything can be taken back")
 UNSIGNED = Finding.error("RARMS341", "What is to be run is not signed with the key")
-OTHERS_RUN = Finding.error("RARMS340", "The last run is another application's")
+OTHERS_RUN = Finding.error("RARMS340", "The last run is another application's or robot's")
 SCRIPT_REFUSED = Finding.error("RARMS251", "The script would not run on the host")
 
 _EITHER = prose(APPLY, " to finish it, ", UNDO, " to take it back, or ", APPLY_ABANDON, " to leave it as it is.")
@@ -118,13 +118,14 @@ def run_of_another(host: str, journal: Journal | ScriptRun, application: Applica
         f"{quoted(each)} of the robot {quoted(robot)}" if robot else quoted(each)
         for each, robot in ((started.application, started.robot), (application.name, application.robot))
     )
+    advice = prose("Take it back with that application's manifest: ", command("undo", f="MANIFEST"), ".")
+    if started.application == application.name:
+        advice = prose(f"Give that robot's overlay, {started.robot}.yaml, last.")
     return OTHERS_RUN.of_host(
         host,
         f"{_run(started)} on {host} is a run of the application {begun_for}, begun by "
         f"{started.started_by}; this manifest is that of {own}.",
-        prose(
-            "Nothing was changed. Take it back with that application's manifest: ", command("undo", f="MANIFEST"), "."
-        ),
+        sentences("Nothing was changed.", advice),
         plan=started.plan,
         application=started.application,
         own_application=application.name,
