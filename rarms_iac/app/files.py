@@ -8,6 +8,7 @@ from rarms_iac.app.general_findings import conflict_finding, read_finding, write
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.model.commands import PLAN_OUT, RecommendedCommand, prose
+from rarms_iac.storage.disk import make_folders
 from rarms_iac.storage.reading import STANDARD_INPUT, read_input
 from rarms_iac.storage.replace import remove_leftovers_of_ended, replace
 
@@ -104,7 +105,7 @@ def make_folder(path: str) -> None:
         UseCaseError: the system does not let us, or a file has its name.
     """
     try:
-        Path(path).mkdir(parents=True, exist_ok=True)
+        make_folders(Path(path))
     except (OSError, ValueError) as error:
         problem = error if isinstance(error, OSError) else OSError(0, "no folder can have this name")
         raise UseCaseError(Outcome.FAILED, [write_finding(path, problem)]) from error

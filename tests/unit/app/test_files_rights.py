@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.app.files import write_file
+from rarms_iac.app.files import make_folder, write_file
 from tests.needs import require
 from tests.unit.cli.running import rarms
 
@@ -54,5 +54,7 @@ def test_what_root_writes_stays_the_users(tmp_path: Path) -> None:
 
     write_file(str(file), b"new")
     write_file(str(new), b"new")
+    make_folder(str(tmp_path / "a" / "b"))
 
-    assert [(path.stat().st_uid, path.stat().st_gid) for path in (file, new)] == [(NOBODY, NOBODY)] * 2
+    made = (file, new, tmp_path / "a", tmp_path / "a" / "b")
+    assert [(path.stat().st_uid, path.stat().st_gid) for path in made] == [(NOBODY, NOBODY)] * 4
