@@ -31,9 +31,9 @@ __all__ = ["pwsh"]
 
 pytestmark = pytest.mark.needs("posix")
 
-POINTS = 300 if LONG else 12
-"""The most points of a command, evenly over all of its."""
-PAIRS = 60 if LONG else 6
+POINTS, POINTS_OF_A_SEARCH = (300, 60) if LONG else (12, 12)
+"""The most points of a command, evenly over all of its. A search takes seconds a run, and repeats the same effects."""
+PAIRS, PAIRS_OF_A_SEARCH = (60, 12) if LONG else (6, 6)
 
 FIXED = MANIFEST.replace("reserve: measured", "reserve: 30 %")
 
@@ -45,6 +45,7 @@ class Scenario:
     words: tuple[str, ...]
     before: tuple[tuple[str, ...], ...] = ()
     manifest: str = FIXED
+    searches: bool = False
     killed_at: float = 0.0  # its first run was killed there: a share of its effects; 0: there was none
 
 
@@ -60,8 +61,8 @@ SCENARIOS = {
         words=("import", "vision", "--id", "ID", "--auto-approve"),
         before=(APPLY, ("release", "vision", "--auto-approve")),
     ),
-    "measure": Scenario(words=MEASURE, manifest=MANIFEST),
-    "tune": Scenario(words=("tune", "--samples", "60"), before=(MEASURE,), manifest=MANIFEST),
+    "measure": Scenario(words=MEASURE, manifest=MANIFEST, searches=True),
+    "tune": Scenario(words=("tune", "--samples", "60"), before=(MEASURE,), manifest=MANIFEST, searches=True),
 }
 
 
@@ -92,34 +93,34 @@ def all_points(effects: Sequence[str]) -> list[Fault]:
     return [(at, kind) for at, effect in enumerate(effects, 1) for kind in disturbances_of(effect)]
 
 
-def points(effects: Sequence[str]) -> list[list[Fault]]:
+def points(scenario: Scenario, effects: Sequence[str]) -> list[list[Fault]]:
     """Which effects are disturbed, and how."""
-    every = all_points(effects)
-    chosen = {number * (len(every) - 1) // (POINTS - 1) for number in range(POINTS)}
+    every, most = all_points(effects), POINTS_OF_A_SEARCH if scenario.searches else POINTS
+    chosen = {number * (len(every) - 1) // (most - 1) for number in range(most)}
     return [[every[number]] for number in sorted(chosen)]
 
 
-def half_way(effects: Sequence[str]) -> list[list[Fault]]:
+def half_way(_: Scenario, effects: Sequence[str]) -> list[list[Fault]]:
     """Every write, killed half-way through it."""
     return [[fault] for fault in all_points(effects) if fault[1] is Disturbance.KILLED_HALF_WAY]
 
 
-def starts(effects: Sequence[str]) -> list[list[Fault]]:
+def starts(_: Scenario, effects: Sequence[str]) -> list[list[Fault]]:
     """Every start of a program, with all that it can meet; in a usual run of the last alone, which changes the host."""
     every = [[fault] for fault in all_points(effects) if effects[fault[0] - 1].startswith(START)]
     assert every
     return every if LONG else every[-len(ON_START) :]
 
 
-def pairs(effects: Sequence[str]) -> list[list[Fault]]:
+def pairs(scenario: Scenario, effects: Sequence[str]) -> list[list[Fault]]:
     """A fault, and a second one in the run after it, any two; the second run may be shorter than the first."""
     dice, every = random.Random(len(effects)), all_points(effects)
     early = [fault for fault in every if fault[0] <= len(effects) // 2]
-    return [[dice.choice(every), dice.choice(early)] for _ in range(PAIRS)]
+    return [[dice.choice(every), dice.choice(early)] for _ in range(PAIRS_OF_A_SEARCH if scenario.searches else PAIRS)]
 
 
 def bad_ends(
-    tmp_path: Path, scenario: Scenario, choose: Callable[[Sequence[str]], list[list[Fault]]] = points
+    tmp_path: Path, scenario: Scenario, choose: Callable[[Scenario, Sequence[str]], list[list[Fault]]] = points
 ) -> list[tuple[list[tuple[str, Disturbance]], list[str]]]:
     """The faults after which the command does not end as the undisturbed one."""
     start, work = tmp_path / "start", tmp_path / "cell"
@@ -128,7 +129,7 @@ def bad_ends(
     assert wanted.code == 0
     assert len(effects) >= 5
     bad = []
-    for faults in choose(effects):
+    for faults in choose(scenario, effects):
         clear(work)
         found = end_after(copy_files(start, work), words, faults, wanted)
         if found != wanted:
