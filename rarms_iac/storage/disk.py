@@ -148,7 +148,14 @@ A_LINK, LEADS_OUT = "a symbolic link", "a link that leads out of the repository"
 
 
 def kind_of(mode: int) -> str:
-    """Name what is no regular file by its `st_mode`; empty: a regular file."""
+    """Name what is no regular file.
+
+    Args:
+        mode: its `st_mode`.
+
+    Returns:
+        What it is, with its article; empty: a regular file.
+    """
     if stat.S_ISREG(mode):
         return ""
     return A_LINK if stat.S_ISLNK(mode) else "a folder" if stat.S_ISDIR(mode) else "a device, a pipe or a socket"
