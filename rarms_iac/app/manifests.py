@@ -1,6 +1,6 @@
 """Reading a manifest with every check, for use cases that need to know what it says."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +11,8 @@ from rarms_iac.manifest.checks import CODES
 from rarms_iac.manifest.load import Loaded, load, manifest_path
 from rarms_iac.manifest.text.reading import read
 from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors
-from rarms_iac.model.system import System
+from rarms_iac.model.system import Component, System
+from rarms_iac.running.secrets import short_secrets
 from rarms_iac.storage.reading import STANDARD_INPUT
 
 
@@ -60,6 +61,12 @@ def load_manifest(source: ManifestSource) -> Manifest:
     if has_errors(remaining):
         raise UseCaseError(Outcome.NEGATIVE, remaining, loaded.sources)
     return Manifest(source=source, system=loaded.system, loaded=loaded, findings=remaining)
+
+
+def unaccepted_short_secrets(manifest: Manifest, components: Iterable[Component]) -> tuple[Diagnostic, ...]:
+    """The findings of `short_secrets` for components that were started, but for those that the policy accepts."""
+    found, policy = tuple(short_secrets(components, manifest.places)), manifest.system.policy
+    return apply_acceptances(found, policy, manifest.places, manifest.source.today, codes=())[0]
 
 
 def declared_application(source: ManifestSource) -> str | None:

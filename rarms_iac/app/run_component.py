@@ -21,7 +21,7 @@ from rarms_iac.app.component_results import (
     nothing_to_run,
 )
 from rarms_iac.app.experiments.measure_request import refuse_unknown
-from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.manifests import Manifest, unaccepted_short_secrets
 from rarms_iac.app.options import argument, flag, option, read_time
 from rarms_iac.app.process_place import place_of
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
@@ -31,7 +31,6 @@ from rarms_iac.model.series import Sample
 from rarms_iac.model.system import Component, System
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
-from rarms_iac.running.secrets import short_secrets
 from rarms_iac.running.start import CannotStart, ProcessPlace, RunningError, StartContext, become, order_of
 
 
@@ -122,7 +121,7 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
             None, f"{problem}.", "It was ended from outside: run it again.", values={"reason": str(problem)}
         )
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
-    findings = [*short_secrets((component for component, _ in chosen), manifest.places)]
+    findings = [*unaccepted_short_secrets(manifest, (component for component, _ in chosen))]
     for result in results:
         findings += findings_of_run(result, manifest, reserved=places[result.component.name] != ProcessPlace())
     return RunOutcome(results=tuple(results), findings=tuple(findings))

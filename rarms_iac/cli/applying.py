@@ -9,6 +9,7 @@ from rarms_iac.app.applying import apply, finish_runs
 from rarms_iac.app.files import write_plan_file
 from rarms_iac.app.general_findings import declined
 from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.plan_key import plan_key
 from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.requests import RunOptions
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
@@ -36,9 +37,15 @@ def show_plan(session: Session, plan: Plan, sources: Sources) -> None:
 
 
 def write_and_advise(session: Session, path: str, plan: Plan) -> None:
-    """Write the sealed plan and say how to use it."""
+    """Write the sealed plan and say how to use it, or why it cannot be used."""
     write_plan_file(path, plan)
-    advice = f" Apply it with: rarms apply {path}" if plan.has_changes else ""
+    if plan.needs_key and plan_key() is None:
+        advice = (
+            " It is not signed, and the manifest says `signed_plans: true`, so `rarms apply` will refuse it: set "
+            "RARMS_PLAN_KEY or RARMS_PLAN_KEY_FILE and plan again."
+        )
+    else:
+        advice = f" Apply it with: rarms apply {path}" if plan.has_changes else ""
     session.terminal.talk(f"Wrote the plan to {path}.{advice}")
 
 
@@ -71,7 +78,7 @@ def finish_first(
         return code
     is_done = is_asked(finished.applications)
     whose = "the run" if is_done else f"a run of {' and '.join(map(quoted, sorted(finished.applications)))}"
-    session.terminal.tell(f"That finished {whose} that was begun earlier. Nothing else was done: run again to plan.")
+    session.terminal.tell(f"That finished {whose} that was begun earlier. No plan was made: run again to plan.")
     return code if is_done else ExitCode.REFUSED
 
 

@@ -126,6 +126,18 @@ def test_a_failed_step_says_so_and_apply_finishes_it(robot: Robot) -> None:
     assert robot.run("plan").code == 0
 
 
+def test_a_finished_run_counts_as_proven_only_where_it_was(robot: Robot) -> None:
+    robot.fails_at("start_partition")
+    assert robot.run("apply", "--auto-approve").code == 1
+    text = robot.manifest.read_text(encoding="utf-8")
+    robot.manifest.write_text(text.replace("schema: rarms/v1", "schema: rarms/v1\nnothing: 1"), encoding="utf-8")
+
+    unproven = robot.run("apply", "--prove", "--load-host", "--auto-approve")
+
+    assert unproven.code == 4
+    assert "finished the run that was begun earlier. No plan was made" in " ".join(unproven.err.split())
+
+
 def test_only_its_own_application_takes_an_apply_back(robot: Robot) -> None:
     assert robot.run("apply", "--auto-approve").code == 0
     other = of_another_application(robot)

@@ -27,6 +27,7 @@ from rarms_iac.app.experiments.run_experiment import run_experiment, stop_what_i
 from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts, starting_again
 from rarms_iac.app.experiments.several_loads import by_partition, decisive, leave_idle, measure_with_each_load
 from rarms_iac.app.hosts import Hosts, host_errors
+from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.scripts import PlanScript
 from rarms_iac.app.totals import components_without_reservation, partitions_without_log, totals_at_hand
@@ -43,7 +44,6 @@ from rarms_iac.model.output import Internal
 from rarms_iac.model.system import Component
 from rarms_iac.model.totals import HostTotals, totals_of
 from rarms_iac.providers.measuring import ScriptedMeasuringHost
-from rarms_iac.running.secrets import short_secrets
 from rarms_iac.storage.datalog.log import Remeasurement
 
 
@@ -126,7 +126,7 @@ def _measure_all(
     groups, begun = by_partition(experiments), 0
     method = method_of(request)
     results: list[ExperimentResult] = []
-    findings = [*short_secrets(_real_components(hosts, experiments), hosts.manifest.places)]
+    findings = [*unaccepted_short_secrets(hosts.manifest, _real_components(hosts, experiments))]
     complete: dict[Path, Remeasurement] = {}
     ended = False
     names = [experiment.host.name for experiment in experiments]

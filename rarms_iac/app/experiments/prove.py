@@ -12,6 +12,7 @@ from rarms_iac.app.experiments.measure_request import USUAL_SEED, refuse_unknown
 from rarms_iac.app.experiments.proof_findings import not_met
 from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts, refuse_what_cannot_run
 from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors, now
 from rarms_iac.app.options import flag, load_host_option, lock_timeout_option, option
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
@@ -42,7 +43,6 @@ from rarms_iac.model.system import Component, System, run_of
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.running.secrets import short_secrets
 from rarms_iac.storage.datalog.decisions import Entry, Proven, ProvenIndex, append_entry, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
 
@@ -137,7 +137,7 @@ def prove_layout(
     return ProveOutcome(
         proofs=tuple(proofs),
         findings=(
-            *short_secrets(_real_components(hosts, layouts), hosts.manifest.places),
+            *unaccepted_short_secrets(hosts.manifest, _real_components(hosts, layouts)),
             *not_met(hosts, proofs, everywhere),
         ),
         not_proven=_not_proven(hosts, layouts),

@@ -14,6 +14,7 @@ from rarms_iac.app.experiments.tuning_search import TuningConclusion, search_com
 from rarms_iac.app.experiments.tuning_subject import Experiments, TuningSubject, subject_of_tuning, tuning_host
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.manifest_edits import FileEdit, edit_partitions, emptied_partitions, write_edits
+from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import now
 from rarms_iac.app.options import busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.app.use_case_errors import RequestError
@@ -30,7 +31,6 @@ from rarms_iac.planner.combining.paper import SUCCESSFUL, UNABLE, Inquiry
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import host_view
-from rarms_iac.running.secrets import short_secrets
 from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun, TuningStrategy, UnprovedNeed
 
 
@@ -149,8 +149,9 @@ def tune_components(
 def _result(hosts: Hosts, end: TuningConclusion, request: TuneRequest, edits: Sequence[FileEdit]) -> TuningResult:
     places, host = hosts.manifest.places, end.subject.host
     started = () if host.provider is ProviderKind.SIMULATED else end.subject.cois
+    components = (hosts.system.components[name] for coi in started for name in coi.members)
     findings = (
-        *short_secrets([hosts.system.components[name] for coi in started for name in coi.members], places),
+        *unaccepted_short_secrets(hosts.manifest, components),
         *tuning_findings(end, places),
         *(_still_too_much(hosts, end) if edits else ()),
     )

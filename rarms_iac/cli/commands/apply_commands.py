@@ -56,7 +56,7 @@ def apply_command(
 ) -> ExitCode:
     """Do exactly what PLAN says; without PLAN: plan, show, ask, and do it.
 
-    A run that was interrupted is finished first, and nothing else is done then. PLAN is refused where it was edited
+    A run that was interrupted is finished first, and no plan is made then. PLAN is refused where it was edited
     or used, or where a host has moved since it was made. Ctrl-C stops after the running step. With --prove, exit code 4
     says that a threshold is missed in the layout; `rarms undo` takes it back.
     """
@@ -90,10 +90,11 @@ def apply_command(
     live = tuple(hosts.open(name) for name in hosts.chosen) if isinstance(hosts, Hosts) else hosts
     if options.abandoning:
         return _abandon(session, live, how)
-    if not isinstance(hosts, Hosts):
+    if isinstance(hosts, Hosts):
+        code = plan_ask_apply(session, hosts, plan_request(hosts, limits), how)
+    else:
         finished = finish_first(session, live, how, lambda _: True)  # whose they should be is not known
-        return report_end(session, RunReport(ending=RunEnding.NOTHING)) if finished is None else finished
-    code = plan_ask_apply(session, hosts, plan_request(hosts, limits), how)
+        code = report_end(session, RunReport(ending=RunEnding.NOTHING)) if finished is None else finished
     return _then_prove(session, source, host_selection, how, code) if options.proving else code
 
 

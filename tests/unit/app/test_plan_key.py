@@ -91,12 +91,15 @@ def test_where_the_policy_demands_signed_plans_nothing_is_applied_without_a_key(
     robot.write_text(yaml.safe_dump(document), encoding="utf-8")
     plan = str(tmp_path / "some.plan")
     apply = ["apply", *(word.format(manifest=robot, plan=plan) for word in words)]
-    assert rarms("plan", "-f", str(robot), "--out", plan).code == 0
+    unsigned = rarms("plan", "-f", str(robot), "--out", plan)
 
     refused = rarms(*apply)
     monkeypatch.setenv(VARIABLE, KEY)
-    assert rarms("plan", "-f", str(robot), "--out", plan).code == 0
+    signed = rarms("plan", "-f", str(robot), "--out", plan)
     done = rarms(*apply)
+
+    told = ["It is not signed" in " ".join(planned.err.split()) for planned in (unsigned, signed)]
+    assert (unsigned.code, signed.code, told) == (0, 0, [True, False])
 
     assert (refused.code, done.code) == (3, 0)
     assert "says `signed_plans: true`, and no key is set" in " ".join(refused.err.split())

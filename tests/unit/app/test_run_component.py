@@ -50,6 +50,10 @@ def test_run_names_a_value_from_the_environment_that_is_too_short_to_be_hidden(
         answer = rarms("run", "-f", str(path), "--json")
         found[value] = [each["code"] for each in json.loads(answer.out)["findings"]]
 
+    accepted = text + "policy: { accept: { RARMS345: { at: [component/vision], reason: no secret } } }\n"
+    path.write_text(accepted, encoding="utf-8")
+    monkeypatch.setenv("TOKEN", "short")
+    assert "RARMS345" not in rarms("run", "-f", str(path), "--json").out
     assert "RARMS345" in found["short"]
     assert "RARMS345" not in found["longer"]
 
