@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from rarms_iac.app.data_logs import measured_reservations
-from rarms_iac.app.explained_partition import ExplainedPartition, ExplainedPlace, partition_to_explain, place_of
+from rarms_iac.app.explained_partition import ExplainedPartition, ExplainedPlace, explained_place, partition_to_explain
 from rarms_iac.app.explanation import ComponentExplanation, DataLogSummary, ExplainedIndex, Explanation, HostExplanation
 from rarms_iac.app.hosts import observe_hosts, select_hosts
 from rarms_iac.app.manifests import Manifest
@@ -71,7 +71,7 @@ def explain_component(manifest: Manifest, name: str) -> ComponentExplanation:
         return HostExplanation(subject=component, places=homes)
     hosts = select_hosts(manifest, HostSelection())
     partition = partition_to_explain(hosts, group, observe_hosts(hosts, needed=()))
-    return _with_measurements(_explanation(partition, place_of(partition), component))
+    return _with_measurements(_explanation(partition, explained_place(partition), component))
 
 
 def _explanation(partition: ExplainedPartition, place: ExplainedPlace, component: Component) -> Explanation:

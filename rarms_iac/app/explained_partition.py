@@ -86,7 +86,7 @@ def partition_to_explain(hosts: Hosts, group: Group, states: Mapping[str, State]
     )
 
 
-def place_of(partition: ExplainedPartition) -> ExplainedPlace:
+def explained_place(partition: ExplainedPartition) -> ExplainedPlace:
     """Return its place in the layout; else where it is, or the first host by name that could have it.
 
     Args:

@@ -61,7 +61,7 @@ class PlanReview:
     without_base: str  # why nothing is compared; empty: it was
 
 
-def review_plan(hosts: Hosts, made: Plan, limits: PlanLimits, base: str | None) -> PlanReview:
+def review_for_pull_request(hosts: Hosts, made: Plan, limits: PlanLimits, base: str | None) -> PlanReview:
     """Gather what a reviewer needs. Starts nothing, and asks no host that the plan did not ask.
 
     Args:

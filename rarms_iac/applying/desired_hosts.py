@@ -62,7 +62,7 @@ def desired_hosts(
         views,
         places,
         max_disruption=request.limit,
-        where_room_lacks=first if namesakes else "",
+        advice_without_room=first if namesakes else "",
     )
     layout = planning.answer
     if not isinstance(layout, Layout):

@@ -40,7 +40,7 @@ def plan_layout(
     places: Places,
     *,
     max_disruption: Disruption | None = None,
-    where_room_lacks: Wording = "",
+    advice_without_room: Wording = "",
 ) -> Planning:
     """Place every component in a partition on a host, within what the hosts have, or explain why that is impossible.
 
@@ -52,7 +52,7 @@ def plan_layout(
         hosts: the hosts that were observed, by name; of the others the manifest alone counts.
         places: lines of the manifest, for the findings.
         max_disruption: the most that may be disturbed; `REMOVAL` lets partitions move. None: as the policy says.
-        where_room_lacks: advice that goes before any way out; empty: there is none.
+        advice_without_room: what to do where hosts have too little, before any way out; empty: nothing.
 
     Returns:
         A layout; or `Infeasible` with the conflict and ways out. Findings come with both. The solver's work is limited
@@ -80,12 +80,12 @@ def plan_layout(
             may_move = limit is Disruption.REMOVAL
             start = Variant(system=system, views=hosts, reservations=reservations, may_move=may_move)
             answer = explain_infeasibility(answer, problem.without_checks(), start)
-        notes += causes_as_findings(answer, system, places, where_room_lacks)
+        notes += causes_as_findings(answer, system, places, advice_without_room)
     return Planning(answer=answer, findings=tuple(notes))
 
 
 def causes_as_findings(
-    answer: Infeasible, system: System, places: Places, where_room_lacks: Wording = ""
+    answer: Infeasible, system: System, places: Places, advice_without_room: Wording = ""
 ) -> Iterator[Diagnostic]:
     """Report why there is no layout.
 
@@ -93,7 +93,7 @@ def causes_as_findings(
         answer: the causes; one without advice of its own is advised the ways out.
         system: the manifest.
         places: lines of the manifest.
-        where_room_lacks: advice that goes before any way out; empty: there is none.
+        advice_without_room: what to do where hosts have too little, before any way out; empty: nothing.
 
     Yields:
         A finding for each cause.
@@ -104,7 +104,7 @@ def causes_as_findings(
         yield planning_findings.KINDS[cause.code].at(
             _place(cause, system, places),
             f"{cause.message}{unproven}",
-            (where_room_lacks if cause.code in room else "") or cause.advice or _advice(answer.relaxations),
+            (advice_without_room if cause.code in room else "") or cause.advice or _advice(answer.relaxations),
             address=cause.address,
             values={**cause.values, **_relaxed_levels(answer.relaxations), "proven": answer.proven},
         )

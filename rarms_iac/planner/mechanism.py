@@ -105,8 +105,8 @@ def deadline_percent(reserve: int, processors: int) -> int:
     return min(reserve * processors, USUAL_DEADLINE_PERCENT)
 
 
-def is_no_deadline(group: Group) -> bool:
-    """Whether what a partition consists of cannot have a deadline: several threads, or one with a task class.
+def cannot_have_deadline(group: Group) -> bool:
+    """Tell whether a partition cannot have a deadline: it has several components, or one with a task class.
 
     Args:
         group: the partition's members.
@@ -132,10 +132,10 @@ def deadline_problems(
         The partition's name, what is wrong, and what to do.
     """
     for partition, group in partitions:
-        if is_no_deadline(group) and len(group.members) > 1:
+        if len(group.members) > 1:
             message = f"{partition.name} has {len(group.members)} components, and a deadline is of one thread."
             yield partition.name, message, "Give each a partition of its own, or use `share` or `quota`."
-        elif is_no_deadline(group):
+        elif group.members[0].task:
             message = f"{group.members[0].name} has a task class, and a thread has either a deadline or a priority."
             yield partition.name, message, "Remove `task`, or use `share` or `quota`: they go with task classes."
     if not partitions:

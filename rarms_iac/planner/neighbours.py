@@ -45,7 +45,7 @@ def neighbour_findings(answer: Layout, problem: Problem, places: Places) -> Iter
         for partition in here:
             group = groups[partition.name]
             for member in group.members:
-                yield from _of_member(member, group, partition, around, places)
+                yield from _member_findings(member, group, partition, around, places)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,15 +57,16 @@ class _Surroundings:
     others: int  # partitions with a reservation on the host
 
 
-def _of_member(
+def _member_findings(
     member: Component, group: Group, partition: PlacedPartition, around: _Surroundings, places: Places
 ) -> Iterator[Diagnostic]:
     work_ms = _work_ms(member, group, partition, around)
     if work_ms is not None and work_ms * partition.settings.reserve / 100 >= SCHEDULER_WINDOW_MS:
         return  # a job that is longer than the window has seen whole windows
     latest_ms = (work_ms or 0.0) + SCHEDULER_WINDOW_MS
-    tails = [name for name, bound in member.apt.items() if _is_below(_limit_ms(name, bound, member), latest_ms)]
-    means = [name for name, bound in member.apt.items() if _is_mean(name, member) and bound.value < latest_ms]
+    limits = {name: _limit_ms(name, bound, member) for name, bound in member.apt.items()}
+    tails = [name for name, limit_ms in limits.items() if limit_ms is not None and limit_ms < latest_ms]
+    means = [name for name, bound in member.apt.items() if _is_periodic_mean(name, member) and bound.value < latest_ms]
     values: Facts = {
         "component": member.name,
         "host": around.host.name,
@@ -73,8 +74,8 @@ def _of_member(
         "window_ms": SCHEDULER_WINDOW_MS,
         "latest_ms": latest_ms,
     }
-    if depends_on_a_log(group) and _is_steady(group, around) and (tails or means):
-        yield _measured_steady(member, (*means, *tails), work_ms, {**values, "indexes": (*means, *tails)}, places)
+    if depends_on_a_log(group) and _has_steady_loads(group, around) and (tails or means):
+        yield _steady_loads_finding(member, (*means, *tails), work_ms, {**values, "indexes": (*means, *tails)}, places)
     elif tails:
         yield planning_findings.ON_NEIGHBOURS.at(
             places.key("components", member.name, "apt", tails[0]),
@@ -87,7 +88,7 @@ def _of_member(
         )
 
 
-def _measured_steady(
+def _steady_loads_finding(
     member: Component, indexes: Sequence[str], work_ms: float | None, values: Facts, places: Places
 ) -> Diagnostic:
     late = f"up to {SCHEDULER_WINDOW_MS} ms later than that"
@@ -111,10 +112,6 @@ def _measured_steady(
     )
 
 
-def _is_below(limit_ms: float | None, latest_ms: float) -> bool:
-    return limit_ms is not None and limit_ms < latest_ms
-
-
 def _limit_ms(index: str, threshold: Threshold, member: Component) -> float | None:
     """By when the latest jobs have to answer; None: the index is not about them, or nothing says it."""
     if index == "deadline_miss_rate":
@@ -127,12 +124,12 @@ def _limit_ms(index: str, threshold: Threshold, member: Component) -> float | No
     return float(threshold.value) if is_late else None
 
 
-def _is_mean(index: str, member: Component) -> bool:
-    """Whether it is the mean of jobs that come when they are due, and not when the share does."""
+def _is_periodic_mean(index: str, member: Component) -> bool:
+    """Whether it is the mean of jobs that come when they are due; jobs that follow one another wait for no window."""
     return index == "mean_response_time" and isinstance(run_of(member).arrival, Periodic)
 
 
-def _is_steady(group: Group, around: _Surroundings) -> bool:
+def _has_steady_loads(group: Group, around: _Surroundings) -> bool:
     system = around.problem.system
     loads = system.loads_of([each.name for each in group.members])
     return all(is_steady(system.interference[load]) for load in loads)

@@ -10,7 +10,7 @@ from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.state import HostFacts, PartitionSettings
 from rarms_iac.model.system import Policy
 from rarms_iac.planner.groups import Group
-from rarms_iac.planner.mechanism import is_no_deadline, mechanism_of
+from rarms_iac.planner.mechanism import cannot_have_deadline, mechanism_of
 
 IGNORED_RESERVES = "RARMS159"
 """The finding about a host whose scheduler ignores reserves; the policy may accept it there."""
@@ -112,7 +112,7 @@ def would_be_refused(
     if not is_there and is_larger_than_node(settings.memory, largest_node):
         return True
     is_deadline = bool(settings.reserve) and mechanism_of(group, host)[0] is Mechanism.DEADLINE
-    if is_deadline and (is_no_deadline(group) or (facts is not None and facts.deadline_percent == 0)):
+    if is_deadline and (cannot_have_deadline(group) or (facts is not None and facts.deadline_percent == 0)):
         return True
     accepted = policy.accept.get(IGNORED_RESERVES)
     is_accepted = accepted is not None and f"host/{host.name}" in accepted.at

@@ -46,14 +46,14 @@ class _Option:
 
     values: PriorityValues
     thread: int
-    is_against: bool  # the manifest does not say so, see `Cost`
+    is_against: bool  # as `Cost.against` counts
     is_low: bool
-    is_low_freely: bool
+    is_free_and_low: bool  # the manifest does not ask for Low
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Way:
-    """A choice for the levels so far; `order` is smaller where threads are higher."""
+class _ChosenValues:
+    """Values for the levels so far; `order` is smaller where threads are higher."""
 
     cost: Cost = Cost()
     order: tuple[int, ...] = ()
@@ -77,44 +77,47 @@ def chosen_values(levels: Sequence[Sequence[TaskRequest]]) -> tuple[tuple[Priori
     Returns:
         Values in the same shape: for each level, for each of its classes. Equal costs go to higher threads.
     """
-    ways = {_NOTHING_ABOVE: _Way()}
+    choices = {_NOTHING_ABOVE: _ChosenValues()}
     for level in levels:
         options = [_options(request) for request in level]
         threads = {option.thread for each in options for option in each}
-        found: dict[int, _Way] = {}
-        for ceiling, way in ways.items():
+        found: dict[int, _ChosenValues] = {}  # by the lowest thread that the next level must stay below
+        for ceiling, choice in choices.items():
             for floor in sorted({ceiling, *(thread for thread in threads if thread < ceiling)}):
-                lowest, longer = _longer(way, options, ceiling, floor)
+                lowest, longer = _with_level(choice, options, ceiling, floor)
                 if lowest not in found or longer.rank < found[lowest].rank:
                     found[lowest] = longer
-        ways = _worth_following(found)
-    return min(ways.values(), key=lambda way: way.rank).chosen
+        choices = _worth_keeping(found)
+    return min(choices.values(), key=lambda choice: choice.rank).chosen
 
 
-def _worth_following(ways: Mapping[int, _Way]) -> dict[int, _Way]:
-    """Keep the ways that leave more room below than any better way.
+def _worth_keeping(choices: Mapping[int, _ChosenValues]) -> dict[int, _ChosenValues]:
+    """Keep the choices that leave more room below than any better choice.
 
-    All levels that follow a dropped way can follow a kept one too, at no more cost.
+    All levels that follow a dropped choice can follow a kept one too, at no more cost.
     """
-    best: dict[int, _Way] = {}
-    for ceiling in sorted(ways, reverse=True):
-        if all(ways[ceiling].rank < better.rank for better in best.values()):
-            best[ceiling] = ways[ceiling]
+    best: dict[int, _ChosenValues] = {}
+    for ceiling in sorted(choices, reverse=True):
+        if all(choices[ceiling].rank < better.rank for better in best.values()):
+            best[ceiling] = choices[ceiling]
     return best
 
 
-def _longer(way: _Way, options: Sequence[Sequence[_Option]], ceiling: int, floor: int) -> tuple[int, _Way]:
-    """With one level more, and what is to be kept below then; each class takes what is best between floor and ceiling.
+def _with_level(
+    choice: _ChosenValues, options: Sequence[Sequence[_Option]], ceiling: int, floor: int
+) -> tuple[int, _ChosenValues]:
+    """Return the lowest thread that the next level must stay below, and the choice with one level more.
 
-    Below the floor and from the ceiling on it is out of the order: what comes next need not be below it.
+    Each class takes its best value from the floor to below the ceiling; one elsewhere is out of order, and is no such
+    thread.
     """
     picks = [min(each, key=lambda option: _weight(option, ceiling, floor)) for each in options]
-    cost = way.cost
+    cost = choice.cost
     for pick in picks:
         cost = cost.plus(_weight(pick, ceiling, floor))
     lowest = min([ceiling, *(pick.thread for pick in picks if pick.thread >= floor)])
-    order = (*way.order, *(-pick.thread for pick in picks))
-    return lowest, _Way(cost=cost, order=order, chosen=(*way.chosen, tuple(pick.values for pick in picks)))
+    order = (*choice.order, *(-pick.thread for pick in picks))
+    return lowest, _ChosenValues(cost=cost, order=order, chosen=(*choice.chosen, tuple(pick.values for pick in picks)))
 
 
 def _options(request: TaskRequest) -> list[_Option]:
@@ -124,15 +127,15 @@ def _options(request: TaskRequest) -> list[_Option]:
         _Option(
             values=level_values,
             thread=level_values.thread_priority,
-            is_against=is_free and _is_against(request, level_values.category),
+            is_against=is_free and _is_unwanted(request, level_values.category),
             is_low=level_values.category is TaskCategory.LOW,
-            is_low_freely=is_free and level_values.category is TaskCategory.LOW,
+            is_free_and_low=is_free and level_values.category is TaskCategory.LOW,
         )
         for level_values in values_within(request)
     ]
 
 
-def _is_against(request: TaskRequest, category: TaskCategory) -> bool:
+def _is_unwanted(request: TaskRequest, category: TaskCategory) -> bool:
     return category is TaskCategory.HIGH or (category is TaskCategory.LOW and request.priority is not None)
 
 
@@ -140,7 +143,7 @@ def _weight(option: _Option, ceiling: int, floor: int) -> tuple[bool, bool, bool
     """One class's part of a `Cost`."""
     is_near = option.thread == ceiling - 1
     is_out = not floor <= option.thread < ceiling
-    return is_out, option.is_against, is_near and not option.is_low, is_near and option.is_low, option.is_low_freely
+    return is_out, option.is_against, is_near and not option.is_low, is_near and option.is_low, option.is_free_and_low
 
 
 ALL = 0
@@ -170,12 +173,12 @@ def masks_of(users: Sequence[Sequence[Component]], processors: int) -> Mapping[s
     width = 0
     levels = [list(level) for _, level in groupby(sorted(users, key=_criticality), key=_criticality)]
     for level in levels[:-1]:
-        width += sum(_wanted(users, processors) for users in level)
+        width += sum(_usable_processors(task_users, processors) for task_users in level)
         if width >= processors:
             break
         for task_users in level:
             assert task_users[0].task is not None, "who names no class wants all"
-            found[task_users[0].task.lower()] = _last(width, processors)
+            found[task_users[0].task.lower()] = _last_bits(width, processors)
     return found
 
 
@@ -183,7 +186,7 @@ def _criticality(users: Sequence[Component]) -> int:
     return max(user.criticality for user in users)
 
 
-def _wanted(users: Sequence[Component], processors: int) -> int:
+def _usable_processors(users: Sequence[Component], processors: int) -> int:
     """Return how many processors all components of a class can use at once.
 
     It is all processors where a component has an APT, or no class, or does not say how many it uses.
@@ -193,5 +196,5 @@ def _wanted(users: Sequence[Component], processors: int) -> int:
     return sum(user.processors or 0 for user in users)
 
 
-def _last(width: int, processors: int) -> int:
+def _last_bits(width: int, processors: int) -> int:
     return ((1 << width) - 1) << (processors - width)

@@ -25,7 +25,7 @@ from starlette.routing import Mount, Route
 from rarms_iac.app.control import StopSignal
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.use_case_errors import RequestError, UseCaseError
-from rarms_iac.model.commands import RecommendedCommand, command_text, plain_text, sentences
+from rarms_iac.model.commands import command_text, plain_text, sentences
 from rarms_iac.model.diagnostics import in_order
 from rarms_iac.storage.shipped import shipped_text
 from rarms_iac.studio.actions import ACTIONS, Action, Workspace
@@ -197,13 +197,10 @@ class Studio:
             return action.run(self._workspace, transcript, stop)
 
         try:
-            self.work.start(self._words(action.command()), task)
+            self.work.start(command_text(action.command(), self._settings.manifest_options), task)
         except WorkRefused:
             return _refusal("Something runs already: wait for its end, or stop it.")
         return JSONResponse({"number": self.work.state().number})
-
-    def _words(self, recommended: RecommendedCommand) -> str:
-        return command_text(recommended, self._settings.manifest_options)
 
     def _describe(self, error: RequestError | UseCaseError) -> str:
         if isinstance(error, RequestError):

@@ -24,7 +24,7 @@ from rarms_iac.app.experiments.measure_request import (
     weak_answer,
 )
 from rarms_iac.app.experiments.run_experiment import run_experiment, stop_what_is_in_the_way
-from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts, starting_again
+from rarms_iac.app.experiments.session import MeasuringSession, hold_measuring_hosts, starting_again
 from rarms_iac.app.experiments.several_loads import by_partition, decisive, leave_idle, measure_with_each_load
 from rarms_iac.app.hosts import Hosts, host_errors
 from rarms_iac.app.manifests import unaccepted_short_secrets
@@ -130,7 +130,7 @@ def _measure_all(
     complete: dict[Path, Remeasurement] = {}
     ended = False
     names = [experiment.host.name for experiment in experiments]
-    with hold_hosts(session, names) as held, starting_again(held) as still_stopped:
+    with hold_measuring_hosts(session, names) as held, starting_again(held) as still_stopped:
         remeasurements = _remeasurements(held, experiments, request)
 
         def run(experiment: Experiment, method: Method) -> ExperimentResult:

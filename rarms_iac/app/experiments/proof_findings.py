@@ -7,12 +7,11 @@ from math import ceil
 from typing import assert_never
 
 from rarms_iac.app.hosts import Hosts
+from rarms_iac.applying.state_after import totals_after
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.measuring_findings import NO_MORE_CPU, index_facts, show_index
-from rarms_iac.measuring.partitions import host_resources
 from rarms_iac.measuring.performance import MeasuredIndex
 from rarms_iac.measuring.prove import IndexVerdict, LayoutProof
-from rarms_iac.model.claims import WHOLE, load_of
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.indexes import index_named, show_threshold
@@ -20,7 +19,9 @@ from rarms_iac.model.outcomes import Met, Missed, Overload, TooFewSamples, TooMa
 from rarms_iac.model.quantities import Unit, show_processors
 from rarms_iac.model.state import State
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
+from rarms_iac.model.totals import host_totals
 from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.curves import threshold_met_by
 from rarms_iac.statistics.overload import more_processors_help
 
@@ -56,7 +57,7 @@ class WaysOut:
         return facts
 
 
-def not_met(hosts: Hosts, proofs: Sequence[LayoutProof], states: Mapping[str, State]) -> Iterator[Diagnostic]:
+def proof_findings(hosts: Hosts, proofs: Sequence[LayoutProof], states: Mapping[str, State]) -> Iterator[Diagnostic]:
     """Report every threshold that a proof did not show to be met.
 
     Args:
@@ -215,5 +216,6 @@ def _threshold_that_held(measured: MeasuredIndex) -> Threshold | None:
 
 
 def _free_lp(hosts: Hosts, name: str, state: State) -> Fraction:
-    resources = host_resources(hosts.system.hosts[name], state, hosts.system.application.name)
-    return Fraction(resources.capacity.processors) - Fraction(load_of(resources.claims).percent, WHOLE)
+    system = hosts.system
+    named = [group.name for group in groups_of(system)]
+    return host_totals(system.hosts[name], state.facts, totals_after(state, system.application.name, (), named)).free_lp

@@ -9,8 +9,8 @@ from typing import Literal
 from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.experiments.applied_layout import applied_layouts, observe_others, refuse_unapplied
 from rarms_iac.app.experiments.measure_request import USUAL_SEED, refuse_unknown
-from rarms_iac.app.experiments.proof_findings import not_met
-from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts, refuse_what_cannot_run
+from rarms_iac.app.experiments.proof_findings import proof_findings
+from rarms_iac.app.experiments.session import MeasuringSession, hold_measuring_hosts, refuse_what_cannot_run
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors, now
@@ -119,7 +119,7 @@ def prove_layout(
     session = MeasuringSession(
         hosts=hosts, control=control, command="prove", seed=request.seed, lock_timeout_ms=request.lock_timeout_ms
     )
-    with hold_hosts(session, names) as holding, control.stop.gently():
+    with hold_measuring_hosts(session, names) as holding, control.stop.gently():
         states = {name: host.observe() for name, host in holding.held_hosts.items()}
         everywhere = {**observe_others(hosts, names), **states}
         layouts = {
@@ -138,7 +138,7 @@ def prove_layout(
         proofs=tuple(proofs),
         findings=(
             *unaccepted_short_secrets(hosts.manifest, _real_components(hosts, layouts)),
-            *not_met(hosts, proofs, everywhere),
+            *proof_findings(hosts, proofs, everywhere),
         ),
         not_proven=_not_proven(hosts, layouts),
     )

@@ -35,7 +35,7 @@ from rarms_iac.measuring.partitions import (
 from rarms_iac.measuring.setting_run import MeasuringContext
 from rarms_iac.measuring.settings_log import SettingsLog
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.measuring.strategies import SettingCount, Sweep, ThresholdCheck, goal_of
+from rarms_iac.measuring.strategies import Sweep, ThresholdCheck, goal_of
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.host import ProviderKind
@@ -140,7 +140,7 @@ def _run_with_processors(
     def prepare_host() -> MeasuringResources:
         stop_what_is_in_the_way(session, experiment, method, available)
         if tells_duration:
-            bounds = _expected(experiment, count, available, settings_log)
+            bounds = expected_duration(experiment, count, settings_log.settings(), available.scheduler_window_ms)
             seconds = session.wall_times.comparable(experiment)
             session.control.reporter.message(_describe_duration(experiment, method, bounds, seconds))
         return available.resources
@@ -284,12 +284,6 @@ def _refusal(
     finding: Finding, message: str, advice: Wording, values: Facts, outcome: Outcome = Outcome.REFUSED
 ) -> UseCaseError:
     return UseCaseError(outcome, [finding.at(None, message, advice, address=f"host/{values['host']}", values=values)])
-
-
-def _expected(
-    experiment: Experiment, count: SettingCount, available: _Availability, settings_log: SettingsLog
-) -> DurationBounds:
-    return expected_duration(experiment, count, settings_log.settings(), available.scheduler_window_ms)
 
 
 def _describe_duration(experiment: Experiment, method: Method, bounds: DurationBounds, seconds: Sequence[float]) -> str:

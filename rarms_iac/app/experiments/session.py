@@ -55,7 +55,7 @@ UNMODELLED_SMT = (
 
 
 @contextmanager
-def hold_hosts(session: MeasuringSession, names: Iterable[str]) -> Iterator[MeasuringSession]:
+def hold_measuring_hosts(session: MeasuringSession, names: Iterable[str]) -> Iterator[MeasuringSession]:
     """Hold hosts that are measured on, and remove what a killed measurement left there.
 
     Args:

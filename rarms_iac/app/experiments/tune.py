@@ -8,7 +8,7 @@ from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.decision_logs import record_tuning
 from rarms_iac.app.experiments.measure import record_reservations
-from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts, starting_again
+from rarms_iac.app.experiments.session import MeasuringSession, hold_measuring_hosts, starting_again
 from rarms_iac.app.experiments.stopping import stopped_to_measure
 from rarms_iac.app.experiments.tuning_search import TuningConclusion, search_combinations
 from rarms_iac.app.experiments.tuning_subject import Experiments, TuningSubject, subject_of_tuning, tuning_host
@@ -169,7 +169,7 @@ def _search_held(session: MeasuringSession, request: TuneRequest, prompt: Tuning
     """Ask until there is an answer, with the host held that is measured on."""
     hosts = session.hosts
     host = tuning_host(hosts)
-    with hold_hosts(session, [host.name]) as held, starting_again(held) as still_stopped:
+    with hold_measuring_hosts(session, [host.name]) as held, starting_again(held) as still_stopped:
         states = observe_hosts(hosts)
         if not request.on_busy_host:
             states = {name: stopped_to_measure(state, session.application) for name, state in states.items()}

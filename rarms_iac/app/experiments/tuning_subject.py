@@ -333,8 +333,9 @@ class Experiments:
             case Stopped():
                 raise TuningStopped("stopped")
             case SettingFailed(verdict=TooManyFailures(component=component, failures=failures)):
+                others = ", ".join(member for member in members if member != component)
                 raise Unanswered(
-                    f"{len(failures)} samples of {component} failed, together with {_without(members, component)} "
+                    f"{len(failures)} samples of {component} failed, together with {others} "
                     f"at {reserve} % of its VPs: {failures[0]}"
                 )
             case _:
@@ -358,7 +359,3 @@ def worse_on_the_curve(experiment: Experiment, settings: Sequence[Setting], rese
         Names; none: all meet theirs.
     """
     return frozenset(components_not_shown(curves_of(settings, experiment.runs, experiment.apts), reserve))
-
-
-def _without(members: Members, name: str) -> str:
-    return ", ".join(member for member in members if member != name)

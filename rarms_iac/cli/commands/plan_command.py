@@ -8,7 +8,7 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import flag, option, verbose_option
 from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.planning import plan_request
-from rarms_iac.app.pull_request import review_plan
+from rarms_iac.app.pull_request import review_for_pull_request
 from rarms_iac.app.requests import DatedManifestSource, PlanLimits, SnapshotSelection
 from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.cli.applying import write_and_advise
@@ -63,7 +63,7 @@ def plan_command(
             plan,
             hosts.manifest.sources,
             verbose=options.verbose,
-            review=lambda: review_plan(hosts, plan, limits, options.base),
+            review=lambda: review_for_pull_request(hosts, plan, limits, options.base),
         ),
     )
     if options.out is not None:

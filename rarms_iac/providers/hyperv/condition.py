@@ -33,7 +33,7 @@ def condition_of(observation: HostObservation) -> HostCondition:
         policies={
             PolicyScope(policy.scope): policy.policy
             for policy in or_else(observation.execution_policy, ())
-            if _is_known_scope(policy.scope)
+            if policy.scope in {*PolicyScope}
         },
         module=or_else(observation.module, None),
         role=_role(observation),
@@ -78,10 +78,6 @@ def _machine(machine: ObservedMachine, group: str) -> MachineCondition:
 def _responsiveness(observation: HostObservation) -> RegistryValue | None:
     responsiveness = responsiveness_of(observation)
     return responsiveness.value if responsiveness else None
-
-
-def _is_known_scope(scope: str) -> bool:
-    return scope in {known.value for known in PolicyScope}
 
 
 _LOOKED_AT = {

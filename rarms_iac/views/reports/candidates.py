@@ -55,7 +55,7 @@ def drawing_of(report: Report) -> CandidateDrawing | None:
     columns = [[node for node in nodes if len(node.members) == size] for size in sizes]
     rows = max(map(len, columns))
     places = {
-        node.name: (_x(number, len(columns)), _y(row, len(column), rows))
+        node.name: (f"{100 * (number + 0.5) / len(columns):.2f}", _y(row, len(column), rows))
         for number, column in enumerate(columns)
         for row, node in enumerate(column)
     }
@@ -64,10 +64,6 @@ def drawing_of(report: Report) -> CandidateDrawing | None:
         nodes=tuple(_node(node, *places[node.name]) for node in nodes),
         edges=tuple(_edges(nodes, places)),
     )
-
-
-def _x(number: int, count: int) -> str:
-    return f"{100 * (number + 0.5) / count:.2f}"
 
 
 def _y(row: int, count: int, rows: int) -> int:
