@@ -130,6 +130,9 @@ def test_the_demo_works_twice_in_a_fresh_checkout_and_leaves_it_clean(tmp_path: 
         lines = done.stdout.splitlines()
         assert len(lines) < 200
         assert max(map(len, lines)) <= 80
+        excerpt = done.stdout.partition("$ rarms show --script")[2].partition("\n\n")[0]
+        assert "Address = 'partition/path-planning'" in excerpt
+        assert "New-VM -Name" in excerpt
 
     assert files_of(fresh) == before
 
