@@ -1,7 +1,9 @@
 """Commands about the manifest itself: `rarms init`, `validate` and `fmt`."""
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from rarms_iac.app.files import write_file
 from rarms_iac.app.manifest_files import FormattedManifest, format_manifests, write_first_manifest
@@ -40,7 +42,9 @@ def init_command(session: Session, options: InitOptions) -> ExitCode:
         session.terminal.data(json_of(written))
     else:
         session.terminal.talk(f"Wrote {written.files[0]}, and {written.files[1]} for your editor.")
-        session.terminal.tell("Edit it, then: rarms validate, rarms measure, rarms plan, rarms apply.")
+        folder = Path(written.files[0]).parent.as_posix()
+        enter = "" if folder == "." else f"cd {shlex.quote(folder)}, "
+        session.terminal.tell(f"Edit it, then: {enter}rarms validate, rarms measure, rarms plan, rarms apply.")
     return ExitCode.DONE
 
 

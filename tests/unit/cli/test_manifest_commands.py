@@ -46,9 +46,17 @@ def test_init_refuses_what_cannot_be_a_name(tmp_path: Path) -> None:
 
 
 def test_init_makes_a_folder_that_is_not_there(tmp_path: Path) -> None:
-    assert rarms("init", str(tmp_path / "cells" / "north")).code == 0
+    answer = rarms("init", str(tmp_path / "cells" / "north"))
 
+    assert answer.code == 0
+    assert f"cd {(tmp_path / 'cells' / 'north').as_posix()}, rarms validate" in " ".join(answer.err.split())
     assert rarms("validate", "-f", str(tmp_path / "cells" / "north")).code == 0
+
+
+def test_init_here_advises_no_other_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    assert "then: rarms validate" in rarms("init").err
 
 
 def test_init_says_where_no_folder_can_be_made(tmp_path: Path) -> None:
