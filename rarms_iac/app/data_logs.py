@@ -177,6 +177,8 @@ def measured_reservations(manifest: Manifest, states: Mapping[str, State]) -> Me
         hosts_by_kind.setdefault(kind, []).append(name)
     logs: dict[tuple[Hashable, Names], tuple[MeasuredTogether, ...] | NotMeasured] = {}
     for group in filter(depends_on_a_log, groups_of(system)):
+        if not system.loads_of(names_of(group.members)):
+            continue  # the manifest has none of those that it names
         for kind, names in hosts_by_kind.items():
             if any(map(group.may_run_on, names)):
                 host = system.hosts[names[0]]

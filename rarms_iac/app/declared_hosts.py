@@ -25,7 +25,14 @@ from rarms_iac.planner.groups import Group
 from rarms_iac.planner.infeasibility.causes import evident_causes
 from rarms_iac.planner.layout import causes_as_findings, remarks_as_findings
 from rarms_iac.planner.problem import Problem, problem_of
-from rarms_iac.planner.reservations import FixedReservations, NotMeasured, ReservationSource, depends_on_a_log, fixed
+from rarms_iac.planner.reservations import (
+    FixedReservations,
+    NotMeasured,
+    ReservationSource,
+    depends_on_a_log,
+    fixed,
+    names_of,
+)
 from rarms_iac.planner.sizes import unmeasured
 
 NOT_YET_MEASURED = Finding.note("RARMS101", "The reserve has not been measured yet")
@@ -128,6 +135,8 @@ def _about_logs(
 ) -> Iterator[Diagnostic]:
     """Report what there is to say of the data logs; one platform on which a log holds is enough."""
     for group in filter(depends_on_a_log, groups):
+        if not problem.system.loads_of(names_of(group.members)):
+            continue  # that is told already
         hosts = [problem.system.hosts[name] for name in problem.claims[group.name]]
         answers = [(source.reservation(group.members, host), host) for host in hosts]
         known = next((host for answer, host in answers if not isinstance(answer, NotMeasured)), None)

@@ -299,11 +299,13 @@ class System:
             members: names of components that run together.
 
         Returns:
-            Names of `interference`, in the order in which they are measured; each once.
+            Names of `interference`, in the order in which they are measured; each once. Names that it does not have
+                are left out: RARMS042 tells of them.
         """
         own = {self.components[name].interference for name in members}
         only = own.pop() if len(own) == 1 else ()
-        return tuple(dict.fromkeys(only or self.policy.interference))
+        loads = dict.fromkeys(only or self.policy.interference)
+        return tuple(name for name in loads if name in self.interference)
 
     def section_of(self, partition: str) -> str:
         """The section of the manifest that asks for a partition: its own entry, or the component it is called after."""

@@ -34,7 +34,7 @@ HOSTILE_TEXT = "é\u202e\x1b[31m\x9b\r::error::x\n::error::x<script>hostile"
 PRINTABLE_TEXT = "\n::error::x<script>hostile"
 ODD_VALUES: list[Any] = [
     *(REMOVE, None, True, 0, -1, -0.0, 1.5, 1e308, -1e308, 1e-320, 10**30, 10**400, 2**63),
-    *("", "x" * 3000, "1/3", "0/1", "-1/3", "9" * 40, "NaN", "2026-99-99", "../../x", "\x00", "\ud800"),
+    *("", "gone", "x" * 3000, "1/3", "0/1", "-1/3", "9" * 40, "NaN", "2026-99-99", "../../x", "\x00", "\ud800"),
     *(
         HOSTILE_TEXT,
         PRINTABLE_TEXT,

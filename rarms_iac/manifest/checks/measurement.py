@@ -41,7 +41,7 @@ def weak_loads(system: System) -> Iterator[Violation]:
     for component in system.components.values():
         if component.cpu.reserve is not Measured.MEASURED:
             continue
-        loads = [name for name in system.loads_of([component.name]) if name in system.interference]
+        loads = system.loads_of([component.name])
         for host in system.hosts.values():
             if not component.may_run_on(host.name):
                 continue
@@ -55,7 +55,7 @@ def weak_loads(system: System) -> Iterator[Violation]:
                     "beside others.",
                     advice=advice_on_weak_loads(system, host, [component.name], loads, measure),
                     address=f"component/{component.name}",
-                    values={"component": component.name, "host": host.name, "loads": tuple(loads)},
+                    values={"component": component.name, "host": host.name, "loads": loads},
                 )
                 break
 
@@ -228,7 +228,6 @@ def _least_setting_ms(system: System, component: Component, samples_ms: float) -
             begins_anew=begins_anew,
         )
         for name in system.loads_of([component.name])
-        if name in system.interference
     )
 
 

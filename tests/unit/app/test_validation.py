@@ -115,6 +115,20 @@ def test_a_reserve_that_was_never_measured_is_a_note_until_its_log_is_there(tmp_
     assert codes(after.findings) == ["RARMS107"]
 
 
+@pytest.mark.parametrize(
+    ("policy", "own"),
+    [("gone", ""), ("[busy-loop, gone]", ""), ("busy-loop", ", interference: gone")],
+)
+def test_a_load_that_the_manifest_does_not_have_is_an_unknown_name(tmp_path: Path, policy: str, own: str) -> None:
+    file = manifest(tmp_path, measured("vision").replace(", run:", f"{own}, run:"))
+    file.write_text(f"{file.read_text(encoding='utf-8')}policy: {{ interference: {policy} }}\n", encoding="utf-8")
+
+    found = validated(file)
+
+    errors = [finding for finding in found.findings if finding.severity is Severity.ERROR]
+    assert [(error.code, error.detail) for error in errors] == [("RARMS042", 'There is no interference "gone".')]
+
+
 def test_meaning_is_judged_once_the_structure_is_right(tmp_path: Path) -> None:
     parts = component("a", more=", together: [nobody, c]"), component("b"), component("c", memory="512")
     wrong = validated(manifest(tmp_path, *parts))
