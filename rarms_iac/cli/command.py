@@ -71,13 +71,16 @@ def rarms_command(name: str, *, json: bool = True) -> Callable[[Callable[..., Ex
 
         parameters = [parameter for kind in requests.values() for parameter in parameters_of(kind)]
         if json:
-            parameters.append(session_flag("--json", _answer_in_json, "Write JSON for programs.", is_eager=True))
+            parameters.append(
+                session_flag("--json", act=_answer_in_json, text="Write JSON for programs.", is_eager=True)
+            )
         return RarmsCommand(
             name,
             callback=run,
             params=[*parameters, *common_options()],
             help=cleandoc(function.__doc__ or ""),
             short_help=COMMANDS[name],
+            add_help_option=False,  # `common_options` has it
         )
 
     return make

@@ -69,13 +69,13 @@ class LazyGroup(click.Group):
 
 def root_group() -> LazyGroup:
     """The whole command line."""
-    version = session_flag("--version", _version, "Show the version and exit.", is_eager=True)
+    version = session_flag("--version", act=_version, text="Show the version and exit.", is_eager=True)
     return LazyGroup(
         name="rarms",
-        context_settings={"help_option_names": ["-h", "--help"]},  # the commands' contexts inherit it
         help=HELP,
         epilog=EPILOG,
         params=[version, *common_options()],
+        add_help_option=False,  # `common_options` has it
         no_args_is_help=False,
         invoke_without_command=True,
         callback=_status_without_command,

@@ -1,5 +1,6 @@
 """The entry point of the command: `--version` is a constant, everything else is imported only when it is needed."""
 
+import os
 import sys
 
 from rarms_iac.model.version import __version__
@@ -9,12 +10,14 @@ def main(arguments: list[str] | None = None) -> int:
     """Run rarms with these arguments (default: those of the process) and return an exit code (`cli.ending`)."""
     words = sys.argv[1:] if arguments is None else arguments
     if words == ["--version"]:
-        print(f"rarms {__version__}")  # noqa: T201 - the one answer that is given before anything is imported
+        try:
+            print(f"rarms {__version__}", flush=True)  # noqa: T201 - the one answer given before anything is imported
+        except BrokenPipeError:  # the reader has seen enough; what Python flushes when it exits goes nowhere
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
 
     try:
         import gc
-        import os
 
         if asked := os.environ.get("_RARMS_COMPLETE"):
             from rarms_iac.cli.completion import answer_completion

@@ -32,18 +32,19 @@ class Session:
 
 
 def common_options() -> list[click.Parameter]:
-    """`--no-color` and `--debug`, which act on the session and reach no command."""
+    """`--no-color`, `--debug` and `--help`, which act on the session and reach no command."""
     return [
-        session_flag("--no-color", _without_colour, "Write plain text; NO_COLOR=1 does the same."),
-        session_flag("--debug", _debug, "Show the trace of an error."),
+        session_flag("--no-color", act=_without_colour, text="Write plain text; NO_COLOR=1 does the same."),
+        session_flag("--debug", act=_debug, text="Show the trace of an error."),
+        session_flag("-h", "--help", act=_help, text="Show this message and exit.", is_eager=True),
     ]
 
 
 def session_flag(
-    flag: str, act: Callable[[click.Context, click.Parameter, bool], None], text: str, *, is_eager: bool = False
+    *flags: str, act: Callable[[click.Context, click.Parameter, bool], None], text: str, is_eager: bool = False
 ) -> click.Option:
     """An option that acts on the session and reaches no command."""
-    return click.Option([flag], is_flag=True, is_eager=is_eager, expose_value=False, callback=act, help=text)
+    return click.Option(flags, is_flag=True, is_eager=is_eager, expose_value=False, callback=act, help=text)
 
 
 def _without_colour(context: click.Context, _parameter: click.Parameter, value: bool) -> None:
@@ -54,3 +55,10 @@ def _without_colour(context: click.Context, _parameter: click.Parameter, value: 
 def _debug(context: click.Context, _parameter: click.Parameter, value: bool) -> None:
     if value:
         context.find_root().obj.terminal.debug = True
+
+
+def _help(context: click.Context, _parameter: click.Parameter, value: bool) -> None:
+    """Write the help, which click itself would write with an error where the reader has seen enough."""
+    if value and not context.resilient_parsing:
+        context.find_root().obj.terminal.data(f"{context.get_help()}\n")
+        context.exit()

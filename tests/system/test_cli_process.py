@@ -44,11 +44,16 @@ def test_a_pipe_gets_no_colour_and_lines_that_end_alike_on_every_system(manifest
 
 
 @pytest.mark.needs("posix", "bash")
-def test_a_reader_who_has_seen_enough_changes_no_exit_code(manifest: Path) -> None:
-    words = " ".join(f"'{word}'" for word in [*RARMS, "plan", "-f", str(manifest)])
-    script = f"{words} | head -n 1; echo ${{PIPESTATUS[0]}}"
+@pytest.mark.parametrize(
+    ("words", "reader"),
+    [(["plan"], "head -n 1"), (["--help"], "true"), (["--version"], "true"), (["measure", "--help"], "true")],
+)
+def test_a_reader_who_has_seen_enough_changes_no_exit_code(manifest: Path, words: list[str], reader: str) -> None:
+    quoted = " ".join(f"'{word}'" for word in [*RARMS, *words])
+    script = f"cd '{manifest.parent}'; {quoted} | {reader}; echo ${{PIPESTATUS[0]}}"
+    environment = {**os.environ, "PYTHONUNBUFFERED": ""}
 
-    answer = subprocess.run(["bash", "-c", script], capture_output=True, text=True, timeout=60)
+    answer = subprocess.run(["bash", "-c", script], capture_output=True, text=True, env=environment, timeout=60)
 
     assert answer.stdout.splitlines()[-1] == "0"
     assert answer.stderr == ""
