@@ -31,9 +31,6 @@ if TYPE_CHECKING:
     from tree_sitter import Node
 
 
-GUARD = "Guard"  # of a former script: a block, and no fact
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineVariable:
     """The machine that the step has read."""
@@ -80,7 +77,7 @@ def outline(script: bytes) -> Outline:
     facts, parts = plan_of(parse_strictly(without_fixed(script.decode("ascii"))))
     if facts is None:
         raise ValueError(f"the script has no {PLAN} that begins with the facts of its run")
-    run = {name: _Reader().scalar(value) for name, value in (entries(facts) or {}).items() if name != GUARD}
+    run = {name: _Reader().scalar(value) for name, value in (entries(facts) or {}).items()}
     steps: list[ScriptStep] = []
     for part in parts:
         for row in part.rows or ({},):

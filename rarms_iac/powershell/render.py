@@ -248,7 +248,7 @@ def _fill(
         "AcceptScheduler": literal(accept_scheduler),
         **_run(host_plan, plan),
     }
-    if inside:
+    if inside or not undo:  # neither asks what the host has to give
         run = {name: value for name, value in run.items() if name not in HOST_FACT_NAMES}
     digests = f"SHA-256: {f'the undo {undo_digest}, ' if undo else ''}Rarms.psm1 {module_digests()['Rarms.psm1']}."
     values = {
@@ -300,7 +300,8 @@ def _head(
     planned = [step for guarded in steps for step in guarded.steps]
     table = machine_table(planned, host_plan.changes, _new_files(host_plan, plan))
     made = {step.address for step in planned if isinstance(step.operation, CreatePartition)}
-    others = change_table(step for step in planned if not table or step.address not in made)
+    lost = {owner_of(step) for guarded in steps if guarded.lost is not None for step in guarded.steps}
+    others = change_table((step for step in planned if not table or step.address not in made), lost)
     # An undo has no step for what it cannot bring back, and says so all the same.
     changed = [step for step in host_plan.steps if _inside(step) == inside] or planned
     risk, calls = summary_lines([guarded.piece for guarded in steps]) if steps else ("", "")

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rarms_iac.powershell.templates import FACTS, FORMER_PLAN, LATER_ROW, PLAN, ROW, ROWS
+from rarms_iac.powershell.templates import FACTS, LATER_ROW, PLAN, ROW, ROWS
 from rarms_iac.powershell.tree import literal_of, text_of, walk
 
 if TYPE_CHECKING:
@@ -73,17 +73,15 @@ def top_statements(root: "Node") -> Iterator["Node"]:
 def plan_statements(root: "Node") -> tuple["Node", ...]:
     """What stands in a script's plan; nothing where it has no plan, or two."""
     plans = [node for node in map(inner, top_statements(root)) if _is_plan(node)]
-    return tuple(statements_of(_block_in(plans[0]))) if len(plans) == 1 else ()
+    return tuple(statements_of(block_in(plans[0]))) if len(plans) == 1 else ()
 
 
 def _is_plan(node: "Node") -> bool:
-    """Whether a node gives a script its plan; in scripts of former versions it was a function."""
-    if node.type == "function_statement":
-        return FORMER_PLAN.lower() in (text_of(child).lower() for child in node.children)
+    """Whether a node gives a script its plan."""
     return node.type == "assignment_expression" and text_of(node.children[0]).lower() == PLAN
 
 
-def _block_in(node: "Node") -> "Node":
+def block_in(node: "Node") -> "Node":
     """The first block of statements in a node; the node itself where it has none."""
     return next((child for child in walk(node) if child.type == "script_block"), node)
 

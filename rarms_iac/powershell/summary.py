@@ -1,7 +1,7 @@
 """What a script does, in a few lines of its head: what is at stake, the machines, the time, and the calls. Pure."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from itertools import groupby
 from math import ceil
 
@@ -88,18 +88,19 @@ def not_undone_lines(steps: Iterable[Step]) -> tuple[str, ...]:
     return tuple(f"{NOT_UNDONE}: {', '.join(names)}: {message}" for message, names in owners.items())
 
 
-def change_table(steps: Iterable[Step]) -> tuple[str, ...]:
+def change_table(steps: Iterable[Step], lost: Collection[str] = ()) -> tuple[str, ...]:
     """Tell what is done to the machines that a script does not make, and to task classes.
 
     Args:
         steps: of one script, in their order.
+        lost: of an undo, the partitions that are there only where the run ended before it had removed them.
 
     Returns:
         A line of titles and one for each partition or task class, by name; nothing where there is none. Where one
         stops, the last column says for how long. One row of two columns needs no titles.
     """
     in_order = sorted(steps, key=lambda step: natural_order(_row_name(step)))
-    rows = [_change_row(name, tuple(own)) for name, own in groupby(in_order, key=_row_name)]
+    rows = [_change_row(name, tuple(own), lost=name in lost) for name, own in groupby(in_order, key=_row_name)]
     columns = 3 if any(off for _, _, off in rows) else 2
     titles = [("name", "what is done", "off")] if len(rows) > 1 or columns > 2 else []
     return _table([row[:columns] for row in (*titles, *rows)]) if rows else ()
@@ -109,15 +110,16 @@ def _row_name(step: Step) -> str:
     return step.address.in_short if step.address.task else owner_of(step)
 
 
-def _change_row(name: str, steps: Sequence[Step]) -> tuple[str, str, str]:
+def _change_row(name: str, steps: Sequence[Step], *, lost: bool) -> tuple[str, str, str]:
     kinds = {type(step.operation) for step in steps}
     stops = [step.operation for step in steps if isinstance(step.operation, StopPartition)]
     words = ["stopped"] if stops else []
     words += ["removed"] if RemovePartition in kinds else []
     changes = [step.title for step in steps if not isinstance(step.operation, _TOLD_BY_A_WORD)]
     started = ["started"] if StartPartition in kinds else []
-    done = [*words, *changes, *started] or [step.title for step in steps]
-    return name, "; ".join(done), _off(stops[0].grace_ms, starts=bool(started)) if stops else ""
+    done = "; ".join([*words, *changes, *started] or [step.title for step in steps])
+    done += ", if the run ended before it was removed" if lost else ""
+    return name, done, _off(stops[0].grace_ms, starts=bool(started)) if stops else ""
 
 
 def _off(grace_ms: int, *, starts: bool) -> str:

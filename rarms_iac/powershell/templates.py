@@ -59,9 +59,6 @@ PLAN, FACTS, TARGET, STEP_CALL = "$plan", "$script:Plan", "Use-Target", "Add-Ste
 GUARD = "Test-Open"
 """What a call in a step of several asks first."""
 
-FORMER_PLAN = "Add-Plan"
-"""The function that held a plan in scripts before there was a module; the journals of hosts hold them."""
-
 ENTRY, MEASURING_ENTRY = "Invoke-RarmsPlan", "Invoke-RarmsMeasuring"
 """What the end of a script calls: it does a plan's steps, or measures."""
 
@@ -89,7 +86,7 @@ _HOST_FACTS = (
 FACT_NAMES = frozenset(name for row in _FACTS for name in row)
 """The facts of a run that every script has."""
 HOST_FACT_NAMES = frozenset(name for row in _HOST_FACTS for name in row)
-"""Those that the script of a host has, too."""
+"""Those that the script of a host has, too, but for its undo, which promises nothing."""
 
 
 def fact_lines(run: Mapping[str, str]) -> list[str]:

@@ -27,11 +27,12 @@ ORIGIN = RunOrigin(by="engineer", at="2026-11-21T08:00:00Z")
 
 
 def of_an_older_version(plan: Plan) -> Plan:
-    """The plan with scripts that no template of today makes: another fact, default and function."""
+    """The plan with scripts that no template of today makes: another fact, default and way to find its module."""
     (part,) = plan.hosts
     changes = {
         "        Run = '": "        Silence = 5; Run = '",
         "[int] $LockTimeout = 0": "[int] $LockTimeout = 1",
+        "[System.IO.Path]::Combine($PSScriptRoot, 'Rarms')": "Join-Path -Path $PSScriptRoot -ChildPath 'Rarms'",
     }
     older = dict(part.scripts)
     for name in sorted(older, key=lambda name: ".undo." not in name):

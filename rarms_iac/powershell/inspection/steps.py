@@ -93,33 +93,6 @@ _SETTERS = _calls(r"""
     Move-NewPartition From To
     Remove-PartitionFolder From To
 """)
-# NOTE: what rarms no longer writes, and the journals of earlier versions hold.
-_FORMER_READERS = _calls(r"""
-    Get-DeviceReading Machine Clustered
-    Get-NewPartitionReading Name
-    Get-MadePartitionReading Name Disk
-    Read-Partition Machine
-    Read-PartitionDevice Machine
-    Read-NewPartition Name
-    Read-MadePartition Name Disk
-    Read-TaskClass Task
-    Read-GuestTaskClass Task Application Replace
-    Read-Disk Path Parent Everywhere
-""")
-_FORMER_SETTERS = _calls(r"""
-    Invoke-PartitionStop GraceMs
-    Clear-TaskValue Task Name Keep
-    Clear-TaskClass Task
-    Clear-TaskRecord Task Application
-    Clear-DiskFile Path
-    Clear-NetworkAdapter
-    Add-PartitionDisk Path
-    Remove-NetworkAdapter
-""")
-_FORMER_GUARDS = _calls("""
-    Assert-VmHost
-    Assert-Guest
-""")
 _WORK = "Partition Credential Name Kind Program Arguments Folder Environment Files PeriodTicks TimeoutMs Instances"
 _MEASURES = _calls(f"""
     Add-TestPartition Name Processors Memory Limit Weight Generation Image Type Folder SecureBoot
@@ -128,14 +101,9 @@ _MEASURES = _calls(f"""
 _VALUES = _calls(r"""
     Hyper-V\Get-VMHardDiskDrive VM
 """)
-_FORMER_VALUES = _calls("""
-    Get-PendingName Name
-    Get-DiskPath Folder Name Type
-""")
 _CAPACITY = _calls("Test-Capacity Processors Reserve Memory")
 _SWITCHES = frozenset({"Clustered", "Differencing", "Everywhere", "Force", "NoVHD"})
 
-_FORMER_GUARD = "Guard"
 _STEP_PARAMETERS = frozenset({"Action", "Before", "After", "Set"})
 _LITERAL_PARAMETERS = ("Undoes", "Lost")
 _OPTIONAL_PARAMETERS = frozenset({*_LITERAL_PARAMETERS, "Fits", "Same"})
@@ -174,8 +142,9 @@ def check_recorded_plan(name: str, root: "Node") -> Iterator[Diagnostic]:
 
 def _template_of(root: "Node", entry: str) -> "Node":
     facts, parts = _facts_and_parts(root)
-    guest = "Guest" in facts and text_of(inner(facts["Guest"])) != "''"
-    names = FACT_NAMES if guest else FACT_NAMES | HOST_FACT_NAMES
+    values = {name: text_of(inner(value)) for name, value in facts.items()}
+    promises = values.get("Guest") == "''" and values.get("Run") != "'undo'"
+    names = FACT_NAMES | HOST_FACT_NAMES if promises else FACT_NAMES
     if facts.keys() != names:
         raise _OtherForm(root, f"the facts lack or add {', '.join(sorted(names ^ facts.keys()))}")
     return _filled_template(parts, entry, facts)
@@ -184,9 +153,7 @@ def _template_of(root: "Node", entry: str) -> "Node":
 def _template_of_recorded(root: "Node") -> "Node":
     facts, parts = _facts_and_parts(root)
     for key, value in facts.items():
-        if key == _FORMER_GUARD:
-            _template_call(value, _FORMER_GUARDS)
-        elif not key.isidentifier() or literal_of(inner(value)) is None:
+        if not key.isidentifier() or literal_of(inner(value)) is None:
             raise _OtherForm(value, f"the fact {key} is no literal")
     return _filled_template(parts, ENTRY, ())
 
@@ -257,7 +224,7 @@ def _template_part(part: PlanPart, entry: str) -> list[str]:
 
 def _template_lines(call: CommandCall, *, in_rows: bool) -> list[str]:
     if call.name == TARGET and call.given.keys() == {"Address", "Read"} | ({"Row"} if in_rows else set()):
-        reading = _template_call(_value(call, "Read"), {**_READERS, **_FORMER_READERS})
+        reading = _template_call(_value(call, "Read"), _READERS)
         address = _scalar_text(_value(call, "Address"), ROW)
         return statement_lines(TargetText(address=address, reading=reading, in_rows=in_rows))
     if call.name == STEP_CALL:
@@ -321,7 +288,7 @@ def _template_set(node: "Node") -> tuple[str, ...]:
         call = only_call(guard[1] if guard else statement)
         if call is None:
             raise _OtherForm(statement, "Set holds more than calls")
-        text = _call_text(call, {**_SETTERS, **_FORMER_SETTERS})
+        text = _call_text(call, _SETTERS)
         calls.append(guarded(text, [_HARMLESS] * _count_of_names(guard[0])) if guard else text)
     if not calls:
         raise _OtherForm(node, "Set does nothing, or is no block")
@@ -359,4 +326,4 @@ def _parameter_text(call: CommandCall, name: str) -> str:
     inside = only_call(statements[0]) if value.type == "parenthesized_expression" and len(statements) == 1 else None
     if inside is None:
         raise _OtherForm(value, f"{text_of(value)[:40]} is no literal")
-    return f"-{name} ({_call_text(inside, {**_VALUES, **_FORMER_VALUES})})"
+    return f"-{name} ({_call_text(inside, _VALUES)})"

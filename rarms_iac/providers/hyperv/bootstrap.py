@@ -100,11 +100,10 @@ class RemotePowerShell:
         return frame(script, arguments, self.receiver)
 
 
-def arguments_of(script: str, waits: WaitLimits, *, abandoning: bool) -> tuple[str, ...]:
-    """The arguments of a script that changes something; one out of an old journal may have no `-Force`."""
-    force = ("-Force",) if "[switch] $Force" in script else ()
+def arguments_of(waits: WaitLimits, *, abandoning: bool) -> tuple[str, ...]:
+    """The arguments of a script that changes something."""
     lock = ("-LockTimeout", str(min(-(-waits.lock_ms // 1000), 999_999))) if waits.lock_ms > 0 else ()
-    return ("-AsJson", *force, *lock, *(("-Abandon",) if abandoning else ()))
+    return ("-AsJson", "-Force", *lock, *(("-Abandon",) if abandoning else ()))
 
 
 def frame(script: ScriptBundle, arguments: Sequence[str], source: Receiver = Receiver.SENT) -> bytes:

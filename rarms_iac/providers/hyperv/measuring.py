@@ -232,7 +232,7 @@ class HypervMeasuringHost(LiveHypervHost):
     @contextmanager
     def _started(self, script: ScriptBundle, is_ready: Callable[[RunEvent], bool]) -> Iterator[ScriptSession]:
         """Run a script, from when it says a certain thing."""
-        arguments = arguments_of(script.files[script.runs], self._waits, abandoning=False)
+        arguments = arguments_of(self._waits, abandoning=False)
         with self._credential_files(), self._transport.session(self._as_signed(script), arguments) as session:
             self._wait_until(session, is_ready, SILENCE_S + self._waits.lock_ms / 1000)
             yield session

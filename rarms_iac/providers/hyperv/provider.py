@@ -107,7 +107,7 @@ class LiveHypervHost:
     def run_script(
         self, script: ScriptBundle, waits: WaitLimits, listener: EventListener, *, abandoning: bool = False
     ) -> ScriptExited | ScriptLost:
-        arguments = arguments_of(script.files[script.runs], waits, abandoning=abandoning)
+        arguments = arguments_of(waits, abandoning=abandoning)
         silence_s = (waits.silence_ms + waits.lock_ms + script.longest_grace_ms) / 1000
         return self._run(script, arguments, silence_s, _Events(listener))
 

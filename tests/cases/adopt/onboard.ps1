@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 71a166e4fa250af7f9d9b32822278c28443f0ed3853197f7715535aeebd6c2a5, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo a12d4b2da18ac3121e76100eade5f7e6c0720d2a2a8351134b4467a434404b85, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '9691cdd6e9f0'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '71a166e4fa250af7f9d9b32822278c28443f0ed3853197f7715535aeebd6c2a5'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'a12d4b2da18ac3121e76100eade5f7e6c0720d2a2a8351134b4467a434404b85'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 1cb6e3e1b1d5f4ea8840e56cb3aaab24f35a4ade3848c71da7c8c3781848c72d, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo e6e6758158fe8aa5297a786d8e4170e0794390f160762657a6d9cdf309574474, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '5624ee650ec9'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '1cb6e3e1b1d5f4ea8840e56cb3aaab24f35a4ade3848c71da7c8c3781848c72d'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'e6e6758158fe8aa5297a786d8e4170e0794390f160762657a6d9cdf309574474'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

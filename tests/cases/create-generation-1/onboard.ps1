@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 7f31c730501e, rarms 0.1.0. SHA-256: the undo f15f47806a88e0fbad385fa5eb97351a6189b58473beac5551a115a6a836453c, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 7f31c730501e, rarms 0.1.0. SHA-256: the undo c9807dccead215d9f0a4eab39d2b4e3efcb099a0c2202afc8bd55379f1e4975e, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f6831e003892'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'f15f47806a88e0fbad385fa5eb97351a6189b58473beac5551a115a6a836453c'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'c9807dccead215d9f0a4eab39d2b4e3efcb099a0c2202afc8bd55379f1e4975e'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

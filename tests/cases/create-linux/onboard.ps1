@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 1779455672d2, rarms 0.1.0. SHA-256: the undo b5c139215696e4a293ce0583878e1390836b974e66f9f0eb3cb5de077dbb6497, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 1779455672d2, rarms 0.1.0. SHA-256: the undo f96781cb95fba769854e321908b4998c1efe0540f41b40e8032363dce76788a3, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '3d799ddaf8ca'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'b5c139215696e4a293ce0583878e1390836b974e66f9f0eb3cb5de077dbb6497'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'f96781cb95fba769854e321908b4998c1efe0540f41b40e8032363dce76788a3'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

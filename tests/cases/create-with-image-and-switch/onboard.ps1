@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo fbdb46f31f7bcf87c46a58f310d8f607bee73420a44c7a68b57d6717032cdc09, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 10b53794c8c5cefc12fe49229f89d5b3cec2ab918617b62c729513af704f95ad, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '9bd8a48c1959'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'fbdb46f31f7bcf87c46a58f310d8f607bee73420a44c7a68b57d6717032cdc09'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '10b53794c8c5cefc12fe49229f89d5b3cec2ab918617b62c729513af704f95ad'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 7e4a30f86028, rarms 0.1.0. SHA-256: the undo 4740654f9b7aef6b8d94fb627c81e3d0632924be653fbc87bdaf75e8591f0255, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 7e4a30f86028, rarms 0.1.0. SHA-256: the undo 8ebe24a2d476618653fd2530aeaf4dcbee791416517424b8a3f4c42db960a456, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'c6c4534eb0ff'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '4740654f9b7aef6b8d94fb627c81e3d0632924be653fbc87bdaf75e8591f0255'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '8ebe24a2d476618653fd2530aeaf4dcbee791416517424b8a3f4c42db960a456'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

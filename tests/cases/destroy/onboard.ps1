@@ -25,7 +25,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 3eea3a0c2c74, rarms 0.1.0. SHA-256: the undo e117b4419994abd730c7ecdca7d2290737c6205891f2097e84b9554e93b25c3e, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 3eea3a0c2c74, rarms 0.1.0. SHA-256: the undo f2034bd545c33db72ca6d564b5762d4e633cda223cf2faa55e60f3784725ea5d, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -42,7 +42,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '0f7de33305ef'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'e117b4419994abd730c7ecdca7d2290737c6205891f2097e84b9554e93b25c3e'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'f2034bd545c33db72ca6d564b5762d4e633cda223cf2faa55e60f3784725ea5d'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

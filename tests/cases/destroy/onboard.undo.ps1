@@ -4,9 +4,9 @@
 .DESCRIPTION
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted; task classes: 1 changed, 0 removed.
     name        what is done
-    speech      started
+    speech      started, if the run ended before it was removed
     task/Games  record that it is ours, and what was there; set Affinity 0, Background Only False, BackgroundPriority 4, Clock Rate 10000, GPU Priority 8, Priority 4, SFIO Priority Normal, Scheduling Category Medium
-    vision      started
+    vision      started, if the run ended before it was removed
     Time: some seconds a call. It waits 300 s at most at the end, where a guest restarts just then.
     Only these calls change something (and how often): Start-VM 2, Write-TaskRecord 1, Write-TaskValue 8.
     Not undone: speech, vision: the machine is not made again
@@ -44,7 +44,6 @@ $plan = {
         Run = 'undo'; Plan = '0f7de33305ef'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
-        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === task/Games: takes back what the apply script did to it, the last step first ==============
     Use-Target -Address 'task/Games' -Read { Get-TaskClassReading -Task 'Games' }

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 0f46ef847534f071d274aee64e582057639f74d8a321fe3521d8988e38ed8b52, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 354baf26205640d4d1b61c56f77a810764593234d7582ee1b6a124c5c297b6f7, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '292111dc5a6d'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '0f46ef847534f071d274aee64e582057639f74d8a321fe3521d8988e38ed8b52'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '354baf26205640d4d1b61c56f77a810764593234d7582ee1b6a124c5c297b6f7'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

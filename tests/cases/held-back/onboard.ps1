@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 44b0b9c31e2c, rarms 0.1.0. SHA-256: the undo 5af21c4c1be94a48234489c677756611bde382505a2e1fefbd7215b2b8cd8bf7, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 44b0b9c31e2c, rarms 0.1.0. SHA-256: the undo fb804bebda6caed212e5442f8aafff3f278c2c16adeda4b755e618a3d04185b5, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '041c3ae8697c'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '5af21c4c1be94a48234489c677756611bde382505a2e1fefbd7215b2b8cd8bf7'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'fb804bebda6caed212e5442f8aafff3f278c2c16adeda4b755e618a3d04185b5'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: the undo 0c60d2c4ad2ed917e8c4399767da714306275f2fd5efd706b27758a7b324befe, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: the undo 58cf349939064bead73abfa0a9c4b979e04b5e07154f27e8b561a47074091e0f, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '55573f97842a'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '0c60d2c4ad2ed917e8c4399767da714306275f2fd5efd706b27758a7b324befe'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '58cf349939064bead73abfa0a9c4b979e04b5e07154f27e8b561a47074091e0f'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

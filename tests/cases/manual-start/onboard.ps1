@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e325b8ae00e7, rarms 0.1.0. SHA-256: the undo 2ae526c7a61e223f744dcdd3015707b9e75e5e6343d048ceb95e1b1481ca11f1, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest e325b8ae00e7, rarms 0.1.0. SHA-256: the undo bae9af3eeb4e40681e8def2c0fc9d7f2a2a705775a39e51488478017f042629c, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ae29dab6d115'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '2ae526c7a61e223f744dcdd3015707b9e75e5e6343d048ceb95e1b1481ca11f1'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'bae9af3eeb4e40681e8def2c0fc9d7f2a2a705775a39e51488478017f042629c'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

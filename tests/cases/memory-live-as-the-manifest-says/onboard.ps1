@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest fe6ae28d34df, rarms 0.1.0. SHA-256: the undo 1e3090704c06f9178adcedbd709ad6f452565e6512bd1f25870b7d5f8bfae2e4, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest fe6ae28d34df, rarms 0.1.0. SHA-256: the undo bca3d2c4845c7ee4c70fb3a52cdfec332e1cac17de12403b39c6b8131638f742, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '83713f5c12ae'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '1e3090704c06f9178adcedbd709ad6f452565e6512bd1f25870b7d5f8bfae2e4'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'bca3d2c4845c7ee4c70fb3a52cdfec332e1cac17de12403b39c6b8131638f742'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

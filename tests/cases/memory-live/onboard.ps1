@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 43512c9d7483207a738ee633bc9b4070f92f6c68ead336d49cac7aadc3b30b00, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 5330735b092fba303ad8453e02a705b71c79bb7b051ed60d5444f63cf8a16b69, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f937e393b94e'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '43512c9d7483207a738ee633bc9b4070f92f6c68ead336d49cac7aadc3b30b00'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '5330735b092fba303ad8453e02a705b71c79bb7b051ed60d5444f63cf8a16b69'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 6838833a35b820fb31844e2a7a4b99475cc55c8e7b5c484292936cb6891f4dff, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 6da250416200f25e89a9104ec5bde174eeec4d7056817d6022eec15ee371809b, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1153ea04f1bc'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '6838833a35b820fb31844e2a7a4b99475cc55c8e7b5c484292936cb6891f4dff'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '6da250416200f25e89a9104ec5bde174eeec4d7056817d6022eec15ee371809b'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -3,7 +3,7 @@
     rarms undo script: plan 2acc5438575d of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
-    speech  started
+    speech  started, if the run ended before it was removed
     Time: some seconds a call. It waits 300 s at most at the end, where a guest restarts just then.
     Only these calls change something (and how often): Start-VM 1.
     Not undone: speech: the machine is not made again
@@ -41,7 +41,6 @@ $plan = {
         Run = 'undo'; Plan = '2acc5438575d'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
-        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:11:1)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }

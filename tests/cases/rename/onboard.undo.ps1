@@ -40,7 +40,6 @@ $plan = {
         Run = 'undo'; Plan = '5ec16420c606'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
-        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === voice: takes back what the apply script did to it, the last step first (rarms.yaml:13:3) =
     Use-Target -Address 'partition/voice' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }

@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo a52a2465954bb9cb8652c1c7325591c3733557ec96296fecad5465f02a14b626, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 18f4e7512bf13dbbcce78d410a7f0f61e888ee42c529e8ec4a2beb4003146279, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'fa7e420ca40a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'a52a2465954bb9cb8652c1c7325591c3733557ec96296fecad5465f02a14b626'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '18f4e7512bf13dbbcce78d410a7f0f61e888ee42c529e8ec4a2beb4003146279'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

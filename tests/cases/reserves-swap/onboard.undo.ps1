@@ -42,7 +42,6 @@ $plan = {
         Run = 'undo'; Plan = '9159b2b135da'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
-        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === speech and 1 more alike: takes back what the apply script did to it, the last step first =
     $rows = @(

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 62828619c61e, rarms 0.1.0. SHA-256: the undo 693a3a95ff94752d5274d43e5f4bee904104414da13a1349bbd38683bb2af251, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 62828619c61e, rarms 0.1.0. SHA-256: the undo 1b91859b71db0daaff10e4341d907818cce197358764b89afe9898ff89099c03, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
     Accepted: RARMS159 The host's scheduler does not honour reserves, onboard runs the root scheduler: reserve, limit and weight of vision would be stored without effect.
 #>
 
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'dc81d5d49dc0'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '693a3a95ff94752d5274d43e5f4bee904104414da13a1349bbd38683bb2af251'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '1b91859b71db0daaff10e4341d907818cce197358764b89afe9898ff89099c03'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $true
     }

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 9ac240109296f572997ac56c759bd887397d02618771c5cdeab554e9de0a94e9, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo b30fa7712a5003290290488468fdbe2a51b3338b7ed4d6a1d910c7db6cb7dfca, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '3805e054716a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '9ac240109296f572997ac56c759bd887397d02618771c5cdeab554e9de0a94e9'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'b30fa7712a5003290290488468fdbe2a51b3338b7ed4d6a1d910c7db6cb7dfca'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

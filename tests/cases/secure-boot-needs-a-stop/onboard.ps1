@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 8c6af2d9181e, rarms 0.1.0. SHA-256: the undo 5fd6fd3598617be3c9fb3afaa5605a9eee67e259846238dd9e7adfb59ac308d6, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 8c6af2d9181e, rarms 0.1.0. SHA-256: the undo b54ecb81f886df36964cccf02fd5ef31b62f71f2ca38da779d8aa36d264edfbe, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ac9942186f87'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '5fd6fd3598617be3c9fb3afaa5605a9eee67e259846238dd9e7adfb59ac308d6'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'b54ecb81f886df36964cccf02fd5ef31b62f71f2ca38da779d8aa36d264edfbe'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 20ed762cf7908efbe541695980efe7decc727eac8a5c610d181445539207aa08, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 848f1ddc6dd2c91d5b018cbb5674906b0877bfa552d7ea66242f1c2d1c862b29, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -41,7 +41,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '91988e6a8f9d'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '20ed762cf7908efbe541695980efe7decc727eac8a5c610d181445539207aa08'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '848f1ddc6dd2c91d5b018cbb5674906b0877bfa552d7ea66242f1c2d1c862b29'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 8; Cores = 4; ThreadsPerCore = 2; Percent = 800; Memory = 17179869184; AcceptScheduler = $false
     }

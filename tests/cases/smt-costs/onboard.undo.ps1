@@ -43,7 +43,6 @@ $plan = {
         Run = 'undo'; Plan = '91988e6a8f9d'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
-        LogicalProcessors = 8; Cores = 4; ThreadsPerCore = 2; Percent = 800; Memory = 17179869184; AcceptScheduler = $false
     }
     # === mapping: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/mapping' -Read { Get-PartitionReading -Name 'mapping' }

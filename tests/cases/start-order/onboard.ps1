@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 50d1c3071fb5, rarms 0.1.0. SHA-256: the undo 11a39d776bc64850fed7b71e85fc5ad9539798eede442732964078fa41f44860, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 50d1c3071fb5, rarms 0.1.0. SHA-256: the undo 1523b39703bfb74ef6a9f2a6704a09e7b6896f8c76a201a71f7f93a852f4395a, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -41,7 +41,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1ad36b4789f6'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '11a39d776bc64850fed7b71e85fc5ad9539798eede442732964078fa41f44860'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '1523b39703bfb74ef6a9f2a6704a09e7b6896f8c76a201a71f7f93a852f4395a'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 96cd23a6ed709e97df842c42bfcafce675248e32bb9db29b68091b944bb92e8a, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 98e85cbd03b8bbe84c1ac441c308c8327c692a1515e67969b43b9a68ffa07046, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '0e3cec8f49ca'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '96cd23a6ed709e97df842c42bfcafce675248e32bb9db29b68091b944bb92e8a'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '98e85cbd03b8bbe84c1ac441c308c8327c692a1515e67969b43b9a68ffa07046'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

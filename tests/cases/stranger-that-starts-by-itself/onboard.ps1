@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 9eedde6f5be0cef8f4e573048040b6914723c932d2bfb5b97151ab799f38e672, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 6f6bfadf8df9ebe696f0c3a32abeb55b9128b8ca664bc1144653d91c26c1602e, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '6802e2d2d537'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '9eedde6f5be0cef8f4e573048040b6914723c932d2bfb5b97151ab799f38e672'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '6f6bfadf8df9ebe696f0c3a32abeb55b9128b8ca664bc1144653d91c26c1602e'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

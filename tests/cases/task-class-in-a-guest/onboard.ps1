@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo bfad6c303e5cf0c7da7dacda80bfa09fce8dbf9796c42ab9686f1280fb44ff9f, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 7b96da849a4cdf5f79863927739b470bb012794c2e55f074360020ef4afff7a3, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = '1fe5fc6a41cd'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'bfad6c303e5cf0c7da7dacda80bfa09fce8dbf9796c42ab9686f1280fb44ff9f'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '7b96da849a4cdf5f79863927739b470bb012794c2e55f074360020ef4afff7a3'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

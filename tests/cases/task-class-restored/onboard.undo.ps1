@@ -40,7 +40,6 @@ $plan = {
         Run = 'undo'; Plan = '1607db3e92f2'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
-        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === task/Games: takes back what the apply script did to it, the last step first ==============
     Use-Target -Address 'task/Games' -Read { Get-TaskClassReading -Task 'Games' }

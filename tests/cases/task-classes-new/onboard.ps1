@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: the undo f3ef4b9bffa163330554754d8cb5bfa0806c3c9e251e5119e6369792cc71bfe9, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: the undo ef8320f9d9c02aaf61f58b060747223804c8def30ea21d50afa66a1f74b83cd2, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f9cefe2812e3'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'f3ef4b9bffa163330554754d8cb5bfa0806c3c9e251e5119e6369792cc71bfe9'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'ef8320f9d9c02aaf61f58b060747223804c8def30ea21d50afa66a1f74b83cd2'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo f620b2c40c8e3ffddc609021e1c6b96638ce75359e9ad5f51f9cfcd27e05a1f2, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 9fd787a96c090764d1b8c75e66b7e757acac6fa3a4eba7c9b44ce29e379f052d, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'bc3b0e7405db'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'f620b2c40c8e3ffddc609021e1c6b96638ce75359e9ad5f51f9cfcd27e05a1f2'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '9fd787a96c090764d1b8c75e66b7e757acac6fa3a4eba7c9b44ce29e379f052d'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 122fd843a2d3d760ce616321b4eecccffeb25e1193fd4b4c3c081a24ce76f328, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 846987bca7da6f7b0ab971967e25f942b7e7c4d10cc7dee371a71eaf8b1c5d7c, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'b00f5c6de1cc'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '122fd843a2d3d760ce616321b4eecccffeb25e1193fd4b4c3c081a24ce76f328'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '846987bca7da6f7b0ab971967e25f942b7e7c4d10cc7dee371a71eaf8b1c5d7c'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

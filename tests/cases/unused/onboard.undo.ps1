@@ -41,7 +41,6 @@ $plan = {
         Run = 'undo'; Plan = 'b00f5c6de1cc'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
-        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:11:1)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }

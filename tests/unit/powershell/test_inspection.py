@@ -6,7 +6,7 @@ import pytest
 
 from rarms_iac.powershell.inspection.inspect import inspect, inspect_recorded
 from rarms_iac.powershell.render import render_scripts
-from rarms_iac.powershell.templates import ScriptForm, shipped_module
+from rarms_iac.powershell.templates import ScriptForm, module_digest, shipped_module
 from tests.builders import codes
 from tests.effort import examples
 from tests.unit.powershell.mutations import AROUND_THE_PLAN, IN_THE_PLAN, Mutation
@@ -51,13 +51,6 @@ def test_what_rarms_renders_passes(name: str, scripts: Mapping[str, str]) -> Non
     assert inspect_recorded(scripts[name].encode("ascii"), name, module_of(scripts[name])) == ()
 
 
-def test_a_journals_script_of_a_version_that_gave_no_advice_about_its_module_passes() -> None:
-    older = SCRIPTS["onboard.ps1"].replace(" is not that of rarms 0.1.0: put it there'", " is not that of rarms 0.1.0'")
-    assert older != SCRIPTS["onboard.ps1"]
-
-    assert inspect_recorded(older.encode("ascii"), "onboard.ps1", MODULE) == ()
-
-
 @pytest.mark.parametrize("scripts", [SCRIPTS, SINGLE], ids=["module", "single"])
 def test_mutants_of_an_apply_script_are_caught(scripts: Mapping[str, str]) -> None:
     passed, tried = missed(IN_THE_PLAN | AROUND_THE_PLAN, scripts["onboard.ps1"])
@@ -74,26 +67,20 @@ def test_mutants_of_an_undo_script_are_caught() -> None:
 
 
 def of_another_version(script: str) -> str:
-    """As another version of rarms may have made it: other facts, another switch, another module."""
+    """As another version of rarms may have made it: other facts, another switch, another module and way to find it."""
     changes = {
         "        Run = '": "        Silence = 5; Run = '",
         "[switch] $Test)": "[switch] $Test, [switch] $Slowly)",
         "rarms 0.1.0": "rarms 0.2.0",
+        "\r\n$folder = ": "\r\n$warning = $null\r\n$folder = ",
         "function Unlock-Host": "function Exit-HostOfOld",
     }
     for old, new in changes.items():
         assert old in script or old.startswith("function")
         script = script.replace(old, new)
-    return script
-
-
-def of_a_former_form(script: str) -> str:
-    """As rarms made scripts before there was a module: a function held the plan, and the runtime lay behind it."""
-    end = "# --- runtime: the same bytes\r\nfunction Invoke-Run { exit 0 }\r\nInvoke-Run -Steps { Add-Plan }\r\n"
-    plan = re.sub(r"(?ms)^#region The module.*", lambda _: end, script)
-    return plan.replace("$plan = {", "function Add-Plan {").replace(
-        "Guest = ''", "Guard = { Assert-VmHost }; Guest = ''"
-    )
+    _, held, module = script.partition("-ScriptBlock {\r\n")
+    digest = module_digest(module.partition("\r\nExport-ModuleMember")[0])
+    return re.sub("SHA-256 [0-9A-F]{64}\r\n", f"SHA-256 {digest}\r\n", script) if held else script
 
 
 @pytest.mark.parametrize("scripts", [SCRIPTS, SINGLE], ids=["module", "single"])
@@ -103,13 +90,6 @@ def test_a_script_of_another_version_passes_out_of_a_journal_only(name: str, scr
 
     assert inspect_recorded(script.encode("ascii"), name, module_of(script)) == ()
     assert "RARMS202" in codes(inspect(script.encode("ascii"), name))
-
-
-def test_a_script_from_before_there_was_a_module_passes_out_of_a_journal_only() -> None:
-    script = of_a_former_form(SCRIPTS["onboard.ps1"]).encode("ascii")
-
-    assert inspect_recorded(script, "onboard.ps1") == ()
-    assert "RARMS202" in codes(inspect(script, "onboard.ps1"))
 
 
 @pytest.mark.parametrize(
@@ -129,8 +109,18 @@ def test_a_module_that_its_script_does_not_name_is_caught(module: Mapping[str, s
     assert codes(inspect_recorded(script, "onboard.ps1", module)) == ["RARMS202"]
 
 
-def test_a_script_that_holds_its_module_has_none_beside_it() -> None:
-    assert codes(inspect_recorded(SINGLE["onboard.ps1"].encode("ascii"), "onboard.ps1", MODULE)) == ["RARMS202"]
+def test_a_script_that_holds_its_module_names_it_and_has_none_beside_it() -> None:
+    script = SINGLE["onboard.ps1"].encode("ascii")
+    edited = script.replace(b"function Unlock-Host", b"function Exit-HostOfOld")
+
+    assert codes(inspect_recorded(script, "onboard.ps1", MODULE)) == ["RARMS202"]
+    assert codes(inspect_recorded(edited, "onboard.ps1")) == ["RARMS202"]
+
+
+def test_a_script_without_a_module_is_caught_out_of_a_journal() -> None:
+    script = SCRIPTS["onboard.ps1"].replace("#endregion", "# ends here").encode("ascii")
+
+    assert inspect_recorded(script, "onboard.ps1", MODULE) != ()
 
 
 def test_mutants_of_the_plan_in_a_script_of_another_version_are_caught() -> None:
@@ -152,7 +142,6 @@ def test_mutants_of_the_plan_in_a_script_of_another_version_are_caught() -> None
         ("Hyper-V\\Start-VM -VM $script:Vm", "Get-PartitionReading -Machine 'x'"),
         ("(Hyper-V\\Get-VMHardDiskDrive -VM $script:Vm)", "(Remove-DiskFile -Path 'x')"),
         ("Guest = ''", "Guest = ''; Guard = { Write-Mark }"),
-        ("Guest = ''", "Guest = ''; Guard = 'x'"),
     ],
 )
 def test_a_call_that_rarms_does_not_write_there_is_caught(old: str, new: str) -> None:
@@ -189,6 +178,8 @@ LAST = "\r\n& $invoke -Run $run\r\nexit $code\r\n"
         (LAST, "\r\n& $invoke -Run (Restart-Computer)\r\nexit $code\r\n"),
         (LAST, "\r\n& $invoke -Run $run | Restart-Computer\r\nexit $code\r\n"),
         (LAST, "\r\n# nothing is called\r\n"),
+        ("\r\n}\r\n#region", "\r\n}, (Restart-Computer)\r\n#region"),
+        ("\r\n#endregion\r\n", "\r\nif ($true) {\r\n#endregion\r\n}\r\n"),
         ("[int] $LockTimeout =", "[int] $LockTimeout = $(Restart-Computer) +"),
         ("[int] $LockTimeout =", "[ValidateScript({ Restart-Computer })] [int] $LockTimeout ="),
         ("[int] $LockTimeout = 0", "[System.IO.StreamWriter] $LockTimeout = 'x'"),

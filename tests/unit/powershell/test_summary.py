@@ -7,7 +7,7 @@ import pytest
 
 from rarms_iac.powershell.outline import outline
 from rarms_iac.powershell.render import render_scripts
-from rarms_iac.powershell.templates import module_digests, shipped_module
+from rarms_iac.powershell.templates import HOST_FACT_NAMES, module_digests, shipped_module
 from tests import builders_plan as build
 from tests.unit.powershell.plans import all_changes, rendered_plan
 
@@ -65,6 +65,16 @@ def test_the_head_says_how_long_it_may_wait_and_what_is_off_for_how_long() -> No
     assert "It waits 240 s at most while guests stop" in waits
     (at_the_end,) = re.findall(r"(\d+) s at most at the end", waits)
     assert f"$settled = [DateTime]::UtcNow.AddMilliseconds({at_the_end}000)" in shipped_module()["Rarms.psm1"]
+
+
+def test_an_undo_starts_a_removed_machine_only_where_the_run_ended_before_and_asks_nothing_of_the_host() -> None:
+    undo = SCRIPTS["onboard.undo.ps1"]
+    rows = [line.strip() for line in undo.partition(".PARAMETER")[0].split("\r\n")]
+
+    assert [row.partition("  ")[2].strip() for row in rows if row.startswith("former ")] == [
+        "started, if the run ended before it was removed"
+    ]
+    assert not any(f"{name} = " in undo for name in HOST_FACT_NAMES)
 
 
 def test_what_cannot_be_brought_back_is_said_of_each_machine() -> None:

@@ -139,13 +139,9 @@ def test_the_module_goes_into_a_folder_of_its_own() -> None:
 def test_arguments_are_those_that_the_bootstrap_takes(
     waits: WaitLimits, abandoning: bool, expected: tuple[str]
 ) -> None:
-    arguments = arguments_of("param([switch] $AsJson, [switch] $Force)", waits, abandoning=abandoning)
-    pattern = re.search(r"-cnotmatch '(\^\( .*?\$)'", render_receiver().decode("ascii"))
+    arguments = arguments_of(waits, abandoning=abandoning)
+    pattern = re.search(r"-cmatch '(\^\( .*?\$)'", render_receiver().decode("ascii"))
 
     assert arguments == expected
     assert pattern
     assert re.fullmatch(pattern[1], " ".join(arguments))
-
-
-def test_a_script_of_a_journal_that_knows_no_force_gets_none() -> None:
-    assert arguments_of("param([switch] $AsJson)", WaitLimits(), abandoning=False) == ("-AsJson",)
