@@ -151,7 +151,6 @@ AROUND_THE_PLAN: dict[str, Mutation] = {
         )
     ),
     "a module before the plan": _module(lambda module, script: module + script.replace(module, "")),
-    "a host that is another's guest": lambda script, _: script.replace("Guest = ''", "Guest = 'x'"),
     "something behind what is fixed": lambda script, pick: script.replace(
         LINE + "$code = 1",
         LINE

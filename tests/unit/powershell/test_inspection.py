@@ -59,6 +59,15 @@ def test_mutants_of_an_apply_script_are_caught(scripts: Mapping[str, str]) -> No
     assert tried == IN_THE_PLAN.keys() | AROUND_THE_PLAN.keys()
 
 
+@pytest.mark.parametrize(
+    "change", [("Guest = ''", "Guest = 'x'"), ("Percent = ", "Share = "), ("Run = 'apply'", "Run = 'undo'")]
+)
+def test_a_script_with_the_facts_of_another_kind_is_caught(change: tuple[str, str]) -> None:
+    edited = SCRIPTS["onboard.ps1"].replace(*change).encode("ascii")
+
+    assert codes(inspect(edited)) == ["RARMS211"]
+
+
 def test_mutants_of_an_undo_script_are_caught() -> None:
     passed, tried = missed(AROUND_THE_PLAN, SCRIPTS["onboard.undo.ps1"])
 
