@@ -137,7 +137,7 @@ def _finding_group(diagnostics: Sequence[Diagnostic]) -> "Iterator[RenderableTyp
     advices = {diagnostic.advice for diagnostic in diagnostics}
     for diagnostic in diagnostics:
         parts = [
-            *_location(diagnostic, on_its_line=diagnostic.detail),
+            *_location(diagnostic, with_path="path" not in diagnostic.values),  # else the detail begins with it
             *(f"{other.place}, {other.message}" for other in diagnostic.related),
         ]
         location = visible(", ".join(parts), keep="")
@@ -147,25 +147,14 @@ def _finding_group(diagnostics: Sequence[Diagnostic]) -> "Iterator[RenderableTyp
         yield from (paragraph(advice, indent=INDENT) for advice in advices if advice)
 
 
-def _location(diagnostic: Diagnostic, on_its_line: str = "") -> Iterator[str]:
-    """The place, and for a warning its address, which is what `policy.accept` would name.
-
-    Args:
-        diagnostic: what stands there.
-        on_its_line: a text; a path that it names is not repeated.
-    """
+def _location(diagnostic: Diagnostic, *, with_path: bool = True) -> Iterator[str]:
+    """The place, and for a warning its address, which is what `policy.accept` would name."""
     if diagnostic.place is not None:
         yield visible(str(diagnostic.place), keep="")
-        if diagnostic.place.path and not _names_path(on_its_line, diagnostic.place.path):
+        if diagnostic.place.path and with_path:
             yield visible(diagnostic.place.path, keep="")
     if diagnostic.address and (diagnostic.severity is Severity.WARNING or diagnostic.place is None):
         yield f"at {visible(diagnostic.address, keep='')}"
-
-
-def _names_path(text: str, path: str) -> bool:
-    """Whether a text names a path of the manifest, or the key above it and then its last key."""
-    above, _, key = path.rpartition(".")
-    return path in text or bool(above and above in text and key in text.partition(above)[2])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rarms_iac.model.commands import prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity, Sources
+from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding, Place, Related, Severity, Sources
 from rarms_iac.views.console import columns, render
 from rarms_iac.views.findings_text import findings_text, summary
 from rarms_iac.views.harmless import visible
@@ -209,7 +209,10 @@ def test_briefly_a_kind_of_notes_is_one_line() -> None:
     assert brief == [line]
 
 
-def test_a_path_that_the_sentence_names_stands_once_in_a_list() -> None:
-    some = [EXCEEDED.at(at(line, 1, path="hosts"), "hosts is empty.", "Do it.", values={}) for line in (1, 2)]
+def test_a_path_that_is_a_value_of_the_sentence_stands_once_in_a_list() -> None:
+    values: Facts = {"path": "hosts"}
+    named = [EXCEEDED.at(at(line, 1, path="hosts"), "hosts is empty.", "Do it.", values=values) for line in (1, 2)]
+    other = [EXCEEDED.at(at(line, 1, path="hosts"), "Some hosts.", "Do it.", values={}) for line in (1, 2)]
 
-    assert as_text(some, {}).splitlines()[1] == "  - robot.yaml:1:1: hosts is empty."
+    assert as_text(named, {}).splitlines()[1] == "  - robot.yaml:1:1: hosts is empty."
+    assert as_text(other, {}).splitlines()[1] == "  - robot.yaml:1:1, hosts: Some hosts.", "no sentence is read"
