@@ -13,6 +13,7 @@ from rarms_iac.model.series import Series
 from rarms_iac.model.system import Component, Threshold
 from rarms_iac.model.wording import counted
 from rarms_iac.running.samples import SamplingEnd
+from rarms_iac.running.start import CannotStart
 from rarms_iac.statistics.error_probability import ERROR
 from rarms_iac.statistics.estimates import estimate_steady
 from rarms_iac.statistics.verdicts import judge_each
@@ -113,21 +114,22 @@ def findings_of_run(result: ComponentRunResult, manifest: Manifest, *, reserved:
         )
 
 
-def cannot_start(manifest: Manifest, name: str, message: str) -> Diagnostic:
+def cannot_start(manifest: Manifest, problem: CannotStart) -> Diagnostic:
     """Make the finding of a component that cannot be started.
 
     Args:
         manifest: the component's.
-        name: the component's.
-        message: why, as the end of a sentence.
+        problem: why it cannot.
     """
+    name = problem.component
     return CANNOT_START.at(
         manifest.places.key("components", name, "run"),
-        f'"{name}" cannot be started: {message}.',
-        "Words of `run.command` that name files, and `run.folder`, are relative to the manifest; a program is looked "
-        "for on the PATH. A module of `run.call` is found from the manifest's folder.",
+        f'"{name}" cannot be started: {problem.message}.',
+        problem.advice
+        or "Words of `run.command` that name files, and `run.folder`, are relative to the manifest; a program is "
+        "looked for on the PATH. A module of `run.call` is found from the manifest's folder.",
         address=f"component/{name}",
-        values={"component": name, "reason": message},
+        values={"component": name, "reason": problem.message},
     )
 
 

@@ -112,9 +112,11 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
             for group in [chosen] if request.together else [[component] for component in chosen]:
                 results += _run_group(group, base, places, load, listener)
     except (LoadEnded, CannotStart) as problem:
-        name = problem.load if isinstance(problem, LoadEnded) else problem.component
-        of_load = isinstance(problem, LoadEnded) or name not in system.components
-        finding = load_problem(name, problem.message) if of_load else cannot_start(manifest, name, problem.message)
+        if isinstance(problem, CannotStart) and problem.component in system.components:
+            finding = cannot_start(manifest, problem)
+        else:
+            name = problem.load if isinstance(problem, LoadEnded) else problem.component
+            finding = load_problem(name, problem.message)
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
     except RunningError as problem:
         finding = CANNOT_START.at(
@@ -146,7 +148,7 @@ def become_component(manifest: Manifest, name: str, reporter: SampleReporter) ->
     try:
         become(order_of(name, run, context))
     except CannotStart as problem:
-        finding = cannot_start(manifest, name, problem.message)
+        finding = cannot_start(manifest, problem)
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
 
 

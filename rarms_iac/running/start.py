@@ -19,10 +19,11 @@ class RunningError(Exception):
 class CannotStart(RunningError):
     """The component cannot be started as its `run` in the manifest asks."""
 
-    def __init__(self, component: str, message: str) -> None:
+    def __init__(self, component: str, message: str, advice: str = "") -> None:
         super().__init__(f"{component}: {message}")
         self.component = component
         self.message = message
+        self.advice = advice  # empty: what helps where a program is not found
 
 
 class SupervisorLost(RunningError):
@@ -149,7 +150,8 @@ def environment_of(component: str, run: Run, own: Mapping[str, str]) -> dict[str
     for name, value in run.environment.items():
         if isinstance(value, FromEnvironment):
             if value.name not in own:
-                raise CannotStart(component, f"{name} is to come from the variable {value.name}, which is not set here")
+                message = f"{name} is to come from the variable {value.name}, which is not set here"
+                raise CannotStart(component, message, f"Set {value.name} where rarms runs.")
             environment[name] = own[value.name]
         else:
             environment[name] = value

@@ -102,10 +102,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
             else:
                 order_of(subject.name, subject.run, self._context)
         except CannotStart as problem:
-            return Obstacle(
-                problem.message,
-                "Install what its program or the load needs.",
-            )
+            return Obstacle(problem.message, problem.advice or "Install what its program or the load needs.")
         return None
 
     def execute(self, operation: Operation, scope: Scope) -> None:

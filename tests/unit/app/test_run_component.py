@@ -105,16 +105,27 @@ def test_more_failed_samples_than_allowed_are_the_answer_no(tmp_path: Path) -> N
 
 
 @same_everywhere
-def test_what_cannot_be_started_fails(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("instead_of", "written", "message"),
+    [
+        ("[python3,", "[no-such-program-anywhere,", 'no program "no-such-program-anywhere"'),
+        (
+            "until:",
+            "environment: { A: { from_env: RARMS_NOT_SET } }\n      until:",
+            "Set RARMS_NOT_SET where rarms runs.",
+        ),
+    ],
+)
+def test_what_cannot_be_started_fails(tmp_path: Path, instead_of: str, written: str, message: str) -> None:
     folder = manifest(tmp_path, vision=QUICK)
-    text = (tmp_path / "rarms.yaml").read_text(encoding="utf-8").replace("[python3,", "[no-such-program-anywhere,")
+    text = (tmp_path / "rarms.yaml").read_text(encoding="utf-8").replace(instead_of, written)
     (tmp_path / "rarms.yaml").write_text(text, encoding="utf-8")
 
     ran = rarms("run", "-f", folder)
 
     assert ran.code == 1
     assert "RARMS285" in ran.err
-    assert 'no program "no-such-program-anywhere"' in " ".join(ran.err.split())
+    assert message in " ".join(ran.err.split())
 
 
 def test_programs_get_the_same_as_json(tmp_path: Path) -> None:

@@ -194,6 +194,7 @@ def test_what_cannot_be_started_is_told(tmp_path: Path, run: Run, message: str) 
 
     assert result.value.message.startswith(message)
     assert result.value.component == "vision"
+    assert ("Set RARMS_NOT_SET" in result.value.advice) == ("RARMS_NOT_SET" in message)
 
 
 @pytest.mark.needs("posix")
