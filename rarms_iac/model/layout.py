@@ -123,6 +123,7 @@ class RelaxationKind(Enum):
     """Whether a relaxation is enough, or what was taken for granted where it is not sure."""
 
     CERTAIN = "certain"
+    LOWER_SETTINGS = "lower_settings"  # less is enough for components of which no lower setting was measured
     FEWER_PROCESSORS = "fewer_processors"  # components need no more in each that stays
     COMBINING = "combining"  # components need together the least that they could
     MORE_PROCESSORS = "more_processors"  # what was measured holds on a larger host

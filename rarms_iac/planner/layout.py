@@ -163,6 +163,8 @@ def describe_possibility(way: Relaxation) -> Wording:
     changes = in_a_list(way.changes)
     tune = command("tune", host=way.host) if way.host else command("tune")
     match way.kind:
+        case RelaxationKind.LOWER_SETTINGS:
+            return prose(f"{changes}: ", MEASURE, " may find that less is enough.")
         case RelaxationKind.FEWER_PROCESSORS:
             return prose("Fewer virtual processors may be enough, and ", MEASURE, f" tells: {changes}.")
         case RelaxationKind.COMBINING:

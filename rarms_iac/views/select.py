@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.select import Selection
+from rarms_iac.model.commands import MEASURE, Wording, prose
 from rarms_iac.model.indexes import PerformanceIndex, index_named, show_range, show_threshold, show_value
 from rarms_iac.model.quantities import share_of_host, share_of_processors, show_processors
 from rarms_iac.views.console import paragraph, stack
@@ -20,7 +21,7 @@ def selection_text(selection: Selection) -> "RenderableType":
     return stack(paragraph(head), *(paragraph(line, indent=2) for line in _consequences(selection, index)))
 
 
-def _consequences(selection: Selection, index: PerformanceIndex) -> Iterator[str]:
+def _consequences(selection: Selection, index: PerformanceIndex) -> Iterator[Wording]:
     for level in selection.levels:
         own = share_of_processors(level.reserve, level.processors)
         share = share_of_host(level.reserved_lp, level.host_lp, level.host)
@@ -29,6 +30,8 @@ def _consequences(selection: Selection, index: PerformanceIndex) -> Iterator[str
             expected = level.expected
             bounds = "so far" if index.is_extreme else f"({show_range(index, expected.lower, expected.upper)})"
             yield f"measured there: {show_value(index, expected.value)} {bounds}"
+        if selection.file and not level.measured_below and level.may_be_less:
+            yield prose("no lower setting was measured: ", MEASURE, " may find that less is enough")
     if not selection.depends_on_a_log:
         yield "the manifest fixes its reserve: with `cpu: { reserve: measured }` it follows the APT"
     for headroom in selection.headrooms:

@@ -90,6 +90,17 @@ def apt_relaxations(group: Group, problem: Problem) -> Iterator[RelaxationRange]
         yield RelaxationRange(partitions=(group.name,), amounts=reserves, edits_at=edits_at)
 
 
+def is_lowest_measured(group: Group, problem: Problem) -> bool:
+    """Tell whether a partition's APTs hold at the lowest CR of its data log, so that less may be enough.
+
+    Args:
+        group: a partition.
+        problem: what has no layout.
+    """
+    measured = _measured(group, problem)
+    return measured is not None and 1 < measured[1] <= measured[0].measured[0]
+
+
 def _measured(group: Group, problem: Problem) -> tuple[MeasuredTogether, int] | None:
     """What a partition's reserve rests on, and the CR that its APTs need; None where it is fixed, or not known."""
     source, claims = problem.reservations, problem.claims[group.name]

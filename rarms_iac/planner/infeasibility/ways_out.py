@@ -11,6 +11,7 @@ from rarms_iac.planner.groups import Group
 from rarms_iac.planner.infeasibility.edits import Edit, Edits, RelaxationRange, Variant, VariantPlanner, smallest_edits
 from rarms_iac.planner.infeasibility.relaxations import (
     apt_relaxations,
+    is_lowest_measured,
     memory_relaxations,
     narrowing_relaxations,
     pair_relaxations,
@@ -40,8 +41,9 @@ def ways_out(
 
     Returns:
         Up to `MOST_WAYS_OUT` changes that are enough, one of each kind before a second of any: moving, a lower APT,
-        more of a host, a lower reserve. Before them fewer processors for components that cannot use theirs, which costs
-        nothing; after them what else may be enough, and has to be measured.
+        more of a host, a lower reserve. Before them what costs nothing: lower settings where none was measured, and
+        fewer processors for components that cannot use theirs; after them what else may be enough, and has to be
+        measured.
     """
     planner = VariantPlanner(start=start)
     groups = sorted(problem.groups, key=lambda group: (group.criticality, natural_order(group.name)))
@@ -57,7 +59,16 @@ def ways_out(
     in_turns = (_relaxation(edits) for turn in zip_longest(*kinds, fillvalue=()) for edits in turn if edits)
     sure = list(islice(dict.fromkeys(in_turns), MOST_WAYS_OUT))
     perhaps = (*_combining(problem, conflict, planner), *_ways_with_more_processors(processors, planner))
-    return (*_narrowing(groups, problem, conflict, planner), *sure, *perhaps)
+    free = (*_lower_settings(problem, conflict), *_narrowing(groups, problem, conflict, planner))
+    return (*free, *sure, *perhaps)
+
+
+def _lower_settings(problem: Problem, conflict: Sequence[str]) -> Iterator[Relaxation]:
+    lowest = {group.name for group in problem.groups if is_lowest_measured(group, problem)}
+    names = [name for name in conflict if name in lowest]
+    if names:
+        change = f"No lower setting of {in_a_row(names)} was measured"
+        yield Relaxation(changes=(change,), kind=RelaxationKind.LOWER_SETTINGS)
 
 
 def _relaxation(edits: Edits, kind: RelaxationKind = RelaxationKind.CERTAIN, host: str = "") -> Relaxation:

@@ -39,6 +39,17 @@ def test_a_level_is_written_with_its_comments_and_the_reservation_follows(here: 
     assert "1.22 LP" in rarms("plan", "-f", str(here)).out
 
 
+def test_a_level_that_the_lowest_setting_meets_is_told_to_be_measured_below(here: Path) -> None:
+    measure(here, MEANS)
+    hint = "no lower setting was measured: `rarms measure -f"
+
+    tried = rarms("select", "vision", "--at", "750 ms", "--dry-run", "-f", str(here))
+    lowest = rarms("select", "vision", "--at", "750 ms", "-f", str(here))
+    higher = rarms("select", "vision", "--at", "170 ms", "-f", str(here))
+
+    assert [hint in answer.out for answer in (tried, lowest, higher)] == [False, True, False]
+
+
 def test_what_no_measured_reservation_meets_is_no_and_writes_nothing(here: Path) -> None:
     measure(here, MEANS)
     before = manifest(here)

@@ -87,9 +87,16 @@ def test_where_no_apt_alone_is_enough_several_are_relaxed_together() -> None:
 
 
 def test_nothing_is_offered_below_what_was_measured() -> None:
-    logs: Logs = {(name,): a_log({60: 90}, name) for name in ("path", "vision")}
+    logs: Logs = {("path",): a_log({60: 90}, "path"), ("vision",): a_log({55: 200, 60: 90}, "vision")}
 
-    assert not [way for way in ways(a_robot(("path", "vision")), logs) if LINE.search(in_a_list(way.changes))]
+    offered = ways(a_robot(("path", "vision")), {**logs, ("vision",): a_log({60: 90}, "vision")})
+    assert not [way for way in offered if LINE.search(in_a_list(way.changes))]
+    assert str(describe_possibility(offered[0])) == (
+        "No lower setting of path and vision was measured: `rarms measure` may find that less is enough."
+    )
+
+    first = str(describe_possibility(ways(a_robot(("path", "vision")), logs)[0]))
+    assert first.startswith("No lower setting of path was measured"), "of vision one was, and missed"
 
 
 def pair_in(system: System, logs: Logs) -> str | None:
