@@ -73,6 +73,7 @@ class HostOverview:
     held_by: str = ""  # who runs something on it now, as `hosts.owner` names them; empty: no run that can be seen
     machine: Internal[str] = ""  # its own identity
     serial: Internal[int] = 0  # of the application's runs there
+    undone_serials: Internal[range] = range(0)  # during which stood what the last run took back
 
     @output
     def reserved_lp(self) -> Fraction:
@@ -216,12 +217,12 @@ def _proofs_of_these_hosts(
     }
     present = {host.name: {name for part in host.partitions for name in part.components} for host in hosts}
     seen = {host.name for host in hosts if not host.problems}
-    undone = {host.name: host.serial for host in hosts if host.last_run and host.last_run.run is RunKind.UNDO}
+    undone = {host.name: host.undone_serials for host in hosts}
 
     def outdated(proof: ComponentProof) -> Iterator[str]:
         if proof.component in changed:
             yield "its partition was changed on the host"
-        if proof.host in undone and proof.serial < undone[proof.host]:
+        if proof.serial in undone.get(proof.host, ()):
             yield f"what was applied to {proof.host} was taken back"
         elif proof.host in seen and proof.component not in present[proof.host]:
             yield f"its partition is not on {proof.host}"
@@ -247,14 +248,14 @@ def _holder(hosts: Hosts, name: str) -> str:
 
 def _host_overviews(hosts: Hosts) -> tuple[tuple[HostOverview, ...], tuple[Diagnostic, ...]]:
     """Each chosen host, and the errors that keep the manifest from having a layout on those that were looked at."""
-    seen: dict[str, tuple[State, PastRun | None]] = {}
+    seen: dict[str, tuple[State, Sequence[PastRun]]] = {}
     holders: dict[str, str] = {}
     problems: dict[str, tuple[Diagnostic, ...]] = {}
     for name in hosts.chosen:
         try:
             before = _holder(hosts, name)
             runs = history_of_hosts(hosts.only(name)).hosts.get(name, ())
-            seen[name] = _observe_alone(hosts, name), runs[-1] if runs else None
+            seen[name] = _observe_alone(hosts, name), runs
             holders[name] = before or _holder(hosts, name)  # a run that began or ended meanwhile was seen half
         except UseCaseError as error:
             problems[name] = error.findings
@@ -276,7 +277,7 @@ def _host_overviews(hosts: Hosts) -> tuple[tuple[HostOverview, ...], tuple[Diagn
 
 
 def _host_overview(
-    system: System, name: str, state: State, last_run: PastRun | None, drifted: Sequence[ResourceDrift]
+    system: System, name: str, state: State, runs: Sequence[PastRun], drifted: Sequence[ResourceDrift]
 ) -> HostOverview:
     application = system.application.name
     components = {group.name: tuple(member.name for member in group.members) for group in groups_of(system)}
@@ -285,10 +286,12 @@ def _host_overview(
     }
     own = [partition for partition in state.of(application).partitions if partition.mark]
     names = {partition.mark.name for partition in own if partition.mark}
+    serial = state.serials.get(application, 0)
     return HostOverview(
         name=name,
         machine=state.facts.id,
-        serial=state.serials.get(application, 0),
+        serial=serial,
+        undone_serials=_undone_serials([run for run in runs if run.application == application], serial),
         totals=host_totals(
             system.hosts[name],
             state.facts,
@@ -308,8 +311,16 @@ def _host_overview(
             if partition.mark
         ),
         other_drift=tuple(drift for drift in drifted if drift.address.task or drift.address.partition not in names),
-        last_run=last_run,
+        last_run=runs[-1] if runs else None,
     )
+
+
+def _undone_serials(runs: Sequence[PastRun], serial: int) -> range:
+    """From the apply that the last run took back up to that undo; all, where the host does not remember that apply."""
+    if not runs or runs[-1].run is not RunKind.UNDO:
+        return range(0)
+    since = (ago for ago, run in enumerate(reversed(runs)) if run.run is RunKind.APPLY and run.plan == runs[-1].plan)
+    return range(serial - next(since, serial), serial)
 
 
 def _next_command(

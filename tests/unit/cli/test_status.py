@@ -185,6 +185,23 @@ def test_a_proof_of_a_partition_that_another_tool_changed_is_outdated() -> None:
     assert "planner is outdated: its partition was changed on the host." in changed.out
 
 
+def test_an_undo_outdates_the_proofs_of_what_it_took_back_and_of_nothing_before() -> None:
+    small = MANIFEST.partition("  vision:")[0] + MEASURED
+    Path("rarms.yaml").write_text(small, encoding="utf-8")
+    for command in (["measure"], ["apply", "--auto-approve"], ["prove", "--load-host"], ["destroy", "--auto-approve"]):
+        assert rarms(*command).code == 0
+    assert rarms("undo", "--auto-approve").code == 0
+    stands_again = rarms("status")
+    assert rarms("simulate", "change", "planner", "--off").code == 0
+    for command in (["apply", "--auto-approve"], ["prove", "--load-host"], ["undo", "--auto-approve"]):
+        assert rarms(*command).code == 0
+    taken_back = rarms("status")
+
+    assert "1 of 1 threshold held" in stands_again.out
+    assert "planner is outdated" not in stands_again.out
+    assert "what was applied to onboard was taken back" in " ".join(taken_back.out.split())
+
+
 def test_a_proof_of_a_partition_that_is_not_there_any_more_is_outdated() -> None:
     Path("rarms.yaml").write_text(MANIFEST.partition("  vision:")[0] + MEASURED, encoding="utf-8")
     for command in (["measure"], ["apply", "--auto-approve"], ["prove", "--load-host"], ["destroy", "--auto-approve"]):
