@@ -367,7 +367,7 @@ def _next_proof_command(
     missed = {proof.component for proof in proofs if not proof.met and not proof.samples_needed}
     if missed := missed & {name for name, _, _ in asked}:
         again = command("measure", *sorted(missed), again=True, stop_partitions=True)
-        return NextCommand(command=again, reason="measures again what missed its threshold together with all others")
+        return NextCommand(command=again, reason="finds what would be enough for what missed its threshold")
     stopped = sorted({partition.name for partition in partitions if partition.is_stopped}, key=natural_order)
     if stopped:
         return NextCommand(command=command("start", *stopped), reason="starts what was stopped")

@@ -47,7 +47,7 @@ from rarms_iac.model.system import Component, TaskRequest, run_of
 from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.measuring import MeasuringHost, PartitionShape, PartitionWork, Work
 from rarms_iac.statistics.error_probability import ERROR, samples_needed
-from rarms_iac.statistics.overload import describe_overload
+from rarms_iac.statistics.overload import describe_overload, more_processors_help
 from rarms_iac.statistics.samples import response_times, starts_differ
 from rarms_iac.statistics.verdicts import judge_early, judge_look, samples_to_clear
 
@@ -85,6 +85,19 @@ class AppliedLayout:
     def judged(self) -> tuple[Component, ...]:
         """Those with thresholds, by name."""
         return tuple(component for component in self.components if component.apt)
+
+    def partition_of(self, component: str) -> str:
+        """The name of the partition that it is in; empty: none."""
+        inside = {member.name: name for name, members in self.partitions.items() for member in members}
+        return inside.get(component, "")
+
+    def more_processors_help(self, component: str, overload: Overload) -> bool:
+        """Whether a larger reservation could end an overload; yes where others of its partition may be the reason."""
+        name = self.partition_of(component)
+        reserved, processors = self.reserves.get(name), self.processors.get(name, 0)
+        if not reserved or len(self.partitions[name]) > 1:
+            return True
+        return more_processors_help(overload, reserved / processors, processors)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -266,7 +279,7 @@ def prove(
         interference=conditions.interference,
         layout=layout,
         series=proof.series,
-        verdicts=judge_layout(layout.judged, proof.series, statements=conditions.statements),
+        verdicts=judge_layout(layout, proof.series, statements=conditions.statements),
         starts=proof.starts,
         host_ms=proof.spent_ms,
     )
@@ -323,7 +336,7 @@ class _Proof:
     @property
     def _is_overloaded(self) -> bool:
         """Whether a component was shown to ask for more than it gets."""
-        verdicts = judge_layout(self.layout.judged, self.series, statements=self.conditions.statements)
+        verdicts = judge_layout(self.layout, self.series, statements=self.conditions.statements)
         return any(isinstance(each.verdict, Missed) and each.verdict.overload is not None for each in verdicts)
 
     def _with(self, name: str, part: Series) -> Series:
@@ -408,7 +421,7 @@ def _contenders(layout: AppliedLayout, load: Interference | None) -> tuple[Conte
 
 
 def judge_layout(
-    components: tuple[Component, ...], seen: Mapping[str, Series], *, statements: int | None
+    layout: AppliedLayout, seen: Mapping[str, Series], *, statements: int | None
 ) -> tuple[IndexVerdict, ...]:
     """Judge every index of every component's APT; the error holds for all looks at it together.
 
@@ -416,32 +429,35 @@ def judge_layout(
     the error among all that is said.
 
     Args:
-        components: those with thresholds.
-        seen: the series of each, by name.
+        layout: what ran where.
+        seen: the series of each component with thresholds, by name.
         statements: thresholds, times the loads beside which they are judged; None: beside one.
 
     Returns:
-        A verdict for each index, components in the order given.
+        A verdict for each index, components by name.
     """
-    members = statements or sum(len(component.apt) for component in components)
+    members = statements or sum(len(component.apt) for component in layout.judged)
     return tuple(
-        _judge_index(component, index, seen[component.name], members)
-        for component in components
+        _judge_index(layout, component, index, seen[component.name], members)
+        for component in layout.judged
         for index in component.apt
     )
 
 
-def _judge_index(component: Component, index: str, series: Series, members: int) -> IndexVerdict:
+def _judge_index(layout: AppliedLayout, component: Component, index: str, series: Series, members: int) -> IndexVerdict:
     threshold = component.apt[index]
     verdict = judge_look(series, {index: threshold}, run_of(component), members=members)
     estimate, reason = _estimate_of(verdict)
+    overload = verdict.overload if isinstance(verdict, Missed) else None
+    if overload is not None:
+        reason = describe_overload(overload, helps=layout.more_processors_help(component.name, overload))
     measured = MeasuredIndex(
         component=component.name,
         index=index,
         threshold=threshold,
         estimate=estimate,
         reason=reason,
-        overload=verdict.overload if isinstance(verdict, Missed) else None,
+        overload=overload,
     )
     return IndexVerdict(measured=measured, verdict=verdict, samples_needed=_samples_needed(verdict, series, measured))
 
@@ -452,9 +468,10 @@ def _samples_needed(verdict: Verdict, series: Series, measured: MeasuredIndex) -
         case WithinNoise(judged=(only,)):
             count = samples_to_clear(only, series)
             return None if count is None or count > MOST_SAMPLES else max(ceil(count), len(series.samples) + 1)
-        case TooFewSamples():
-            least = samples_needed(measured.index, measured.threshold)
-            return least if len(series.samples) < least <= MOST_SAMPLES else None
+        case TooFewSamples():  # of so many that depend on one another, twice as many have their bounds sooner or later
+            least, seen = samples_needed(measured.index, measured.threshold), len(series.samples)
+            count = least if seen < least else 2 * seen
+            return count if count <= MOST_SAMPLES else None
         case _:
             return None
 
@@ -462,8 +479,8 @@ def _samples_needed(verdict: Verdict, series: Series, measured: MeasuredIndex) -
 def _estimate_of(verdict: Verdict) -> tuple[Estimate | None, str]:
     """What the verdict on a single index rests on, or why there is nothing."""
     match verdict:
-        case Missed(overload=Overload() as overload):
-            return None, describe_overload(overload)
+        case Missed(overload=Overload()):
+            return None, ""
         case Met(judged=(only,)) | Missed(judged=(only,)) | WithinNoise(judged=(only,)):
             return only.estimate, ""
         case Unsteady(reason=reason) | TooFewSamples(reason=reason):

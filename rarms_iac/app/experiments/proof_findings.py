@@ -15,7 +15,7 @@ from rarms_iac.measuring.prove import IndexVerdict, LayoutProof
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.indexes import index_named, show_threshold
-from rarms_iac.model.outcomes import Met, Missed, Overload, TooFewSamples, TooManyFailures, Unsteady, WithinNoise
+from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, WithinNoise
 from rarms_iac.model.quantities import Unit, show_processors
 from rarms_iac.model.state import State
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
@@ -23,7 +23,6 @@ from rarms_iac.model.totals import host_totals
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.curves import threshold_met_by
-from rarms_iac.statistics.overload import more_processors_help
 
 HUNDREDTHS = 100
 """LPs are told in hundredths, rounded up where they are asked for."""
@@ -151,17 +150,10 @@ def _reserves(measured: MeasuredIndex, ways: WaysOut) -> Iterator[str]:
 def _ways_out(hosts: Hosts, proof: LayoutProof, verdict: IndexVerdict, free: Mapping[str, Fraction]) -> WaysOut:
     measured, layout = verdict.measured, proof.layout
     name = measured.component
-    partition, members = next(
-        (
-            (partition, each)
-            for partition, each in layout.partitions.items()
-            if name in {member.name for member in each}
-        ),
-        ("", ()),
-    )
+    partition = layout.partition_of(name)
     reserved = layout.reserves.get(partition)
     reserved_lp = None if reserved is None else Fraction(reserved).limit_denominator(HUNDREDTHS**2)
-    others = tuple(member.name for member in members if member.name != name)
+    others = tuple(member.name for member in layout.partitions.get(partition, ()) if member.name != name)
     asked = None if reserved_lp is None else _asked_lp(measured, reserved_lp)
     component = hosts.system.components[name]
     elsewhere = {
@@ -169,12 +161,8 @@ def _ways_out(hosts: Hosts, proof: LayoutProof, verdict: IndexVerdict, free: Map
         for other, free_lp in free.items()
         if asked is not None and other != proof.host and component.may_run_on(other) and free_lp >= asked
     }
-    helps = True
-    if isinstance(overload := measured.overload, Overload) and reserved and not others:
-        processors = layout.processors[partition]
-        helps = more_processors_help(overload, float(reserved) / processors, processors)
     return WaysOut(
-        helps=helps,
+        helps=measured.overload is None or layout.more_processors_help(name, measured.overload),
         reserved_lp=reserved_lp,
         asked_lp=asked,
         free_lp=free.get(proof.host, Fraction(0)),

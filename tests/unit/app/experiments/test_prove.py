@@ -1,23 +1,27 @@
 """`rarms prove`, from words to exit codes: verdicts with their error, on what is applied and nothing else."""
 
 import json
+import random
 import re
 from collections.abc import Iterator
 from contextlib import chdir
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from rarms_iac.measuring.prove import STARTS, AppliedLayout, LayoutProof, ProofConditions
+from laboratory.benchmarks.verdicts import noisy, series_of
+from rarms_iac.measuring.prove import STARTS, AppliedLayout, LayoutProof, ProofConditions, judge_layout
 from rarms_iac.measuring.prove import prove as run_proof
-from rarms_iac.model.outcomes import TooManyFailures
+from rarms_iac.model.outcomes import TooFewSamples, TooManyFailures
 from rarms_iac.model.state import Partition
+from rarms_iac.model.system import AtMost
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage.datalog.decisions import Proven, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
-from tests.builders import a_host
+from tests.builders import a_component, a_host
 from tests.unit.cli.running import Ran, rarms
 
 MANIFEST = """\
@@ -224,7 +228,7 @@ def test_a_weaker_proof_takes_no_miss_back(here: Path) -> None:
     assert "of 3 thresholds held together with all other components beside busy-loop" in text
     assert "vision, mean_response_time at most 30 ms: missed" in text
     assert "3 of 3 thresholds held together with all other components beside no load" in text
-    assert "measures again what missed its threshold" in text
+    assert "finds what would be enough for what missed its threshold" in text
     assert prove().code == 4
     assert "beside no load" not in rarms("status").out, "what was proven beside a load since is more"
 
@@ -277,6 +281,23 @@ def test_a_component_that_is_overloaded_misses_a_threshold_that_no_job_has_passe
     text = prove().out
     assert int(re.search(r"in (\d+) starts?", " ".join(text.split())).group(1)) < STARTS  # type: ignore[union-attr]  # it is told
     assert "missed, overloaded: needs 1.3" in " ".join(text.split())
+
+    change(here, "work: 20 ms, varies: 10 %", "work: 1 ms, blocked: 20 ms")
+    text = " ".join(prove().out.split())
+    assert "missed, overloaded: a job is due every 15 ms, and one ends every 2" in text, "it waits: LPs say nothing"
+
+
+def test_samples_that_depend_on_one_another_too_strongly_ask_for_twice_as_many() -> None:
+    component = a_component("vision", apt={"mean_response_time": AtMost(value=Fraction(99))})
+    layout = AppliedLayout(
+        application="robot", host_processors=2, reserved=Fraction(1), partitions={}, on_host=(component,)
+    )
+    series = series_of(noisy(random.Random(1), 64, 0.05, 0.95))
+    (verdict,) = judge_layout(layout, {"vision": series}, statements=None)
+
+    assert isinstance(verdict.verdict, TooFewSamples)
+    assert "depend on one another" in verdict.measured.reason
+    assert verdict.samples_needed == 128
 
 
 def test_a_threshold_that_is_missed_is_told_with_its_error(here: Path) -> None:
