@@ -125,7 +125,7 @@ def read_percent(text: str) -> int:
     except NotAQuantity:
         value = None
     if value is None or value.denominator != 1 or not 1 <= value <= 100:
-        raise ValueError(f"{quoted(text)} is no whole per cent from 1 to 100, as 10%.")
+        raise ValueError(f"{quoted(text)} is not a whole per cent from 1% to 100%, with its sign, as 10%.")
     return int(value)
 
 

@@ -266,11 +266,12 @@ def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Meth
     asked_reserve = max(method.reserves, default=0) if isinstance(method, Sweep) else 0
     if available.highest_reserve == 0 or asked_reserve > available.highest_reserve:
         message = (
-            f"{host} can give P1 at most {available.highest_reserve} % of each of its "
-            f"{experiment.setup.processors} processors, "
-            "and P2 some memory beside it."
+            f"{host} can give P1, the partition of {experiment.name}, at most {available.highest_reserve} % of each of "
+            f"its {experiment.setup.processors} processors, and P2, that of the load, some memory beside it."
         )
-        advice = "Stop other machines, lower keep_for_host, give the component less memory, or ask for lower settings."
+        advice = "Stop other machines, lower keep_for_host, or give the component less memory."
+        if available.highest_reserve:
+            advice = f"End there: `--to {available.highest_reserve}%`. Or stop other machines, or lower keep_for_host."
         values: Facts = {
             "host": host,
             "highest_reserve_percent": available.highest_reserve,

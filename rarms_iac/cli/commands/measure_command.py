@@ -36,7 +36,7 @@ from rarms_iac.views.tune import manifest_changes, tuned_text
 class SettingsToMeasure:
     """The settings of the performance measurement mode; none: a search."""
 
-    first: int | None = option("--from", metavar="PERCENT", read=read_percent, help="Measure from here ...")
+    first: int | None = option("--from", metavar="PERCENT", read=read_percent, help="Measure from here, as 10%, ...")
     last: int | None = option("--to", metavar="PERCENT", read=read_percent, help="... to here ...")
     step: int | None = option("--step", metavar="PERCENT", read=read_percent, help="... so far apart, all of it.")
 

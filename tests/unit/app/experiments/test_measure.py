@@ -141,7 +141,9 @@ def test_the_papers_walk_wants_the_host_to_itself(here: Path) -> None:
 
     assert refused(rarms("measure", "--strategy", "paper")) == (3, "RARMS116")
     assert max(reserves(measured("--from", "50%", "--to", "90%", "--step", "40%"))) == 90
-    assert refused(rarms("measure", "--from", "50%")) == (4, "RARMS117")
+    above = rarms("measure", "--from", "50%")
+    assert refused(above) == (4, "RARMS117")
+    assert "End there: `--to 90%`." in above.err
     assert refused(rarms("measure", "--from", "50%", "--to", "100%", "--step", "50%")) == (4, "RARMS117")
 
 
