@@ -46,7 +46,7 @@ def write_and_advise(session: Session, path: str, plan: Plan) -> None:
         )
     else:
         advice = f" Apply it with: rarms apply {path}" if plan.has_changes else ""
-    session.terminal.talk(f"Wrote the plan to {path}.{advice}")
+    session.terminal.tell(f"Wrote the plan to {path}.{advice}")
 
 
 def finish_first(

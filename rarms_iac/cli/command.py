@@ -102,7 +102,7 @@ def _from_above(context: click.Context, session: Session, request: T) -> T:
     found = find_manifest_above()
     if found is None:
         return request
-    session.terminal.talk(f"The manifest is {found}.")
+    session.terminal.tell(f"The manifest is {found}.")
     return replace(request, manifest=found)
 
 
@@ -123,7 +123,7 @@ def _repeat_in_advice(context: click.Context, session: Session, source: Manifest
 def _name_robot(session: Session, source: ManifestSource) -> None:
     """Say which robot all that follows is about; hosts have the same names on each."""
     if source.overlays and all(os.path.lexists(overlay) for overlay in source.overlays):
-        session.terminal.talk(f"The robot is {robot_of(source.overlays)}.")
+        session.terminal.tell(f"The robot is {robot_of(source.overlays)}.")
 
 
 def parameters_of(request: type) -> list[click.Parameter]:

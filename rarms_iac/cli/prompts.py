@@ -93,7 +93,7 @@ class TerminalLevelPrompt:
 
     def written(self, outcome: Selection) -> None:
         """Say where it was written."""
-        self._terminal.talk(f"Written to {Path(outcome.file).as_posix()}.")
+        self._terminal.tell(f"Written to {Path(outcome.file).as_posix()}.")
 
 
 class TerminalTuningPrompt(TuningProgress):

@@ -87,6 +87,9 @@ class Screen(Protocol):
     def talk(self, content: "RenderableType") -> None:
         """Write what is said beside it."""
 
+    def tell(self, text: str) -> None:
+        """Write sentences beside it, wrapped between words."""
+
     def flush(self) -> None:
         """Show all of it now."""
 
@@ -99,7 +102,7 @@ class FailureReporter(SampleReporter):
 
     def place_chosen(self, message: str) -> None:
         """Say it beside the samples."""
-        self._screen.talk(message)
+        self._screen.tell(message)
 
     def ended(self, result: ComponentRunResult, last_words: str) -> None:
         """Show the last lines."""

@@ -4,7 +4,7 @@ import re
 from typing import TYPE_CHECKING
 
 from rarms_iac.storage.finding_pages import known_codes
-from rarms_iac.views.console import columns, indented, paragraph, stack, styled
+from rarms_iac.views.console import columns, paragraph, stack, styled
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -43,7 +43,6 @@ def page_text(page: str) -> "RenderableType":
 
 
 def _code(line: str) -> "RenderableType":
-    """A line of an example, whole however narrow the terminal is: broken anew it would not be what rarms shows."""
-    text = styled(line)
-    text.no_wrap = True
-    return indented(text, 4) if line else ""
+    """A line of an example: where it is longer than the terminal, the rest stands below its first word."""
+    text = line.lstrip()
+    return paragraph(text, indent=4 + len(line) - len(text))

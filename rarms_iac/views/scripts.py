@@ -102,12 +102,3 @@ def _detail(detail: Detail) -> "RenderableType":
     after = "(not there)" if detail.new is None else detail.new
     values = after if detail.old is None else f"{detail.old} -> {after}"
     return paragraph(f"{detail.name}  {values}", indent=6, more=2)
-
-
-def snapshot_script_text(path: str, name: str) -> str:
-    """Say how the script that looks, written to a path, is run on its host."""
-    return (
-        f"Wrote {path}. Run it on the host as administrator, and take what it prints along:\n"
-        f"  powershell -NoProfile -ExecutionPolicy RemoteSigned -File {name} > host.json\n"
-        "Plan from it with: rarms plan --snapshot HOST=host.json"
-    )

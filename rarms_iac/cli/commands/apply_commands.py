@@ -115,7 +115,7 @@ def _abandon(session: Session, live: tuple[LiveHost, ...], how: RunOptions) -> E
     reports = abandon_runs(live, waits=how.waits)
     for name, report in reports.items():
         if report.ending is RunEnding.DONE:
-            session.terminal.talk(f"{name}: the unfinished run is closed, and the host stays as it is.")
+            session.terminal.tell(f"{name}: the unfinished run is closed, and the host stays as it is.")
     return report_end(session, combine_reports(list(reports.values())))
 
 

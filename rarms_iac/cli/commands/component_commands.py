@@ -40,7 +40,7 @@ def select_command(session: Session, request: SelectRequest, source: ManifestSou
         return ExitCode.DONE
     session.terminal.show(selection_text(selection))
     tell(session.terminal, selection.findings, manifest.sources)
-    session.terminal.talk(f"Written to {selection.file}." if selection.file else "Nothing was written.")
+    session.terminal.tell(f"Written to {selection.file}." if selection.file else "Nothing was written.")
     return ExitCode.DONE
 
 

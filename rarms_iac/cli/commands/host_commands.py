@@ -24,7 +24,6 @@ from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.views.doctor import doctor_as
 from rarms_iac.views.drift import drift_text
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.scripts import snapshot_script_text
 from rarms_iac.views.status import history_text, status_text
 
 
@@ -55,7 +54,7 @@ def doctor_command(
     examined = examine_hosts(hosts)
     if file.report is not None:
         write_new_file(file.report, json_of(report_examinations(hosts, examined)).encode("ascii"))
-        session.terminal.talk(f"Wrote {file.report}: no names and no secrets. Send it with an issue.")
+        session.terminal.tell(f"Wrote {file.report}: no names and no secrets. Send it with an issue.")
     write_outputs(session.terminal, outputs, lambda form: doctor_as(form, examined, hosts.manifest.sources))
     return ExitCode.FOUND if has_errors(examined.findings) else ExitCode.DONE
 
@@ -134,7 +133,7 @@ def snapshot_command(
         else:
             path = (Path(out) / f"{name}.json").as_posix() if into_folder else out
             write_file(path, data)
-            session.terminal.talk(f"Wrote {path}. Plan from it with: rarms plan --snapshot {name}={path}")
+            session.terminal.tell(f"Wrote {path}. Plan from it with: rarms plan --snapshot {name}={path}")
     return ExitCode.DONE
 
 
@@ -145,7 +144,9 @@ def _script(session: Session, out: str | None) -> ExitCode:
         return ExitCode.DONE
     path = (Path(out) / OBSERVE_NAME).as_posix() if Path(out).is_dir() else out
     write_file(path, text.encode("ascii"))
-    session.terminal.talk(snapshot_script_text(path, Path(path).name))
+    session.terminal.tell(f"Wrote {path}. Run it on the host as administrator, and take what it prints along:")
+    session.terminal.talk(f"  powershell -NoProfile -ExecutionPolicy RemoteSigned -File {Path(path).name} > host.json")
+    session.terminal.tell("Plan from it with: rarms plan --snapshot HOST=host.json")
     return ExitCode.DONE
 
 

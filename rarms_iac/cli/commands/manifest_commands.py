@@ -41,7 +41,7 @@ def init_command(session: Session, options: InitOptions) -> ExitCode:
     if session.as_json:
         session.terminal.data(json_of(written))
     else:
-        session.terminal.talk(f"Wrote {written.files[0]}, and {written.files[1]} for your editor.")
+        session.terminal.tell(f"Wrote {written.files[0]}, and {written.files[1]} for your editor.")
         folder = Path(written.files[0]).parent.as_posix()
         enter = "" if folder == "." else f"cd {shlex.quote(folder)}, "
         session.terminal.tell(f"Edit it, then: {enter}rarms validate, rarms measure, rarms plan, rarms apply.")
@@ -104,7 +104,7 @@ def fmt_command(session: Session, options: FmtOptions) -> ExitCode:
     elif not options.diff:
         for file in changed:
             if file.path != STANDARD_INPUT:
-                session.terminal.talk(f"{file.file}: {'would be formatted' if options.check else 'formatted'}")
+                session.terminal.tell(f"{file.file}: {'would be formatted' if options.check else 'formatted'}")
     return ExitCode.FOUND if options.check and changed else ExitCode.DONE
 
 

@@ -98,7 +98,7 @@ def _exit_code(session: Session, outcome: MeasureOutcome) -> ExitCode:
     if outcome.stopped:
         return stopped(session)
     if outcome.ended:
-        session.terminal.talk("Ended. What is measured and written stays: the same command goes on.")
+        session.terminal.tell("Ended. What is measured and written stays: the same command goes on.")
         return session.interrupts.exit_code or measured(outcome.findings)
     return measured(outcome.findings)
 
@@ -107,7 +107,7 @@ def _show_scripts(session: Session, hosts: Hosts, request: MeasureRequest, out: 
     scripts = measuring_scripts(hosts, request)
     if out is not None:
         for path in write_scripts(scripts, out):
-            session.terminal.talk(f"Wrote {path}.")
+            session.terminal.tell(f"Wrote {path}.")
         return ExitCode.DONE
     for script in scripts:
         session.terminal.data(f"# {script.name}\n")
@@ -122,7 +122,7 @@ def _combine(session: Session, hosts: Hosts, request: TuneRequest, control: Cont
     outcome = combine_if_wanted(hosts, request, prompt, control)
     prompt.ended()
     if outcome.ended:
-        session.terminal.talk(
+        session.terminal.tell(
             prose("Ended. What is measured and written stays: ", command("tune"), " goes on with combining.")
         )
         return session.interrupts.exit_code or ExitCode.DONE

@@ -83,7 +83,7 @@ def report_command(session: Session, options: ReportOptions, source: ManifestSou
         session.terminal.data(page.decode("utf-8"))
         return ExitCode.DONE
     write_file(file, page)
-    session.terminal.talk(f"Wrote {file}. Open it in a browser.")
+    session.terminal.tell(f"Wrote {file}. Open it in a browser.")
     return ExitCode.DONE
 
 
@@ -123,5 +123,5 @@ def export_command(session: Session, options: ExportOptions, source: ManifestSou
         except TooManyRows as problem:
             raise UseCaseError(Outcome.NEGATIVE, [problem.finding()]) from None
     write_file(options.file, data)
-    session.terminal.talk(f"Wrote {options.file}.")
+    session.terminal.tell(f"Wrote {options.file}.")
     return ExitCode.DONE

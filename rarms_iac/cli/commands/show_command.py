@@ -28,6 +28,7 @@ from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import Findings, has_errors
 from rarms_iac.model.plan import Plan
 from rarms_iac.powershell.templates import ScriptForm
+from rarms_iac.views.console import paragraph
 from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.scripts import difference_text, left_out, script_text
@@ -112,7 +113,7 @@ def _show_scripts(session: Session, plan: Plan, hosts: tuple[str, ...], options:
         written = scripts_to_write(scripts, selected, selection)
         _write(session, written, options.out)
         for sentence in left_out(plan, scripts, written):
-            session.terminal.talk(sentence)
+            session.terminal.tell(sentence)
         return ExitCode.DONE
     inspect_scripts(selected)
     against = options.against
@@ -129,14 +130,14 @@ def _show_scripts(session: Session, plan: Plan, hosts: tuple[str, ...], options:
         for script in selected:
             _show_script(session, script.name, script.text)
     for sentence in left_out(plan, scripts, selected):
-        session.terminal.talk(sentence)
+        session.terminal.tell(sentence)
     return ExitCode.DONE
 
 
 def _write(session: Session, scripts: Sequence[PlanScript], folder: str) -> None:
     inspect_scripts(scripts)
     for path in write_scripts(scripts, folder):
-        session.terminal.talk(f"Wrote {path}.")
+        session.terminal.tell(f"Wrote {path}.")
 
 
 def _check(session: Session, path: str) -> ExitCode:
@@ -147,7 +148,7 @@ def _check(session: Session, path: str) -> ExitCode:
     elif findings:
         session.terminal.show(findings_text(findings, {path: text}))
     else:
-        session.terminal.data(f"{path} may run: it is made as rarms makes its scripts, for some values.\n")
+        session.terminal.show(paragraph(f"{path} may run: it is made as rarms makes its scripts, for some values."))
     return ExitCode.FOUND if has_errors(findings) else ExitCode.DONE
 
 
@@ -158,7 +159,7 @@ def _show_transport(session: Session, out: str | None) -> ExitCode:
     if out is not None:
         receiver = transport_scripts()[RECEIVE_NAME].replace("\n", "\r\n")
         for path in write_installable_module(out, receiver):
-            session.terminal.talk(f"Wrote {path}.")
+            session.terminal.tell(f"Wrote {path}.")
         return ExitCode.DONE
     headings = {
         "loader.ps1": "loader.ps1, given to ssh as one command",

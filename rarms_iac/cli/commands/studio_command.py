@@ -58,7 +58,7 @@ def studio_command(session: Session, source: ManifestSource, options: StudioOpti
     )
     with _announcing(session, no_open=options.no_open) as announce:
         serve(settings, session.interrupts, announce)
-    session.terminal.talk("The studio is closed.")
+    session.terminal.tell("The studio is closed.")
     return ExitCode.DONE
 
 
@@ -74,7 +74,7 @@ def _announcing(session: Session, *, no_open: bool) -> Iterator[Callable[[str], 
         def announce(address: str) -> None:
             replace_file(page, _leading_to(address))
             page.chmod(0o600)
-            session.terminal.talk(f"The studio is open until Ctrl-C. If no browser shows it, open {page}.")
+            session.terminal.tell(f"The studio is open until Ctrl-C. If no browser shows it, open {page}.")
             # NOTE: in a thread. Some browsers are waited for, and this one would wait for the page meanwhile.
             Thread(target=webbrowser.open, args=(page.as_uri(),), daemon=True).start()
 

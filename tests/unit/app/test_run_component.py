@@ -269,13 +269,16 @@ def on_linux(folder: Path, component: str = "", settings: str = "") -> Path:
 
 
 @pytest.mark.needs("linux")
-def test_what_runs_here_has_no_reservation_of_another_machine(linux_folder: Path) -> None:
+def test_what_runs_here_has_no_reservation_of_another_machine(
+    linux_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     on_linux(linux_folder, settings=" }, connect: { ssh: cell")
+    monkeypatch.setenv("COLUMNS", "60")
 
     ran = rarms("run", "-f", str(linux_folder), "--samples", "2")
 
     assert ran.code == 0, ran.err
-    assert "vision runs here, without a reservation: its host is another machine." in " ".join(ran.err.split())
+    assert "vision runs here, without a reservation: its host is another\nmachine.\n" in ran.err
 
 
 @pytest.mark.needs("control-groups")

@@ -32,7 +32,9 @@ def test_a_page_becomes_text_of_eighty_columns_with_its_code_as_written() -> Non
     assert text.endswith("\nend\n")
 
 
-def test_an_example_on_a_page_keeps_its_lines_however_long() -> None:
-    example = "  face-detection 70 %, speech-recognition 30 % and path-planning 20 % need 120 % of the two processors."
+def test_a_line_of_an_example_goes_on_below_its_first_word() -> None:
+    first, second = "face-detection 70 %, speech-recognition 30 % and path-planning 20 % need", "120 % of the two."
 
-    assert f"    {example}\n" in render(page_text(f"# T\n\n```\nerror\n{example}\n```\n"))
+    text = render(page_text(f"# T\n\n```\nerror\n  {first} {second}\n```\n"))
+
+    assert f"      {first}\n      {second}\n" in text
