@@ -322,8 +322,7 @@ def _host(explanation: Explanation) -> Iterator[str]:
         condition = "once its reservation is known" if explanation.wanted_lp is None else "if it could be there"
         yield f"{name}, {condition}: it has {show_processors(whole)}"
     elif layout is None:
-        amount = f"{share(place.partition.reserved)} of its {show_processors(whole)}"
-        yield f"{name} has no room for it now; it would take {amount}"
+        yield f"{name}, once there is a layout: {share(place.partition.reserved)} of its {show_processors(whole)}"
     else:
         yield f"{name}: {share(place.partition.reserved)} of its {show_processors(whole)}"
     if partition.current_host == place.host.name:

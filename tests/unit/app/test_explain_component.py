@@ -152,6 +152,14 @@ def test_what_was_not_measured_is_walked_as_far_as_it_is_known(here: Path) -> No
     assert "RARMS100" in said["no layout"]
 
 
+def test_a_fixed_reserve_has_its_host_once_what_another_needs_is_known(here: Path) -> None:
+    edit(here / "rarms.yaml", "components:\n", "components:\n  log: { criticality: 1, cpu: { reserve: 0.1 LP } }\n")
+
+    assert steps(here, "log", 4)["host"].startswith(
+        "onboard, once there is a layout: 0.1 LP (5 % of onboard) of its 2 LP"
+    )
+
+
 def test_what_keeps_a_layout_from_being_is_said_once(here: Path) -> None:
     ran = rarms("explain", "vision", "-f", str(here))
 
