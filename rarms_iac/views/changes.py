@@ -3,11 +3,12 @@
 Everything here is text in the words and units of the manifest; nothing is laid out.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import assert_never
 
-from rarms_iac.model.changes import Adopt, Change, Create, Delete, Forced, Release, Resource, Update
+from rarms_iac.model.changes import Adopt, Change, Create, Delete, Forced, Release, Resource, Update, count
+from rarms_iac.model.plan import HostPlan
 from rarms_iac.model.quantities import (
     guaranteed,
     share_of_host,
@@ -44,6 +45,35 @@ def describe_disruption(change: Change) -> str:
             return "made again" if isinstance(change, Update) else "removed"
         case _:
             assert_never(change.disruption)
+
+
+def tasks_of_created(changes: Sequence[Change]) -> dict[str, list[str]]:
+    """The task classes that are added with their partition, by its name: they stand in its line."""
+    created = {change.address.partition for change in changes if isinstance(change, Create) and not change.address.task}
+    tasks: dict[str, list[str]] = {}
+    for change in changes:
+        if isinstance(change, Create) and change.address.is_in_guest and change.address.partition in created:
+            tasks.setdefault(change.address.partition, []).append(change.address.task)
+    return tasks
+
+
+COUNTED = {"add": "added", "change": "changed", "remove": "removed", "adopt": "adopted", "release": "released"}
+"""What a plan counts, and how it is said when it is done."""
+
+
+def describe_counts(hosts: Iterable[HostPlan], *, done: bool) -> str:
+    """`6 to add (2 task classes with their partitions), 0 to change, 0 to remove`, or `6 added ...` when done."""
+    changes = [part.changes for part in hosts]
+    counts = count(change for own in changes for change in own)
+    words = {
+        name: f"{counts[name]} {past if done else 'to ' + name}"
+        for name, past in COUNTED.items()
+        if counts[name] or name not in {"adopt", "release"}
+    }
+    if tasks := sum(len(names) for own in changes for names in tasks_of_created(own).values()):
+        kind, owner = ("task class", "its partition") if tasks == 1 else ("task classes", "their partitions")
+        words["add"] += f" ({tasks} {kind} with {owner})"
+    return ", ".join(words.values())
 
 
 def members_of(partition: str, components: Mapping[str, Sequence[str]]) -> str:

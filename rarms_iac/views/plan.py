@@ -9,7 +9,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, assert_never
 
 from rarms_iac.applying.undo import is_removal
-from rarms_iac.model.changes import Change, Create, Delete, Reason, Update, count
+from rarms_iac.model.changes import Change, Create, Delete, Reason, Update
 from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Place, Sources
 from rarms_iac.model.host import Connect, LinuxHost, Receiver, WinRmConnect
@@ -20,7 +20,15 @@ from rarms_iac.model.quantities import guaranteed, share_of_host, show_bytes, sh
 from rarms_iac.model.state import Mark, Partition, StoppedBy
 from rarms_iac.model.totals import HostTotals
 from rarms_iac.model.wording import counted, in_a_row, natural_order
-from rarms_iac.views.changes import SYMBOLS, AttributeText, attributes_of, describe_disruption, members_of
+from rarms_iac.views.changes import (
+    SYMBOLS,
+    AttributeText,
+    attributes_of,
+    describe_counts,
+    describe_disruption,
+    members_of,
+    tasks_of_created,
+)
 from rarms_iac.views.console import BAD, CHANGED, DIM, GOOD, NOTE, STRONG, paragraph, stack, styled, table
 from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.harmless import visible
@@ -125,10 +133,7 @@ def summary(plan: Plan) -> str:
 
 
 def _counts(plan: Plan) -> str:
-    counts = count(change for part in plan.hosts for change in part.changes)
-    parts = [f"{counts['add']} to add", f"{counts['change']} to change", f"{counts['remove']} to remove"]
-    parts += [f"{counts[name]} to {name}" for name in ("adopt", "release") if counts[name]]
-    return f"Plan: {', '.join(parts)}."
+    return f"Plan: {describe_counts(plan.hosts, done=False)}."
 
 
 def _nothing(plan: Plan) -> str:
@@ -269,16 +274,12 @@ def _short_changes(part: HostPlan) -> "Iterator[RenderableType]":
         for change in part.changes
         if isinstance(change, Create | Delete) and isinstance(_resource(change), Partition)
     ]
-    created = {change.address.partition for change in machines if isinstance(change, Create)}
-    classes: dict[str, list[str]] = {}
-    for change in part.changes:
-        if isinstance(change, Create) and change.address.task and change.address.partition in created:
-            classes.setdefault(change.address.partition, []).append(change.address.task)
+    classes = tasks_of_created(part.changes)
     if machines:
         machines.sort(key=lambda change: (natural_order(change.address.partition), change.address))
         yield table([_row(change, part, classes) for change in machines], right=(1, 2), wrap=(0, 3), indent=2)
     for change in part.changes:
-        if change not in machines and not (change.address.is_in_guest and change.address.partition in created):
+        if change not in machines and change.address.task not in classes.get(change.address.partition, ()):
             yield _line(change, part)
 
 

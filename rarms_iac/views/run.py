@@ -19,13 +19,12 @@ from rarms_iac.applying.run_report import (
     StepEnded,
 )
 from rarms_iac.applying.run_script import UndoneStep
-from rarms_iac.model.changes import count
 from rarms_iac.model.commands import APPLY, UNDO, Wording, prose
 from rarms_iac.model.journal import RunKind, RunStarted, ScriptStarted, StepStatus
 from rarms_iac.model.plan import HostPlan, UndoLevel
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.wording import counted
-from rarms_iac.views.changes import members_of
+from rarms_iac.views.changes import describe_counts, members_of
 from rarms_iac.views.console import paragraph, show_seconds, stack
 from rarms_iac.views.harmless import visible
 from rarms_iac.views.json_output import json_of
@@ -230,7 +229,7 @@ def _reported_host(report: HostReport, *, partial: bool) -> str:
         return f"{begun} not complete: {steps}, {remaining} of {report.total} left."
     if report.host_plan is not None and report.host_plan.changes:
         unchanged = f", {report.unchanged} had nothing to do" if report.unchanged else ""
-        steps = f"{_resources(report.host_plan)} ({counted(report.total, 'step')}{unchanged})"
+        steps = f"{describe_counts([report.host_plan], done=True)} ({counted(report.total, 'step')}{unchanged})"
     return f"{begun} complete: {steps}.{_reserved(report.host_plan)}"
 
 
@@ -240,15 +239,6 @@ def _reserved(part: HostPlan | None) -> str:
     if totals is None:
         return ""
     return f" {show_processors(totals.reserved_lp)} of {show_processors(totals.host_lp)} are reserved."
-
-
-def _resources(part: HostPlan) -> str:
-    counts = count(part.changes)
-    parts = [f"{counts['add']} added", f"{counts['change']} changed", f"{counts['remove']} removed"]
-    parts += [
-        f"{counts[name]} {word}" for name, word in (("adopt", "adopted"), ("release", "released")) if counts[name]
-    ]
-    return ", ".join(parts)
 
 
 class StepLines(RunReporter):

@@ -21,7 +21,18 @@ from rarms_iac.views.graph import graph_text, mermaid_quoted
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.run import RunProgress, run_text, undo_text
 from tests.builders import the_delivery_robot
-from tests.builders_plan import create, facts, host_plan, partition, placed_partition, plan, settings, step, update
+from tests.builders_plan import (
+    create,
+    facts,
+    host_plan,
+    partition,
+    placed_partition,
+    plan,
+    settings,
+    step,
+    task,
+    update,
+)
 from tests.unit.views.test_json import check
 
 
@@ -92,19 +103,24 @@ def test_a_run_says_how_it_ended_and_what_is_left() -> None:
 
 def test_an_apply_counts_the_resources_as_the_plan_did() -> None:
     report = a_report(RunEnding.DONE, changed=3)
-    changes = (create(partition(settings("speech"))), update(partition(settings()), partition(settings(reserve=30))))
+    added = (
+        create(partition(settings("speech"))),
+        create(task("Heard", inside="speech")),
+        create(task("Said", inside="speech")),
+    )
+    changes = (*added, update(partition(settings()), partition(settings(reserve=30))))
     promised = host_plan(changes=changes, totals=Totals(percent=140, memory=0))
     applied = replace(promised, components={"speech": ("recognition", "synthesis")})
     done = replace(report, hosts=tuple(replace(host, host_plan=applied) for host in report.hosts))
 
-    assert render(run_text(done), 160) == (
-        "onboard: Apply of plan 0123456789ab complete: 1 added, 1 changed, 0 removed "
-        "(4 steps, 1 had nothing to do). 1.4 LP of 2 LP are reserved.\n"
+    assert render(run_text(done), 200) == (
+        "onboard: Apply of plan 0123456789ab complete: 3 added (2 task classes with their partitions), 1 changed, "
+        "0 removed (4 steps, 1 had nothing to do). 1.4 LP of 2 LP are reserved.\n"
     )
     check(json_of(done))
     (host,) = json.loads(json_of(done))["hosts"]
     assert host["totals"]["reserved_lp"] == 1.4
-    assert [change["reserved_lp"] for change in host["changes"]] == [0.8, 0.6]
+    assert [change["reserved_lp"] for change in host["changes"]] == [0.8, None, None, 0.6]
     assert host["components"] == {"speech": ["recognition", "synthesis"]}
 
 

@@ -45,7 +45,11 @@ def test_a_partition_that_is_new_is_one_line_with_its_components_share_and_memor
         components={"vision": ("vision", "speech")},
     )
 
-    assert "  + vision [vision, speech]  0.3 LP  512 MiB  task MotionControl" in lines_of(plan(part))
+    lines = lines_of(plan(part))
+
+    assert "  + vision [vision, speech]  0.3 LP  512 MiB  task MotionControl" in lines
+    assert lines[-1] == "Plan: 2 to add (1 task class with its partition), 0 to change, 0 to remove."
+    assert lines_of(plan(host_plan(changes=[create(task())])))[-1] == "Plan: 1 to add, 0 to change, 0 to remove."
 
 
 def test_a_change_shows_what_differs_and_verbosely_its_reason_its_line_and_the_rest() -> None:
