@@ -15,6 +15,7 @@ from rarms_iac.diff.compare_partitions import NOT_AT_REST
 from rarms_iac.diff.drift import partitions_after_last_run
 from rarms_iac.manifest.checks.measurement import TOO_FEW_SAMPLES
 from rarms_iac.model.diagnostics import Diagnostic, Severity
+from rarms_iac.model.host import SimulatedHost
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.state import State
 from rarms_iac.model.wording import in_a_row, quoted, suggestion
@@ -42,7 +43,11 @@ def plan_request(hosts: Hosts, limits: PlanLimits = NO_LIMITS) -> PlanRequest:
         max_disruption=limits.max_disruption,
         hosts=hosts.chosen,
         targets=limits.targets,
-        state_paths={name: hosts.state_path(name) for name in hosts.system.hosts},
+        state_paths={
+            name: hosts.state_path(name)
+            for name, host in hosts.system.hosts.items()
+            if isinstance(host.settings, SimulatedHost)
+        },
         findings=(
             *(finding for finding in hosts.manifest.loaded.diagnostics if finding.code != TOO_FEW_SAMPLES.code),
             *hosts.snapshots.findings,
