@@ -205,12 +205,12 @@ def _release_changes(state: State, request: PlanRequest, locate: Locator) -> Ite
     if before is None and name in unmarked:
         return  # also where a run was killed after its last step, and its user gives the command again
     if before is None:
-        known = ", ".join(sorted(managed, key=natural_order)) or "none"
+        known = ", ".join(sorted(managed, key=natural_order))
         yield NOT_MANAGED.at(
             place,
             f"On {state.facts.name} no partition {quoted(name)} carries a mark of {quoted(application)}; "
-            f"these do: {known}.{suggestion(name, managed)}",
-            "Give one of these names.",
+            + (f"these do: {known}.{suggestion(name, managed)}" if managed else "no partition does."),
+            "Give one of these names." if managed else "There is nothing to release.",
             address=f"partition/{name}",
             values={
                 "host": state.facts.name,

@@ -245,6 +245,13 @@ def test_what_cannot_be_meant_is_told(lab: Lab, asked: dict[str, object], code: 
     assert codes(prepared.findings) == [code]
 
 
+def test_a_release_where_nothing_is_managed_advises_no_name(lab: Lab) -> None:
+    (finding,) = lab.prepare(purpose=Purpose.RELEASE, partitions=("vision",)).findings
+
+    assert str(finding.detail).endswith("; no partition does.")
+    assert str(finding.advice) == "There is nothing to release."
+
+
 @pytest.mark.parametrize("target", ["partition/visoin", "vision", "visoin"])
 def test_a_target_that_is_spelt_wrong_gets_the_address_that_is_meant(lab: Lab, target: str) -> None:
     (finding,) = lab.prepare(targets=(target,)).findings
