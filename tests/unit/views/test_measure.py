@@ -140,7 +140,7 @@ def test_beside_another_index_a_maximum_is_still_met_so_far() -> None:
     system = a_system(components=[a_component("vision", criticality=9, apt=apt, run=RUN, simulation=DEMAND)])
     outcome = replace(found(105.0), experiment=experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop"))
 
-    assert "99 % sure (docs/measuring.md); a maximum or minimum is met so far." in text([outcome])
+    assert "99 % sure, wrong in at most 1 of 100 runs; a maximum or minimum is met so far." in text([outcome])
 
 
 def test_whose_turn_an_early_end_left_out_is_named() -> None:
