@@ -3,7 +3,18 @@
 from collections.abc import Sequence
 
 from rarms_iac.diff.readings import VALUE
-from rarms_iac.model.commands import APPLY, APPLY_ABANDON, DRIFT, HISTORY, PLAN_OUT, UNDO, command, prose, sentences
+from rarms_iac.model.commands import (
+    APPLY,
+    APPLY_ABANDON,
+    DRIFT,
+    HISTORY,
+    PLAN,
+    PLAN_OUT,
+    UNDO,
+    command,
+    prose,
+    sentences,
+)
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Readings, Step
@@ -31,6 +42,7 @@ SCRIPT_REFUSED = Finding.error("RARMS251", "The script would not run on the host
 _EITHER = prose(APPLY, " to finish it, ", UNDO, " to take it back, or ", APPLY_ABANDON, " to leave it as it is.")
 GO_ON = prose("Run ", _EITHER)
 _NEW_PLAN = prose("Make a new plan: ", PLAN_OUT, ".")
+_LOST = prose("rarms cannot bring that back. Afterwards ", PLAN, " says what differs from the manifest.")
 
 
 def used(host: str, plan: str) -> Diagnostic:
@@ -228,7 +240,7 @@ def undo_partial(host: str, step: Step) -> Diagnostic:
     return UNDO_PARTIAL.at(
         None,  # the step's line is of the manifest that was applied, which may name another component by now
         f"{step.address} on {host}, `{step.title}`: {step.undo.message}.",
-        prose("Look at it with ", DRIFT, " afterwards."),
+        _LOST,
         address=str(step.address),
         values={**_step_facts(host, step), "reason": step.undo.message},
     )
@@ -237,8 +249,7 @@ def undo_partial(host: str, step: Step) -> Diagnostic:
 def undo_script_partial(host: str, lost: str) -> Diagnostic:
     """What an undo script could not take back, as it says of itself."""
     detail = f"{host}: {lost.rstrip('.')}."
-    advice = prose("Look at it with ", DRIFT, " afterwards.")
-    return UNDO_PARTIAL.of_host(host, detail, advice, reason=lost)
+    return UNDO_PARTIAL.of_host(host, detail, _LOST, reason=lost)
 
 
 def no_script(host: str, plan: str) -> Diagnostic:

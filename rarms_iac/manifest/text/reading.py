@@ -162,7 +162,7 @@ def _not_readable(file: str, problem: OSError | ValueError, *, overlay: bool) ->
                 values={"file": file, "most_bytes": 8 * 2**20},
             )
         case FileNotFoundError():
-            missing = prose("Name the manifest or its folder with `-f PATH`, or create one with ", INIT, ".")
+            missing = prose("Check the path: `-f PATH` names a manifest or its folder, and ", INIT, " creates one.")
             if overlay:
                 missing = prose("Check the path. An overlay is a file with the keys that differ from the manifest.")
             return NOT_READABLE.at(place, f"There is no file {quoted(file)}.", missing, values={"file": file})

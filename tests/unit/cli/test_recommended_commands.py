@@ -209,7 +209,7 @@ SITUATIONS = {
     "an APT is missed in the layout": Situation(
         (write(ALONE.replace("45 %", "10 %")), APPLY),
         "prove --load-host",
-        ("Its slowdown asks for", "Or measure it again"),
+        ("Its slowdown asks for", "Or measure what it needs"),
         ("rarms measure vision --again --stop-partitions",),
     ),
     "an apply was killed": Situation(
@@ -285,7 +285,7 @@ SITUATIONS = {
         ("Leave `processors` out",),
         ("rarms measure vision",),
     ),
-    "there is no manifest": Situation((), "plan", ("with `-f PATH`",), ("rarms init",)),
+    "there is no manifest": Situation((), "plan", ("`-f PATH` names a manifest or its folder",), ("rarms init",)),
     "the manifest is empty": Situation(
         (write("\n  \n"),), "validate", ("Write a manifest, or let `rarms init` write one",), ("rarms init",)
     ),
@@ -577,8 +577,8 @@ SITUATIONS = {
     "an apply cannot be taken back wholly": Situation(
         (write(MANIFEST), APPLY, do("destroy", "--auto-approve")),
         "undo --auto-approve",
-        ("Look at it with `rarms drift` afterwards",),
-        ("rarms drift",),
+        ("rarms cannot bring that back. Afterwards `rarms plan` says what differs",),
+        ("rarms plan",),
     ),
     "one that is not managed gets less": Situation(
         (
@@ -708,7 +708,6 @@ OTHER_TESTS = {
     "samples may tell: ": "tests/unit/app/experiments/test_prove.py",
     "Free some, or prove what it is without a load": "tests/unit/app/experiments/test_prove.py",
     "or prove what holds without a load": "tests/unit/app/experiments/test_prove.py",
-    "Name the components that matter": "test_of_a_large_page_components_can_be_named",
     "nothing here defines it. On Windows": "tests/unit/test_rcss.py",
     "Run `rarms apply` from a prompt that was opened with": "tests/system/test_remote_host.py",
     "See what this kernel lacks: `rarms doctor`": "tests/system/test_linux_advice.py",
@@ -736,10 +735,13 @@ OTHER_TESTS = {
     "Measure the parts again (": "it was measured beside what runs on the host",
     "Nothing was shown to miss: more samples may tell": "nothing is measured",
     "If it was changing a host, run": "an apply was killed",
+    "`rarms measure` may find that less is enough": "tests/unit/planner/infeasibility/test_ways_out.py",
+    "{taken}{again}.": "nothing is measured",
 }
 """The test, the file of tests or the situation that runs what a message recommends, by words of the message."""
 
 NOT_RECOMMENDED = (
+    "so `rarms apply` will refuse it: set RARMS_PLAN_KEY",
     "`rarms apply` does the plan's steps itself",
     "no run of `rarms tune` that is on record here wrote it",
     "`rarms tune` measured no other compound with it",
