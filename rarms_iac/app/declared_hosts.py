@@ -15,7 +15,7 @@ from rarms_iac.manifest.checks import partitions, processors
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.commands import MEASURE, PLAN, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
-from rarms_iac.model.host import Host
+from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import Cause, Infeasible
 from rarms_iac.model.quantities import CpuAmount, ProcessorTime, in_processors
 from rarms_iac.model.system import Component, Measured, RunsOn, System
@@ -151,10 +151,13 @@ def _about_logs(
                 continue
             place = places.value("components", answer.components[0], "cpu", "reserve")
             message = f"There is no data log of {in_a_row(answer.components)} on {host.platform} yet."
+            advice = prose(MEASURE, " finds what it needs.")
+            if host.provider is ProviderKind.SIMULATED and any(each.simulation is None for each in group.members):
+                advice = prose("Give it `simulation: { work: 20 ms }`, as its host is simulated; then ", advice)
             yield NOT_YET_MEASURED.at(
                 place,
                 message,
-                prose(MEASURE, " finds what it needs."),
+                advice,
                 address=cause.address,
                 values={"components": tuple(answer.components), "platform": host.platform},
             )

@@ -58,7 +58,7 @@ class ValidateOptions(OutputOptions):
 
 @rarms_command("validate")
 def validate_command(session: Session, options: ValidateOptions, source: DatedManifestSource) -> ExitCode:
-    """Check manifests and say everything that is wrong or odd at once.
+    """Check manifests and say all that is wrong or odd: of the structure, and once that is right, of the meaning.
 
     FILE is a manifest, an overlay (it is checked with the rarms.yaml beside or above it), a folder with any number of
     both, or - for standard input; without, it is what --manifest names. No host is asked, and no program is started.

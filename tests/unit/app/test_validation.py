@@ -112,6 +112,7 @@ def test_a_reserve_that_was_never_measured_is_a_note_until_its_log_is_there(tmp_
     after = validated(file)
 
     assert (codes(before.findings), before.fails(strict=True)) == (["RARMS101"], False)
+    assert "Give it `simulation: { work: 20 ms }`" in str(before.findings[0].advice), "its host is simulated"
     assert codes(after.findings) == ["RARMS107"]
 
 
