@@ -228,10 +228,13 @@ def _options(given: Mapping[str, str | int | None]) -> str:
 
 
 def _changed_host(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]":
-    facts = part.facts
+    facts, promised = part.facts, int(part.host.memory)
+    memory = show_bytes(facts.memory, promised)
+    if promised < facts.memory:  # the manifest promises no more, and what is free is counted from it
+        memory = f"{show_bytes(promised, facts.memory)} of its {memory}"
     yield ""
     head = f"Host {part.host.name} ({facts.provider.value}, {show_processors(facts.logical_processors)}, "
-    yield styled((f"{head}{show_bytes(facts.memory)})", STRONG))
+    yield styled((f"{head}{memory})", STRONG))
     if verbose:
         for change in part.changes:
             yield from _full_change(change, part)

@@ -40,6 +40,7 @@ def test_the_example_is_planned_from_its_recorded_host(cell: Path) -> None:
 
     assert ran.code == 0
     assert "+ torch-motion" in ran.out
+    assert "31 GiB of its 31.9 GiB)" in " ".join(ran.out.split())
     assert "state file" not in rarms("show", str(cell / "plan")).out, "only a simulated host has one"
     (part,) = read_plan((cell / "plan").read_bytes()).hosts
     assert sorted(part.scripts) == [
