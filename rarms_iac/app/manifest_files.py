@@ -1,6 +1,5 @@
 """Writing manifests: a first one to start from, and any in its canonical form."""
 
-import re
 from codecs import BOM_UTF8
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,13 +15,12 @@ from rarms_iac.manifest.load import DEFAULT_NAME, manifest_path
 from rarms_iac.manifest.text.characters import BYTE_ORDER_MARK
 from rarms_iac.manifest.text.reading import ParsedText, read
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.names import WINDOWS_DEVICES, is_name
+from rarms_iac.model.names import WINDOWS_DEVICES, is_name, nearest_name
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.reading import read_file
 from rarms_iac.storage.shipped import shipped_text
 
-_LONGEST = 63
 _WITHOUT_A_NAME = "my-application"
 
 
@@ -53,7 +51,7 @@ def name_from(folder: str) -> str:
     Returns:
         At most 63 small letters, digits and hyphens.
     """
-    name = re.sub(r"[^a-z0-9]+", "-", folder.lower()).strip("-")[:_LONGEST].strip("-")
+    name = nearest_name(folder)
     return _WITHOUT_A_NAME if name == "" or name in WINDOWS_DEVICES else name
 
 

@@ -11,7 +11,7 @@ from rarms_iac.manifest.document.validate_document import NotAManifest, Structur
 from rarms_iac.manifest.text.positions import dotted
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.indexes import INDEXES
-from rarms_iac.model.names import NAME_PATTERN
+from rarms_iac.model.names import NAME_PATTERN, nearest_name
 from rarms_iac.model.task_names import TASK_PATTERN
 from rarms_iac.model.wording import did_you_mean, in_a_row, question
 
@@ -273,7 +273,7 @@ def not_a_robot(file: str, robot: str) -> Diagnostic:
 
 def _as_name(text: str) -> str | None:
     """The name that is most like this text; None if too little of it is left."""
-    name = re.sub(r"-+", "-", re.sub(r"[^a-z0-9]", "-", text.lower())).strip("-")[:63].strip("-")
+    name = nearest_name(text)
     return name if len(name) * 2 > len(text) else None
 
 

@@ -29,7 +29,13 @@ def test_the_first_manifest_is_valid_and_canonical_and_has_nothing_to_complain_a
 
 @pytest.mark.parametrize(
     ("folder", "name"),
-    [("robot", "robot"), ("My Robot (2)", "my-robot-2"), ("...", "my-application"), ("NUL", "my-application")],
+    [
+        ("robot", "robot"),
+        ("My Robot (2)", "my-robot-2"),
+        ("Mein-Ördner", "mein-ordner"),
+        ("...", "my-application"),
+        ("NUL", "my-application"),
+    ],
 )
 def test_a_folder_gives_its_name(folder: str, name: str) -> None:
     assert name_from(folder) == name
