@@ -87,12 +87,27 @@ class AppliedLayout:
         return tuple(component for component in self.components if component.apt)
 
     def partition_of(self, component: str) -> str:
-        """The name of the partition that it is in; empty: none."""
+        """Return the partition that a component is in.
+
+        Args:
+            component: its name.
+
+        Returns:
+            The partition's name; empty: it is in none.
+        """
         inside = {member.name: name for name, members in self.partitions.items() for member in members}
         return inside.get(component, "")
 
     def more_processors_help(self, component: str, overload: Overload) -> bool:
-        """Whether a larger reservation could end an overload; yes where others of its partition may be the reason."""
+        """Tell whether a larger reservation could end an overload.
+
+        Args:
+            component: who is overloaded, by name.
+            overload: what was seen of it.
+
+        Returns:
+            As for the component alone; yes where others of its partition may be the reason.
+        """
         name = self.partition_of(component)
         reserved, processors = self.reserves.get(name), self.processors.get(name, 0)
         if not reserved or len(self.partitions[name]) > 1:

@@ -1,7 +1,6 @@
 """`rarms prove`, from words to exit codes: verdicts with their error, on what is applied and nothing else."""
 
 import json
-import random
 import re
 from collections.abc import Iterator
 from contextlib import chdir
@@ -11,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from laboratory.benchmarks.verdicts import noisy, series_of
 from rarms_iac.measuring.prove import STARTS, AppliedLayout, LayoutProof, ProofConditions, judge_layout
 from rarms_iac.measuring.prove import prove as run_proof
 from rarms_iac.model.outcomes import TooFewSamples, TooManyFailures
@@ -22,6 +20,7 @@ from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage.datalog.decisions import Proven, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
 from tests.builders import a_component, a_host
+from tests.measured import a_series, noisy
 from tests.unit.cli.running import Ran, rarms
 
 MANIFEST = """\
@@ -292,7 +291,7 @@ def test_samples_that_depend_on_one_another_too_strongly_ask_for_twice_as_many()
     layout = AppliedLayout(
         application="robot", host_processors=2, reserved=Fraction(1), partitions={}, on_host=(component,)
     )
-    series = series_of(noisy(random.Random(1), 64, 0.05, 0.95))
+    series = a_series(noisy(1, 100.0, correlation=0.95, count=64), component="vision")
     (verdict,) = judge_layout(layout, {"vision": series}, statements=None)
 
     assert isinstance(verdict.verdict, TooFewSamples)
