@@ -5,6 +5,7 @@ Here and nowhere else files of measurements become values for the planner, which
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cache, partial
 from pathlib import Path
 
@@ -18,10 +19,10 @@ from rarms_iac.model.layout import Cause
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
 from rarms_iac.model.measurement import CONFINEMENT, GROUP_CONFINEMENT
 from rarms_iac.model.processor_number import ProcessorNumber, Used, processor_number
-from rarms_iac.model.quantities import Bytes, write_bytes
+from rarms_iac.model.quantities import Bytes, guaranteed, write_bytes
 from rarms_iac.model.setting import Setting, most_used
 from rarms_iac.model.state import HostFacts, State
-from rarms_iac.model.system import Component, System, run_of
+from rarms_iac.model.system import Component, PartitionRequest, System, Threshold, run_of
 from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner import planning_findings
@@ -35,7 +36,7 @@ from rarms_iac.planner.reservations import (
     names_of,
     to_be_measured,
 )
-from rarms_iac.statistics.curves import Curve, curve_of
+from rarms_iac.statistics.curves import Curve, curve_of, highest_missed
 from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
 from rarms_iac.storage.datalog.identity import LogSubject, identity_of
 from rarms_iac.storage.datalog.log import DataLog
@@ -185,7 +186,49 @@ def measured_reservations(manifest: Manifest, states: Mapping[str, State]) -> Me
                 logs[kind, names_of(group.members)] = _log_of_each_load(
                     system, folder, group, host, kind.platform_facts
                 )
-    return MeasuredReservations(kinds=kinds, logs=logs)
+
+    def missed_together(names: Names, host: Host) -> Fraction:
+        if not all(path.is_file() for path in logs_of(manifest, host, names)):
+            return Fraction(0)
+        together, group = put_together(system, names)
+        found = _log_of_each_load(together, folder, group, host, kinds[host.name].platform_facts)
+        missed = () if isinstance(found, NotMeasured) else found
+        return max(
+            (guaranteed(highest_missed(curves_of(group, log)), log.processors) for log in missed), default=Fraction(0)
+        )
+
+    return MeasuredReservations(kinds=kinds, logs=logs, missed_together=missed_together)
+
+
+def put_together(system: System, names: Names) -> tuple[System, Group]:
+    """Put components into one partition, as those of a compound are measured.
+
+    Args:
+        system: What the manifest says.
+        names: Of its components, sorted.
+
+    Returns:
+        The manifest with that partition, called after the first of them, instead of those that they were in; and it.
+    """
+    others = {name: request for name, request in system.partitions.items() if not set(request.components) & set(names)}
+    shared = PartitionRequest(name=names[0], components=names)
+    together = replace(system, partitions={**others, names[0]: shared})
+    return together, next(group for group in groups_of(together) if names_of(group.members) == names)
+
+
+def curves_of(group: Group, log: MeasuredTogether) -> Iterator[tuple[Curve, Threshold]]:
+    """Find what a log says of each threshold of a partition.
+
+    Args:
+        group: The partition.
+        log: Of its members together.
+
+    Yields:
+        The curve of a member's index, and its threshold.
+    """
+    for member in group.members:
+        for index, threshold in member.apt.items():
+            yield log.curves(member.name, index), threshold
 
 
 def compare_log(log: DataLog, subject: LogSubject, files: Files, platform_facts: ObservedPlatform) -> Comparison:

@@ -5,23 +5,23 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
 
-from rarms_iac.app.data_logs import logs_of, measured_reservations
+from rarms_iac.app.data_logs import curves_of, logs_of, measured_reservations, put_together
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.state import State
-from rarms_iac.model.system import PartitionRequest, System, Threshold
+from rarms_iac.model.system import System
 from rarms_iac.planner.combining.candidates import Candidates, Node, candidates_of, informed, nodes_of
 from rarms_iac.planner.combining.oracle import WHOLE, Answer, Members, coi_as_measured
 from rarms_iac.planner.combining.questions import expected
-from rarms_iac.planner.groups import Group, groups_of, may_share
+from rarms_iac.planner.groups import may_share
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.prediction.members import Predict, alone_in, predictor_of
 from rarms_iac.planner.problem import by_name, problem_of
-from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, depends_on_a_log, names_of
-from rarms_iac.statistics.curves import Curve, components_not_shown, highest_missed
+from rarms_iac.planner.reservations import NotMeasured, depends_on_a_log, names_of
+from rarms_iac.statistics.curves import components_not_shown, highest_missed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -205,26 +205,13 @@ def recorded_answers(
 def _answers(manifest: Manifest, host: Host, names: Members, states: Mapping[str, State]) -> Iterator[Answer]:
     if not all(path.is_file() for path in logs_of(manifest, host, names)):
         return
-    system = _together(manifest.system, names)
+    system, group = put_together(manifest.system, names)
     reservations = measured_reservations(replace(manifest, system=system), states)
-    group = next(group for group in groups_of(system) if set(names) == set(names_of(group.members)))
     log, least = reservations.log(group.members, host), reservations.least(group.members, host)
     if isinstance(log, NotMeasured):
         return
     for reserve in log.measured:
         enough = least is not None and reserve >= least
-        worse = () if enough else components_not_shown(_curves(group, log), reserve)
-        unresolved = bool(worse) and reserve > highest_missed(_curves(group, log))
+        worse = () if enough else components_not_shown(curves_of(group, log), reserve)
+        unresolved = bool(worse) and reserve > highest_missed(curves_of(group, log))
         yield Answer(members=names, reserve=reserve, worse=worse, unresolved=unresolved)
-
-
-def _curves(group: Group, log: MeasuredTogether) -> Iterator[tuple[Curve, Threshold]]:
-    for member in group.members:
-        for index, threshold in member.apt.items():
-            yield log.curves(member.name, index), threshold
-
-
-def _together(system: System, names: Members) -> System:
-    """The manifest with these in one partition."""
-    others = {name: request for name, request in system.partitions.items() if not set(request.components) & set(names)}
-    return replace(system, partitions={**others, names[0]: PartitionRequest(name=names[0], components=names)})

@@ -162,6 +162,10 @@ def _no_cpu_ms(_component: str) -> None:
     return None
 
 
+def _not_measured_together(_members: "Names", _host: Host) -> Fraction:
+    return Fraction(0)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredTogether:
     """The data log of components in one partition beside one load, for the hosts that it holds for."""
@@ -193,6 +197,8 @@ class MeasuredReservations:
 
     kinds: Mapping[str, Hashable]  # host -> what it shares with others for which the same logs hold
     logs: Logs
+    missed_together: Callable[[Names, Host], Fraction] = _not_measured_together
+    """The most LPs with which components that have a partition each were shown to miss in one; 0: never measured so."""
     _known: dict[Hashable, "_Decision"] = field(default_factory=dict, compare=False, repr=False)
 
     def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from itertools import combinations
-from math import ceil
+from math import ceil, floor
 from typing import Any, TypeVar
 
 from rarms_iac.model.host import Host
@@ -32,7 +32,7 @@ from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.infeasibility.edits import Edit, Edits, RelaxationRange, Variant
 from rarms_iac.planner.packing.values import free_in
 from rarms_iac.planner.problem import HostView, Problem, by_name
-from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, depends_on_a_log
+from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, depends_on_a_log, names_of
 from rarms_iac.statistics.curves import holds, tightest_threshold
 
 MORE_PROCESSORS = 8
@@ -266,7 +266,8 @@ def _at_least(known: Known, whole: Mapping[str, int]) -> Known:
 def pair_relaxations(problem: Problem, partitions: Collection[str]) -> Iterator[RelaxationRange]:
     """Pairs of these partitions that may share one, the least critical first; only measured ones can need less so.
 
-    The first level is the least that the two can need together, the last is just less than they reserve apart.
+    The first level is the least that the two can need together, above what they were shown to miss with; the last is
+    just less than they reserve apart.
 
     Args:
         problem: what has no layout.
@@ -290,8 +291,10 @@ def _pair_relaxation(minor: Group, leader: Group, hosts: Sequence[str], problem:
         coi_as_measured(group, problem.claims[group.name][host.name], problem.reservations, host)
         for group in (minor, leader)
     ]
-    compound, members = compound_of(parts), (*minor.members, *leader.members)
-    reserves = range(compound.reserve, (total(parts) - 1) // compound.processors + 1)
+    compound, members, source = compound_of(parts), (*minor.members, *leader.members), problem.reservations
+    missed = source.missed_together(names_of(members), host) if isinstance(source, MeasuredReservations) else 0
+    least = max(compound.reserve, 1 + floor(100 * missed / compound.processors))
+    reserves = range(least, (total(parts) - 1) // compound.processors + 1)
 
     def amount_of(reserve: int) -> str:
         return show_processors(guaranteed(reserve, compound.processors))

@@ -282,3 +282,24 @@ def test_partitions_that_are_there_fit_when_they_may_move(tmp_path: Path) -> Non
     grown.lies_in(tmp_path)
 
     assert kinds_that_fit(grown, tmp_path) == {"moving", "reserve"}
+
+
+def test_a_pair_is_offered_only_above_what_it_was_shown_to_miss_with(tmp_path: Path) -> None:
+    components = f"  c0: {{ criticality: 1, {MEASURED} }}\n  c1: {{ criticality: 2, {MEASURED} }}\n"
+    robot = Robot(manifest=yaml.safe_load(FIXED + components), needs={"c0": 55, "c1": 60})
+    robot.lies_in(tmp_path)
+    robot.is_measured_in(tmp_path)
+
+    def pair() -> str:
+        said = " ".join(rarms("plan", "-f", str(tmp_path)).err.split())
+        return said.partition("c0 and c1 together need ")[2].partition(" fits")[0]
+
+    def shown_to_miss(*levels: int) -> None:
+        settings = [a_setting(level, *(steady(name, 2.0 * APT, jobs=60) for name in ("c0", "c1"))) for level in levels]
+        leave_log(tmp_path, ["c0", "c1"], settings)
+
+    assert pair() == "0.88 LP to 2.68 LP on h0, and up to 2 LP"
+    shown_to_miss(60)
+    assert pair() == "1.22 LP to 2.68 LP on h0, and up to 2 LP"
+    shown_to_miss(60, 100)
+    assert pair() == "", "the host has no more than 2 LP"
