@@ -142,12 +142,13 @@ def test_a_log_of_another_load_is_there_to_compare() -> None:
 
 
 def test_where_loads_ask_for_the_same_the_first_of_the_manifest_decides_as_in_a_plan() -> None:
-    system = a_system(components=[replace(measured("vision"), interference=("busy-loop", "browsers"))])
+    system = a_system(components=[replace(measured("vision"), interference=("busy-loop", "bursts-20"))])
     logged = a_log_of(system.components["vision"], face_detection)
     header = logged.log.header
-    other = replace(header, setup=replace(header.setup, interference="browsers"))
+    other = replace(header, setup=replace(header.setup, interference="bursts-20"))
 
-    report = report_of_logs(system, [ReportedLog(path="browsers.jsonl", log=replace(logged.log, header=other)), logged])
+    beside_bursts = ReportedLog(path="bursts.jsonl", log=replace(logged.log, header=other))
+    report = report_of_logs(system, [beside_bursts, logged])
 
     assert [each.interference for each in report.measurements if each.decides] == ["busy-loop"]
     assert show_cell(levels_table(report).rows[0][7]).endswith(" beside busy-loop")
