@@ -192,10 +192,9 @@ def measured_reservations(manifest: Manifest, states: Mapping[str, State]) -> Me
             return Fraction(0)
         together, group = put_together(system, names)
         found = _log_of_each_load(together, folder, group, host, kinds[host.name].platform_facts)
-        missed = () if isinstance(found, NotMeasured) else found
-        return max(
-            (guaranteed(highest_missed(curves_of(group, log)), log.processors) for log in missed), default=Fraction(0)
-        )
+        logs_together = () if isinstance(found, NotMeasured) else found
+        missed = (guaranteed(highest_missed(curves_of(group, log)), log.processors) for log in logs_together)
+        return max(missed, default=Fraction(0))
 
     return MeasuredReservations(kinds=kinds, logs=logs, missed_together=missed_together)
 

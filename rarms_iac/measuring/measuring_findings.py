@@ -210,46 +210,48 @@ def _not_resolved(
         return
     highest = max(settings, key=lambda setting: setting.reserve, default=None)
     shown = [show_index(index) for index in measured_indexes(highest, experiment)] if highest else []
-    values: Facts = {
-        "components": tuple(member.name for member in experiment.members),
-        "reason": end.reason,
-    }
-    advice: Wording = (
-        f"Move the threshold away from what the component just reaches: {MOST_SAMPLES} samples would not tell."
-    )
-    there = min((len(series.samples) for series in highest.series), default=0) if highest else 0
     # NOTE: the highest setting of a search that may go on may be clear.
     early = "" if end.more_settings or end.ends_at_until else _ended_early(highest, experiment)
-    if end.more_settings:
-        values = {**values, "more_settings": end.more_settings}
-        advice = f"Run the same command: up to {counted(end.more_settings, 'setting')} more may show one."
-    elif end.ends_at_until and there and (end.samples is None or end.samples <= MOST_SAMPLES):
-        values = {**values, "samples": there}
-        many = min(MOST_SAMPLES, end.samples or 10 * there)
-        again = command("measure", *experiment.setup.members, strategy="paper", again=True, samples=many)
-        taken = f"A setting ends at `run.until` at the latest: {counted(there, 'sample')} were taken. Take more: "
-        advice = prose(taken, again, ".")
-    elif highest and end.samples is None and 0 < there < MOST_SAMPLES:
-        values = {**values, "samples": there}
-        advice = (
-            f"{show_duration(highest.host_ms)} were spent on {counted(there, 'sample')}, which do not say yet how many "
-            f"would show it. Allow more: {_setting_budget(3 * highest.host_ms, experiment)}."
-        )
-    elif highest and end.samples is not None and end.samples <= MOST_SAMPLES and there:
-        takes_ms = highest.host_ms * end.samples / there
-        values = {**values, "samples": there, "needs_samples": end.samples, "takes_ms": takes_ms}
-        advice = (
-            f"{show_duration(highest.host_ms)} were spent: {counted(there, 'sample')} were taken, and about "
-            f"{end.samples} would show it, in {show_duration(takes_ms)} a setting. "
-            f"Allow that: {_setting_budget(1.5 * takes_ms, experiment)}."
-        )
+    advice, numbers = _how_to_show(end, highest, experiment)
     yield NOT_RESOLVED.at(
         places.value("components", first, "apt"),
         f"{experiment.name}: {'; '.join((end.reason, *shown))}.{early}",
         advice,
         address=f"component/{first}",
-        values=values,
+        values={"components": tuple(member.name for member in experiment.members), "reason": end.reason, **numbers},
     )
+
+
+def _how_to_show(end: NotResolved, highest: Setting | None, experiment: Experiment) -> tuple[Wording, Facts]:
+    """What would tell whether a threshold holds, and the numbers behind that."""
+    there = min((len(series.samples) for series in highest.series), default=0) if highest else 0
+    taken = counted(there, "sample")
+    move_away = f"Move the threshold away from what the component just reaches: {MOST_SAMPLES} samples would not tell."
+    if end.more_settings:
+        more = counted(end.more_settings, "setting")
+        return f"Run the same command: up to {more} more may show one.", {"more_settings": end.more_settings}
+    if highest is None or not there or (end.samples or 0) > MOST_SAMPLES:
+        return move_away, {}
+    if end.ends_at_until:
+        many = min(MOST_SAMPLES, end.samples or 10 * there)
+        again = command("measure", *experiment.setup.members, strategy="paper", again=True, samples=many)
+        ended = f"A setting ends at `run.until` at the latest: {taken} were taken. Take more: "
+        return prose(ended, again, "."), {"samples": there}
+    spent = show_duration(highest.host_ms)
+    if end.samples is not None:
+        takes_ms = highest.host_ms * end.samples / there
+        advice = (
+            f"{spent} were spent: {taken} were taken, and about {end.samples} would show it, in "
+            f"{show_duration(takes_ms)} a setting. Allow that: {_setting_budget(1.5 * takes_ms, experiment)}."
+        )
+        return advice, {"samples": there, "needs_samples": end.samples, "takes_ms": takes_ms}
+    if there < MOST_SAMPLES:
+        advice = (
+            f"{spent} were spent on {taken}, which do not say yet how many would show it. "
+            f"Allow more: {_setting_budget(3 * highest.host_ms, experiment)}."
+        )
+        return advice, {"samples": there}
+    return move_away, {}
 
 
 def _setting_budget(time_ms: float, experiment: Experiment) -> str:

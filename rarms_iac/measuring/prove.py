@@ -383,9 +383,9 @@ class _Proof:
         NOTE: where starts differ, a few of them do not show whether many will decide: none is given up before the end.
         """
         series = self.series[component.name]
-        is_spent = self.spent_ms >= self.conditions.budget_ms
-        done = 1.0 if is_spent else max(self.spent_ms / self.conditions.budget_ms, len(series.samples) / MOST_SAMPLES)
-        done = min(1.0, done)
+        done = 1.0
+        if self.spent_ms < self.conditions.budget_ms:
+            done = min(1.0, max(self.spent_ms / self.conditions.budget_ms, len(series.samples) / MOST_SAMPLES))
         if done < 1.0 and self._starts_differ(component):
             done = NOT_GIVEN_UP
         return any(
