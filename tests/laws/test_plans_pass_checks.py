@@ -75,7 +75,8 @@ def situations(draw: st.DrawFn) -> Situation:
 def _facts(draw: st.DrawFn, facts: HostFacts) -> HostFacts:
     if facts.provider is ProviderKind.LINUX:
         return replace(facts, deadline_percent=draw(st.sampled_from((None, 0, 50))), scheduler=SchedulerType.NONE)
-    return replace(facts, scheduler=draw(st.sampled_from((SchedulerType.CORE, SchedulerType.ROOT))))
+    scheduler = draw(st.sampled_from((SchedulerType.CORE, SchedulerType.ROOT)))
+    return replace(facts, scheduler=scheduler, disk_folder="C:\\disks")
 
 
 def _foreign(name: str) -> Partition:

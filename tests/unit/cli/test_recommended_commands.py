@@ -736,7 +736,7 @@ OTHER_TESTS = {
     "Nothing was shown to miss: more samples may tell": "nothing is measured",
     "If it was changing a host, run": "an apply was killed",
     "`rarms measure` may find that less is enough": "tests/unit/planner/infeasibility/test_ways_out.py",
-    "{taken}{again}.": "nothing is measured",
+    "A setting ends at `run.until` at the latest": "nothing is measured",
 }
 """The test, the file of tests or the situation that runs what a message recommends, by words of the message."""
 
