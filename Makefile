@@ -8,7 +8,7 @@ RUNS := $(VENV)/.installed
 TESTS := $(VENV)/.installed-dev
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-linux test test-long test-lowest lint test-laboratory test-windows generated figures evaluation pictures docs bench clean
+.PHONY: help demo demo-linux test test-long coverage test-lowest lint test-laboratory test-windows generated figures evaluation pictures docs bench clean
 
 help: ## Show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | while IFS='|' read -r name says; do printf '%-20s %s\n' "$$name" "$$says"; done
@@ -24,6 +24,9 @@ test: $(TESTS) ## The tests, but for those that CI alone waits for
 
 test-long: $(TESTS) ## The same with the large counts, then unit tests and laws on all Pythons (much longer)
 	@RARMS_LONG=1 scripts/test && scripts/all-pythons
+
+coverage: $(TESTS) ## All that CI tests, and the share of branches that it takes (half an hour and more)
+	@CI=true RARMS_COVERAGE=1 scripts/test
 
 test-lowest: $(TESTS) ## The unit tests and laws with the lowest allowed versions of all dependencies
 	@scripts/lowest-versions
