@@ -72,12 +72,16 @@ def main() -> int:
     processors = len(os.sched_getaffinity(0))
     own = f"{CHECKOUT / '.cache/robot/bin'}:{Path(sys.executable).parent}"
     environment = {**os.environ, "PATH": f"{own}:{os.environ['PATH']}"}
+    chosen = frozenset(sys.argv[1:])
     is_near = True
     with tempfile.TemporaryDirectory() as folder:
-        for robot in (make_robot(Path(folder) / "robot"), make_programs(Path(folder) / "programs", processors)):
+        robots = [make_programs(Path(folder) / "programs", processors)]
+        if not chosen or chosen - {name for name, *_ in PROGRAMS}:
+            robots.append(make_robot(Path(folder) / "robot"))
+        for robot in robots:
             system = load(str(robot / "rarms.yaml"), today=datetime.now(UTC).date()).system
             assert system is not None
-            names = [name for name in system.components if name in sys.argv[1:] or not sys.argv[1:]]
+            names = [name for name in system.components if name in chosen or not chosen]
             answers = {name: measured(robot, environment, name) for name in names}
             with laboratory(robot, environment, processors) as machine:
                 for name in names:
