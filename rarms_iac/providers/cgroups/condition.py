@@ -6,7 +6,7 @@ from rarms_iac.model.commands import APPLY, START_AT_BOOT, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import Host
 from rarms_iac.model.wording import counted, in_a_row
-from rarms_iac.providers.cgroups.content import slice_limit
+from rarms_iac.providers.cgroups.group_settings import slice_limit
 
 ORPHANS = Finding.note("RARMS168", "Processes run in a partition that rarms did not start")
 OFF_WITHOUT_STOP = Finding.warning("RARMS316", "Partitions are off that were not stopped with rarms")

@@ -1,67 +1,116 @@
-"""The files in which a Linux host keeps what its partitions are: `<id>.json` a partition, in a folder of root."""
+"""Definitions of partitions: a file of JSON each, one setting a line, replaced as a whole. Pure."""
 
-from pathlib import Path
+import json
+import uuid
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
 
-from rarms_iac.providers.cgroups.content import GroupDefinition, read_definition, write_definition
-from rarms_iac.providers.cgroups.effects import LinuxEffects, open_folder
-from rarms_iac.providers.journaled import report_damage, report_failure
-from rarms_iac.storage.codec import NotDecodable
+from rarms_iac.model.operation_effects import applied
+from rarms_iac.model.operations import (
+    CreatePartition,
+    EraseMark,
+    RenamePartition,
+    RestorePartition,
+    SetActions,
+    SetCpu,
+    SetMemory,
+    SetProcessors,
+    WriteMark,
+)
+from rarms_iac.model.state import NO_GENERATION, Checkpoints, PartitionSettings, StartAction, StopAction
+from rarms_iac.providers.cgroups.machine import NAMESPACE
+from rarms_iac.providers.marks import erase_mark, write_mark
+from rarms_iac.storage.codec import decode, encode
+from rarms_iac.storage.json_text import parse_json
+
+Format = Literal["rarms-partition/1"]
+SettingOperation = SetProcessors | SetCpu | SetMemory | SetActions | RenamePartition | WriteMark | EraseMark
+"""Operations that change a definition."""
 
 
-class DefinitionFiles:
-    """The definitions of one slice; what is saved or deleted is done when the effects are committed."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroupDefinition:
+    """A partition as its file defines it, running or not."""
 
-    def __init__(self, host: str, folder: Path, effects: LinuxEffects) -> None:
-        self._host = host
-        self._folder = folder
-        self._effects = effects
+    id: str
+    settings: PartitionSettings  # `running` is always false: see `is_running`
+    notes: str = ""
+    group: str = ""  # name of its control group below the slice; empty: it has none
+    boot: str = ""  # id of the machine's start in which the group was made; empty: it is being made or removed
+    changing: bool = False  # the group is given values that this definition does not have yet
+    format: Format = "rarms-partition/1"
 
-    def all(self) -> list[GroupDefinition]:
-        """Read all definitions, sorted by id.
 
-        Raises:
-            HostDamaged: one cannot be read, or others than this user may write them.
-        """
-        self.refuse_writable_folder()
-        names = self._effects.files(self._folder)
-        return [self._load(self._folder / name) for name in names if name.endswith(".json")]
+def write_definition(definition: GroupDefinition) -> bytes:
+    """Return the content of a definition's file."""
+    return (json.dumps(encode(definition), indent=1, sort_keys=True) + "\n").encode("ascii")
 
-    def refuse_writable_folder(self) -> None:
-        """Refuse a folder that others may write to, or that another user owns, as well as the one above it.
 
-        Root must not finish what another user put there.
+def read_definition(data: bytes) -> GroupDefinition:
+    """Return the definition in a file.
 
-        Raises:
-            HostDamaged: they may.
-        """
-        for folder in (self._folder.parent, self._folder):
-            if self._effects.has_folder(folder) and not self._effects.is_private(folder):
-                raise open_folder(self._host, folder)
+    Args:
+        data: the file's content.
 
-    def save(self, definition: GroupDefinition) -> None:
-        """Replace the file of a partition.
+    Raises:
+        NotDecodable: the content is not as `write_definition` writes it.
+    """
+    return decode(GroupDefinition, parse_json(data.decode("utf-8", "replace")))
 
-        Raises:
-            HostFailed: it cannot be written.
-        """
-        with report_failure(self._host, path := self._file(definition)):
-            self._effects.replace(path, write_definition(definition))
 
-    def delete(self, definition: GroupDefinition) -> None:
-        """Forget a partition.
+def new_definition(operation: CreatePartition, name: str, host: str, taken: Iterable[str]) -> GroupDefinition:
+    """Define a new partition, off and without reserve.
 
-        Raises:
-            HostFailed: its file cannot be removed.
-        """
-        with report_failure(self._host, path := self._file(definition)):
-            self._effects.delete(path)
+    Args:
+        operation: says its memory.
+        name: of the partition; with the host's id it decides the new id.
+        host: the machine's id.
+        taken: ids of the host's partitions, which the new one does not get.
+    """
+    known = frozenset(taken)
+    number = next(number for number in _ids(f"{host}/{name}") if number not in known)
+    return GroupDefinition(id=number, settings=new_settings(name, operation.memory))
 
-    def _load(self, path: Path) -> GroupDefinition:
-        with report_damage(self._host, path):
-            definition = read_definition(self._effects.content(path) or b"")
-            if f"{definition.id}.json" != path.name:
-                raise NotDecodable("id", "the file has another name")
-            return definition
 
-    def _file(self, definition: GroupDefinition) -> Path:
-        return self._folder / f"{definition.id}.json"
+def restored_definition(operation: RestorePartition) -> GroupDefinition:
+    """Define a partition again that was removed: off, under its id."""
+    notes = operation.other_notes
+    notes = write_mark(notes, operation.mark) if operation.mark else notes
+    return GroupDefinition(id=operation.machine, settings=operation.settings, notes=notes)
+
+
+def new_settings(name: str, memory: int) -> PartitionSettings:
+    """Return the settings of a partition that is off and reserves nothing."""
+    return PartitionSettings(
+        name=name,
+        generation=NO_GENERATION,
+        processors=1,
+        reserve=0,
+        limit=100,
+        weight=100,
+        memory=memory,
+        dynamic_memory=False,
+        start_action=StartAction.NOTHING,
+        stop_action=StopAction.SHUT_DOWN,
+        checkpoints=Checkpoints.DISABLED,
+        running=False,
+    )
+
+
+def changed(definition: GroupDefinition, operation: SettingOperation) -> GroupDefinition:
+    """Return the definition after an operation on it."""
+    match operation:
+        case WriteMark():
+            return replace(definition, notes=write_mark(definition.notes, operation.mark(definition.id)))
+        case EraseMark():
+            return replace(definition, notes=erase_mark(definition.notes))
+        case _:
+            return replace(definition, settings=applied(definition.settings, operation))
+
+
+def _ids(seed: str) -> Iterator[str]:
+    number = uuid.uuid5(NAMESPACE, seed)
+    while True:
+        yield str(number)
+        number = uuid.uuid5(number, seed)

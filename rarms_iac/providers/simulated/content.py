@@ -8,55 +8,11 @@ import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from rarms_iac.model.mmcss import USUAL
-from rarms_iac.model.state import (
-    Disk,
-    PartitionSettings,
-    RegistryValue,
-    Responsiveness,
-    RunState,
-    TaskRecord,
-    ValueKind,
-)
+from rarms_iac.model.state import Disk, PartitionSettings, RunState
+from rarms_iac.providers.simulated.registry import FRESH, Registry
 
 NAMESPACE = uuid.UUID("6f1d3c52-8a0e-5b7c-9d44-72a1b0e5c301")
 """Ids of simulated hosts and machines are made in it, so that the same input gives the same bytes."""
-
-
-Values = Mapping[str, RegistryValue]
-
-
-def _shipped(category: str, priority: int, background_priority: int | None, background_only: str) -> Values:
-    def dword(data: int) -> RegistryValue:
-        return RegistryValue(kind=ValueKind.DWORD, data=data)
-
-    def text(data: str) -> RegistryValue:
-        return RegistryValue(kind=ValueKind.SZ, data=data)
-
-    background = {} if background_priority is None else {"BackgroundPriority": dword(background_priority)}
-    return {
-        "Affinity": dword(0),
-        "Background Only": text(background_only),
-        **background,
-        "Clock Rate": dword(10_000),
-        "GPU Priority": dword(8),
-        "Priority": dword(priority),
-        "SFIO Priority": text("Normal"),
-        "Scheduling Category": text(category),
-    }
-
-
-SHIPPED: Mapping[str, Values] = {
-    "Audio": _shipped("Medium", 6, None, "True"),
-    "Capture": _shipped("Medium", 5, None, "True"),
-    "DisplayPostProcessing": _shipped("High", 8, 8, "True"),
-    "Distribution": _shipped("Medium", 4, None, "True"),
-    "Games": _shipped("Medium", 2, None, "False"),
-    "Playback": _shipped("Medium", 3, 4, "False"),
-    "Pro Audio": _shipped("High", 1, None, "False"),
-    "Window Manager": _shipped("Medium", 5, None, "True"),
-}
-"""The task classes that every Windows brings (windows.md 6.5)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,19 +28,6 @@ class SimulatedMachine:
         """Return the machine in this state."""
         running = state is RunState.RUNNING
         return replace(self, state=state, settings=replace(self.settings, running=running))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Registry:
-    """The part of an operating system's registry that concerns rarms. Key names are compared without case."""
-
-    tasks: Mapping[str, Values] = field(default_factory=lambda: SHIPPED)
-    records: Mapping[str, TaskRecord] = field(default_factory=dict)  # by the class's name in lower case
-    responsiveness: Responsiveness = Responsiveness(value=RegistryValue(kind=ValueKind.DWORD, data=USUAL))
-
-
-FRESH = Registry()
-"""As Windows is installed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,7 +8,8 @@ from rarms_iac.model.capacity import core_sharing
 from rarms_iac.model.host import Host, SimulatedHost
 from rarms_iac.model.state import Disk, HostFacts, Partition, Rights, State, TaskClass
 from rarms_iac.providers.marks import MarkReading, read_marks
-from rarms_iac.providers.simulated.content import FRESH, SHIPPED, Content, SimulatedMachine
+from rarms_iac.providers.simulated.content import Content, SimulatedMachine
+from rarms_iac.providers.simulated.registry import FRESH, SHIPPED
 
 DISK_FOLDER = "C:\\disks"
 """The folder of a simulated host's disks, as its facts name it."""

@@ -35,15 +35,20 @@ from rarms_iac.providers.simulated.observation import (
 from rarms_iac.providers.simulated.operations import (
     address_of,
     change_machine,
-    change_registry,
     new_settings,
-    refuse_disk_removal,
-    refuse_task_change,
     with_new_disk,
     with_new_machine,
     with_restored_machine,
 )
-from rarms_iac.providers.simulated.refusals import Refusal, refuse_change, refuse_creation, refuse_without_rights
+from rarms_iac.providers.simulated.refusals import (
+    Refusal,
+    refuse_change,
+    refuse_creation,
+    refuse_disk_removal,
+    refuse_task_change,
+    refuse_without_rights,
+)
+from rarms_iac.providers.simulated.registry import change_registry
 from rarms_iac.storage.replace import remove_leftovers
 
 ROBOTS = "hosts"

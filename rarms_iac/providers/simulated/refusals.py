@@ -1,14 +1,20 @@
 """What a simulated host refuses as Hyper-V does (windows.md 1.2, 3, 5), reserves included. Pure."""
 
 from collections import Counter
+from collections.abc import Mapping
 
-from rarms_iac.model.commands import Wording
+from rarms_iac.diff.readings import disk_readings
+from rarms_iac.model.commands import PLAN, Wording, prose
 from rarms_iac.model.host import SchedulerType
+from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.operation_effects import applied
 from rarms_iac.model.operations import (
     CreatePartition,
+    EraseTaskRecord,
     Operation,
+    RemoveDisk,
     RemovePartition,
+    RemoveTaskClass,
     RenamePartition,
     SetActions,
     SetCpu,
@@ -17,14 +23,20 @@ from rarms_iac.model.operations import (
     SetSecureBoot,
     StartPartition,
     StopPartition,
+    TaskOperation,
+    WriteTaskClass,
+    WriteTaskRecord,
 )
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, show_bytes, write_bytes
-from rarms_iac.model.state import HostFacts, PartitionSettings, Rights, RunState
+from rarms_iac.model.state import HostFacts, PartitionSettings, RegistryValue, Rights, RunState, TaskRecord, ValueKind
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine
+from rarms_iac.providers.simulated.registry import Registry
 from rarms_iac.providers.simulated.reserve_packing import reserves_fit
 
 LONGEST_NAME = 100
 """Characters of a machine's name (windows.md 10)."""
+LONGEST_KEY = 255
+"""Characters of a registry key's name (windows.md 6.1)."""
 MOST_PROCESSORS = {1: 64, 2: 240}
 """Virtual processors by generation (windows.md 2)."""
 SERVER_2016, WINDOWS_10 = 14393, 10240
@@ -85,6 +97,53 @@ def refuse_change(
             raise Refusal(f"{state}, and only a machine that is off can be removed", "Stop it first.")
         case _:
             pass
+
+
+def refuse_task_change(registry: Registry, operation: TaskOperation) -> None:
+    """Refuse what cannot be done to the registry."""
+    task = operation.task
+    values, record = registry.entry(task)
+    described = task if task == SYSTEM_RESPONSIVENESS else f"task class {task}"
+    match operation:
+        case WriteTaskClass(values=wanted):
+            if problem := _impossible_key(task) or _impossible_values(wanted):
+                raise Refusal(f"{described}: {problem}", "Correct it.")
+        case RemoveTaskClass() if values is None:
+            raise Refusal(f"there is no {described}", prose("Look at the host again: ", PLAN, "."))
+        case WriteTaskRecord(record=TaskRecord(application=application)) | EraseTaskRecord(application=application):
+            if record is not None and record.application != application:
+                raise Refusal(
+                    f"{described} belongs to the application {record.application}",
+                    "Take it out of one of the two manifests.",
+                )
+        case _:
+            pass
+
+
+def _impossible_key(task: str) -> str:
+    if not task or len(task) > LONGEST_KEY or not task.isprintable() or "\\" in task or "/" in task:
+        return f"a key's name has 1 to {LONGEST_KEY} printable characters and no slash"
+    return ""
+
+
+def _impossible_values(values: Mapping[str, RegistryValue]) -> str:
+    if len({name.lower() for name in values}) != len(values):
+        return "two values differ only by case"
+    for name, value in values.items():
+        if value.kind is ValueKind.DWORD and not (isinstance(value.data, int) and 0 <= value.data < 2**32):
+            return f"{name} is no 32-bit number"
+        if value.kind is ValueKind.SZ and not isinstance(value.data, str):
+            return f"{name} is no text"
+    return ""
+
+
+def refuse_disk_removal(content: Content, operation: RemoveDisk) -> None:
+    """Refuse to delete a disk that is not there or in use."""
+    live = disk_readings(content.disks, operation.path)
+    if not live["exists"]:
+        raise Refusal(f"there is no disk {operation.path}", prose("Look at the host again: ", PLAN, "."))
+    if live["used"]:
+        raise Refusal(f"{operation.path} is in use", "Remove what has it first.")
 
 
 def _refuse_running(machine: SimulatedMachine, setting: str) -> None:

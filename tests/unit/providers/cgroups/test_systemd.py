@@ -11,7 +11,7 @@ from rarms_iac.model.operations import CreatePartition, RemovePartition, SetActi
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import RunState, StartAction
 from rarms_iac.providers.cgroups import effects, provider, systemd
-from rarms_iac.providers.cgroups.content import new_definition, write_definition
+from rarms_iac.providers.cgroups.definitions import new_definition, write_definition
 from rarms_iac.providers.cgroups.effects import LocalEffects
 from rarms_iac.providers.cgroups.find_tree import SYSTEMD_FOLDER, MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.groups import GroupValues

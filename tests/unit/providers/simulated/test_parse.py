@@ -6,8 +6,9 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.model.state import PartitionSettings, RunState
-from rarms_iac.providers.simulated.content import Content, Registry, SimulatedMachine, empty, next_id
+from rarms_iac.providers.simulated.content import Content, SimulatedMachine, empty, next_id
 from rarms_iac.providers.simulated.content_file import FORMAT, read_content, write_content
+from rarms_iac.providers.simulated.registry import Registry
 from rarms_iac.storage.codec import NotDecodable
 from tests.builders_plan import settings
 

@@ -1,0 +1,165 @@
+"""The settings of partitions as the values of their control groups, and back: what runs is what the kernel shows. Pure.
+
+A partition runs if its definition has the id of the machine's latest start (`boot`) and its control group exists;
+otherwise it is off.
+"""
+
+import math
+import uuid
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from rarms_iac.model.host import Host
+from rarms_iac.model.quantities import in_processors
+from rarms_iac.model.state import Partition, PartitionSettings, RunState
+from rarms_iac.providers.cgroups.definitions import GroupDefinition, new_settings
+from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupValues
+from rarms_iac.providers.cgroups.machine import NAMESPACE, LinuxMachine
+from rarms_iac.providers.marks import MarkReading, read_marks
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunningGroup:
+    """A control group in the kernel: its values, and those that the kernel would show if it were as defined."""
+
+    actual: GroupValues
+    wanted: GroupValues | None = None  # None: no definition names this group
+
+
+def foreign_definition(name: str, group: RunningGroup, machine: LinuxMachine) -> GroupDefinition:
+    """Return a group that no definition names as a partition, under an id that is always the same.
+
+    Args:
+        name: of the group.
+        group: its values.
+        machine: on which it is.
+    """
+    number = str(uuid.uuid5(NAMESPACE, f"{machine.id}/group/{name}"))
+    settings = observed_settings(new_settings(name, 0), replace(group, wanted=None), machine.logical_processors)
+    return GroupDefinition(id=number, settings=settings, group=name, boot=machine.boot)
+
+
+def slice_limit(host: Host, processors: int) -> int | None:
+    """Return what all partitions together get at most: all but `keep_for_host`, in whole per cent of one processor.
+
+    Args:
+        host: as the manifest describes it.
+        processors: logical processors of the machine.
+
+    Returns:
+        At least 1; None: nothing is kept, so nothing limits them.
+    """
+    withheld = in_processors(host.keep_for_host.processor, processors)
+    return max(1, math.floor(100 * (processors - withheld))) if withheld else None
+
+
+def values_of(settings: PartitionSettings, processors: int, limit: int | None = None) -> GroupValues:
+    """Return the values of a partition's control group.
+
+    Args:
+        settings: as defined.
+        processors: logical processors of the machine.
+        limit: as `slice_limit` gives it: no quota is larger.
+    """
+    is_limited = settings.limit < 100 or settings.processors < processors
+    quota = min(settings.limit * settings.processors, limit or 100 * processors)
+    return GroupValues(
+        shares_percent=settings.reserve * settings.processors,
+        quota_percent=quota if is_limited else None,
+        period_us=settings.quota_period_us or USUAL_PERIOD_US,
+        memory=settings.memory or None,
+    )
+
+
+def to_partitions(
+    definitions: Iterable[GroupDefinition], running: Mapping[str, RunningGroup], boot: str, processors: int
+) -> tuple[Partition, ...]:
+    """Return the partitions, sorted by name and then id, with their valid marks.
+
+    Args:
+        definitions: of all partitions, those of unmanaged groups included.
+        running: by name of the group: those that are in the kernel.
+        boot: the machine's latest start.
+        processors: logical processors of the machine.
+    """
+    known = sorted(definitions, key=lambda definition: (definition.settings.name, definition.id))
+    judged = read_marks({definition.id: definition.notes for definition in known})
+    return tuple(_partition(definition, judged[definition.id], running, boot, processors) for definition in known)
+
+
+def is_running(definition: GroupDefinition, groups: Iterable[str], boot: str) -> bool:
+    """Return whether the partition's control group exists and was made completely since the machine's start."""
+    return bool(definition.boot) and definition.boot == boot and definition.group in groups
+
+
+def _partition(
+    definition: GroupDefinition, judged: MarkReading, running: Mapping[str, RunningGroup], boot: str, processors: int
+) -> Partition:
+    settings, runs = definition.settings, is_running(definition, running, boot)
+    if runs:
+        group = running[definition.group]
+        # NOTE: while values are being written, the old settings count; the next run that holds the host restores them.
+        observed = settings if definition.changing else observed_settings(settings, group, processors)
+        settings = replace(observed, running=True)
+    return Partition(
+        settings=settings,
+        id=definition.id,
+        state=RunState.RUNNING if runs else RunState.OFF,
+        mark=judged.mark,
+        other_notes=judged.other_notes,
+        foreign_mark=judged.foreign,
+    )
+
+
+def observed_settings(settings: PartitionSettings, group: RunningGroup, processors: int) -> PartitionSettings:
+    """Return the settings that the kernel's values show; where a value is as defined, so is its setting.
+
+    Args:
+        settings: as defined; of an unmanaged group anything.
+        group: its values.
+        processors: logical processors of the machine.
+    """
+    actual, wanted = group.actual, group.wanted
+    if actual == wanted:
+        return settings
+    count = _processors(settings, group, processors)
+    reserve, limit = settings.reserve, settings.limit
+    if wanted is None or count != settings.processors or actual.shares_percent != wanted.shares_percent:
+        reserve = _percent(actual.shares_percent / count, reserve)
+    if wanted is None or count != settings.processors or actual.quota_percent != wanted.quota_percent:
+        least = min(1, limit - 1)  # what a partition may be given, too; 0 only to be no less than a change from 1
+        limit = 100 if actual.quota_percent is None else max(least, _percent(actual.quota_percent / count, limit))
+    return replace(
+        settings,
+        processors=count,
+        reserve=reserve,
+        limit=limit,
+        quota_period_us=_period(settings, group),
+        memory=settings.memory if wanted is not None and actual.memory == wanted.memory else actual.memory or 0,
+    )
+
+
+def _processors(settings: PartitionSettings, group: RunningGroup, processors: int) -> int:
+    """Return how many of the machine's processors a group can use at the same time, by its cpuset and its quota."""
+    actual, wanted = group.actual, group.wanted
+    of_set = processors if actual.processors is None else len(actual.processors)
+    is_limited = actual.quota_percent is not None
+    if wanted is not None and is_limited == (wanted.quota_percent is not None):
+        return min(settings.processors, of_set)
+    if wanted is None and actual.quota_percent is not None:
+        return min(of_set, max(1, math.ceil(actual.quota_percent / 100)))
+    return of_set
+
+
+def _period(settings: PartitionSettings, group: RunningGroup) -> int | None:
+    actual, wanted = group.actual, group.wanted
+    if actual.quota_percent is None:
+        return None
+    as_wanted = wanted is not None and wanted.quota_percent is not None and wanted.period_us == actual.period_us
+    return settings.quota_period_us if as_wanted else actual.period_us
+
+
+def _percent(actual: float, defined: int) -> int:
+    """Return whole per cent, rounded away from the defined ones, so that rounding hides no change."""
+    whole = math.floor(actual) if actual < defined else math.ceil(actual)
+    return min(max(whole, 0), 100)
