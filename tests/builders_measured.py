@@ -2,9 +2,9 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from rarms_iac.model.environment_setup import EnvironmentSetup, PlatformFacts
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.loads import BusyLoop, Interference
-from rarms_iac.model.measurement import EnvironmentSetup, PlatformFacts
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component, TaskRequest

@@ -23,7 +23,7 @@ from typing import cast
 
 from laboratory.benchmarks.components import walk
 from laboratory.benchmarks.timing import Figure, report
-from rarms_iac.measuring.loop import measure
+from rarms_iac.measuring.loop import measure_settings
 from rarms_iac.measuring.methods import Search, strategy_of
 from rarms_iac.measuring.partitions import host_resources
 from rarms_iac.measuring.reporter import MeasuringReporter
@@ -202,7 +202,7 @@ class Bench:
                 reporter=MeasuringReporter(),
                 should_stop=lambda: False,
             )
-            measure(experiment, Once(step), cast("SettingsLog", log), context)
+            measure_settings(experiment, Once(step), cast("SettingsLog", log), context)
         return log.all
 
     def series(self, reserve: int) -> Series:

@@ -10,7 +10,7 @@ from typing import cast
 
 from laboratory.benchmarks.measuring import Recorded
 from laboratory.benchmarks.timing import Figure, report
-from rarms_iac.measuring.loop import measure
+from rarms_iac.measuring.loop import measure_settings
 from rarms_iac.measuring.methods import Search, strategy_of
 from rarms_iac.measuring.partitions import host_resources
 from rarms_iac.measuring.reporter import MeasuringReporter
@@ -47,7 +47,7 @@ def answer(index: str, seed: int) -> int | None:
                 should_stop=lambda: False,
             )
             strategy = strategy_of(Search(), goal_of(experiment), 100)
-            ended = measure(experiment, strategy, cast("SettingsLog", Recorded()), context)
+            ended = measure_settings(experiment, strategy, cast("SettingsLog", Recorded()), context)
     return ended.conclusion.reserve if isinstance(ended.conclusion, Sufficient) else None
 
 

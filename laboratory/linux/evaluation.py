@@ -16,7 +16,7 @@ from pathlib import Path
 from statistics import fmean
 
 from laboratory.linux.experiments import Experiment, Log, laboratory, meets, percentile, usage, values_in
-from rarms_iac.manifest.load import load
+from rarms_iac.manifest.load import load_system
 from rarms_iac.model.system import Component
 
 FDP, SRP, PPP, VSP = "face-detection", "speech-recognition", "path-planning", "video-streaming"
@@ -51,7 +51,7 @@ def main() -> int:
 
 def components_of(robot: Path, today: date) -> Mapping[str, Component]:
     """The components of the manifest in a folder, by name."""
-    system = load(str(robot / "rarms.yaml"), today=today).system
+    system = load_system(str(robot / "rarms.yaml"), today=today).system
     assert system is not None
     return system.components
 

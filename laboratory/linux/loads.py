@@ -20,7 +20,7 @@ from pathlib import Path
 from laboratory.linux.evaluation import PRIORITIES
 from laboratory.linux.experiments import Laboratory, laboratory, meets, percent_of_host, series_of, values_of
 from laboratory.linux.prediction import PROGRAM, least
-from rarms_iac.manifest.load import load
+from rarms_iac.manifest.load import load_system
 from rarms_iac.model.loads import DEFAULT_LOADS, LOADS_WITHOUT_ENTRY
 from rarms_iac.model.system import Component
 
@@ -79,7 +79,7 @@ def main() -> int:
         if not chosen or chosen - {name for name, *_ in PROGRAMS}:
             robots.append(make_robot(Path(folder) / "robot"))
         for robot in robots:
-            system = load(str(robot / "rarms.yaml"), today=datetime.now(UTC).date()).system
+            system = load_system(str(robot / "rarms.yaml"), today=datetime.now(UTC).date()).system
             assert system is not None
             names = [name for name in system.components if name in chosen or not chosen]
             answers = {name: measured(robot, environment, name) for name in names}

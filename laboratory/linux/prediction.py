@@ -24,8 +24,8 @@ from laboratory.linux.experiments import (
     value_of,
     work_of,
 )
+from rarms_iac.model.environment_setup import P2_WEIGHT
 from rarms_iac.model.loads import BusyLoop
-from rarms_iac.model.measurement import P2_WEIGHT
 from rarms_iac.model.run import Elapsed, Field, Run, Samples
 from rarms_iac.model.system import Component
 from rarms_iac.providers.simulated.scheduling.machine import WINDOW_MS, JobDemand, ModelMachine, VirtualMachine

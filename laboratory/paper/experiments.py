@@ -9,9 +9,9 @@ from datetime import UTC, datetime
 from itertools import islice
 from statistics import mean
 
-from rarms_iac.manifest.load import load
+from rarms_iac.manifest.load import load_system
+from rarms_iac.model.environment_setup import P2_WEIGHT
 from rarms_iac.model.loads import Browser, BusyLoop
-from rarms_iac.model.measurement import P2_WEIGHT
 from rarms_iac.model.system import System
 from rarms_iac.providers.simulated.measuring import demand_of
 from rarms_iac.providers.simulated.scheduling.machine import (
@@ -52,7 +52,7 @@ class Loaded:
 def the_robot() -> System:
     """The delivery robot as it is shipped."""
     path = shipped("manifests/delivery-robot/rarms.yaml")
-    loaded = load(str(path), today=datetime.now(tz=UTC).date())
+    loaded = load_system(str(path), today=datetime.now(tz=UTC).date())
     if loaded.system is None:
         raise ValueError(f"{path} cannot be read: {loaded.diagnostics}")
     return loaded.system

@@ -14,10 +14,10 @@ from rarms_iac.measuring.evidence import SHORT
 from rarms_iac.measuring.setup import experiment_of
 from rarms_iac.model.commands import RecommendedCommand, command, prose
 from rarms_iac.model.diagnostics import Facts
+from rarms_iac.model.environment_setup import CONFINEMENT, GROUP_CONFINEMENT
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
-from rarms_iac.model.measurement import CONFINEMENT, GROUP_CONFINEMENT
 from rarms_iac.model.processor_number import ProcessorNumber, Used, processor_number
 from rarms_iac.model.quantities import Bytes, guaranteed, write_bytes
 from rarms_iac.model.setting import Setting, most_used
@@ -41,7 +41,7 @@ from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
 from rarms_iac.storage.datalog.identity import LogSubject, identity_of
 from rarms_iac.storage.datalog.log import DataLog
 from rarms_iac.storage.datalog.named_files import MOST_BYTES, Files
-from rarms_iac.storage.datalog.staleness import Comparison, ObservedPlatform, PartialPlatform, compare
+from rarms_iac.storage.datalog.staleness import Comparison, ObservedPlatform, PartialPlatform, compare_header
 
 LISTED = 4
 """Changes that one message names; more are counted."""
@@ -246,7 +246,7 @@ def compare_log(log: DataLog, subject: LogSubject, files: Files, platform_facts:
     below the folder is opened for a manifest that a stranger may have written.
     """
     identity = identity_of(subject, files.of(subject), {})
-    return compare(log.header, subject.setup.members, identity, platform_facts)
+    return compare_header(log.header, subject.setup.members, identity, platform_facts)
 
 
 def observed_platform(host: Host, facts: HostFacts | None = None) -> PartialPlatform:

@@ -15,8 +15,8 @@ from rarms_iac.applying.state_after import totals_after
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.commands import APPLY, DRIFT, MEASURE, PLAN, START, RecommendedCommand, command
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.environment_setup import TEST_PARTITIONS
 from rarms_iac.model.journal import PastRun, RunKind, history_of
-from rarms_iac.model.measurement import TEST_PARTITIONS
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import Rights, State, StoppedBy

@@ -13,7 +13,7 @@ from rarms_iac.diff.compare_partitions import neither_off_nor_running
 from rarms_iac.model.changes import Address, Adopt, Change, Delete, Reason, Release, Update
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
-from rarms_iac.model.measurement import TEST_PARTITIONS
+from rarms_iac.model.environment_setup import TEST_PARTITIONS
 from rarms_iac.model.plan import Purpose
 from rarms_iac.model.state import Mark, Partition, RunState, StartAction, State, StoppedBy
 from rarms_iac.model.system import Disruption

@@ -8,8 +8,8 @@ doing, and in service it is the same. Time that the machine below took makes a c
 from collections.abc import Sequence
 from dataclasses import replace
 
+from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.loads import Interference, could_take_all, is_steady
-from rarms_iac.model.measurement import P1, P2
 from rarms_iac.model.setting import Setting, SettingEvidence
 
 TRIES = 3

@@ -4,10 +4,8 @@ A strategy is a pure function of the recorded settings. So a run that was killed
 setting that is recorded is never run a second time.
 """
 
-from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import Protocol
 
 from rarms_iac.measuring.search.trials import conclude
 from rarms_iac.measuring.setting_run import (
@@ -19,24 +17,9 @@ from rarms_iac.measuring.setting_run import (
 )
 from rarms_iac.measuring.settings_log import KnownSettings, SettingsLog
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.measuring.strategies import SettingCount, goal_of
-from rarms_iac.measuring.wall_times import RemainingSettings
-from rarms_iac.model.outcomes import Conclusion, ExperimentDecision, Measure, Stopped
+from rarms_iac.measuring.strategies import SettingCount, Strategy, goal_of
+from rarms_iac.model.outcomes import Conclusion, Measure, Stopped
 from rarms_iac.model.setting import Setting
-
-
-class Strategy(Protocol):
-    """Which setting is next; the same settings give the same answer."""
-
-    def decide(self, settings: Sequence[Setting]) -> ExperimentDecision:
-        """Say what to do after these settings, in the order in which they were run.
-
-        Args:
-            settings: those that count for this run.
-
-        Returns:
-            The next setting, or how the experiment ends.
-        """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +38,7 @@ class LoopResult:
     new: int  # how many of them were run now
 
 
-def measure(
+def measure_settings(
     experiment: Experiment,
     strategy: Strategy,
     log: SettingsLog,
@@ -81,47 +64,36 @@ def measure(
         OSError: the log cannot be written.
     """
     known, new = KnownSettings(runs=log.runs(), simulated=log.is_simulated), 0
+    seed, times = log.remeasure_seed, context.wall_times
+
+    def ended(conclusion: Conclusion | ProcessorNumberChanged) -> LoopResult:
+        return LoopResult(conclusion=conclusion, settings=known.settings, new=new)
+
     context.reporter.experiment_started(experiment, known.settings)
     with ExitStack() as ends:
         ends.callback(context.reporter.experiment_ended)
         partitions: TestPartitions | None = None
-        remeasure_seed = log.remeasure_seed
-        decision: ExperimentDecision | ProcessorNumberChanged
         while True:
-            decision = strategy.decide(known.seen_with(remeasure_seed))
+            decision = strategy.decide(known.seen_with(seed))
             if not isinstance(decision, Measure):
-                if remeasure_seed is None:
-                    break
-                remeasure_seed = None  # what was asked for is measured anew: all that counts gives the answer
+                if seed is None:
+                    return ended(decision)
+                seed = None  # what was asked for is measured anew: all that counts gives the answer
                 continue
             if count is not None and new >= count.most:
-                decision = conclude(known.settings, goal_of(experiment), count.most)
-                break
+                return ended(conclude(known.settings, goal_of(experiment), count.most))
             if context.should_stop():
-                decision = Stopped()
-                break
+                return ended(Stopped())
             partitions = partitions or make_test_partitions(experiment, context, ends)
-            began, remaining = context.wall_times.clock(), _remaining(experiment, context, count, new, running=1)
+            began, remaining = times.clock(), times.remaining(experiment, count, new, running=1)
             context.reporter.setting_started(experiment, decision.reserve, remaining)
             setting = run_setting(experiment, context, partitions, decision, known)
             if not isinstance(setting, Setting):
-                decision = setting
-                break
-            context.wall_times.add(experiment, context.wall_times.clock() - began)
+                return ended(setting)
+            times.add(experiment, times.clock() - began)
             log.add(setting)
             known, new = known.with_run(setting), new + 1
-            remaining = _remaining(experiment, context, count, new, running=0)
+            remaining = times.remaining(experiment, count, new, running=0)
             context.reporter.setting_ended(experiment, known.at(setting.reserve), remaining)
             if (number := other_processors(experiment, setting.used_processors)) is not None:
-                decision = ProcessorNumberChanged(number=number)
-                break
-    return LoopResult(conclusion=decision, settings=known.settings, new=new)
-
-
-def _remaining(
-    experiment: Experiment, context: MeasuringContext, count: SettingCount | None, new: int, *, running: int
-) -> RemainingSettings | None:
-    """What is left after so many new settings, one that runs included."""
-    if count is None:
-        return None
-    return context.wall_times.remaining(experiment, max(running, count.least - new), count.most - new)
+                return ended(ProcessorNumberChanged(number=number))

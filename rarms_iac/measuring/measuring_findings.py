@@ -235,8 +235,8 @@ def _how_to_show(end: NotResolved, highest: Setting | None, experiment: Experime
     if end.ends_at_until:
         many = min(MOST_SAMPLES, end.samples or 10 * there)
         again = command("measure", *experiment.setup.members, strategy="paper", again=True, samples=many)
-        advice = prose(f"A setting ends at `run.until` at the latest: {taken} were taken. Take more: ", again, ".")
-        return advice, {"samples": there}
+        longer = prose(f"A setting ends at `run.until` at the latest: {taken} were taken. Take more: ", again, ".")
+        return longer, {"samples": there}
     spent = show_duration(highest.host_ms)
     if end.samples is not None:
         takes_ms = highest.host_ms * end.samples / there

@@ -3,10 +3,9 @@
 from dataclasses import dataclass, replace
 from typing import assert_never
 
-from rarms_iac.measuring.loop import Strategy
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.search.trials import Goal
-from rarms_iac.measuring.strategies import Checking, Confirming, Searching, Sweep, ThresholdCheck
+from rarms_iac.measuring.strategies import Checking, Confirming, Searching, Strategy, Sweep, ThresholdCheck
 
 PAPER = "paper"
 """The name of the paper's procedures in `STRATEGIES`. They assume that only P1 and P2 reserve anything."""
@@ -45,7 +44,7 @@ def reserves_of(method: Sweep, most: int) -> tuple[int, ...]:
 
 
 def strategy_of(method: Method, goal: Goal, most: int) -> Strategy:
-    """Return the strategy that `loop.measure` asks for each next setting.
+    """Return the strategy that `loop.measure_settings` asks for each next setting.
 
     Args:
         method: How settings are chosen.

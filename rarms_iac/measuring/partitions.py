@@ -12,8 +12,8 @@ from types import MappingProxyType
 
 from rarms_iac.model.capacity import Capacity, capacity_of, fits
 from rarms_iac.model.claims import WHOLE, Claim, load_of
+from rarms_iac.model.environment_setup import P1, P2, P2_WEIGHT, TEST_PARTITIONS, EnvironmentSetup
 from rarms_iac.model.host import Host, ProviderKind
-from rarms_iac.model.measurement import P1, P2, P2_WEIGHT, TEST_PARTITIONS, EnvironmentSetup
 from rarms_iac.model.operations import (
     CreatePartition,
     RemovePartition,

@@ -25,8 +25,8 @@ from rarms_iac.measuring.partitions import (
 from rarms_iac.measuring.performance import MeasuredIndex
 from rarms_iac.measuring.sampling import watch
 from rarms_iac.measuring.settling import Contender, Settling, wants_all_processors
+from rarms_iac.model.environment_setup import P2
 from rarms_iac.model.loads import Interference
-from rarms_iac.model.measurement import P2
 from rarms_iac.model.outcomes import (
     Estimate,
     Met,

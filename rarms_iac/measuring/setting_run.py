@@ -26,7 +26,7 @@ from rarms_iac.measuring.settling import Contender, Settling, wants_all_processo
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.measuring.wall_times import WallTimes
-from rarms_iac.model.measurement import P1, P2
+from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.outcomes import Measure, SettingFailed, Stopped, TooManyFailures
 from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import ReservePercent

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from rarms_iac.model.claims import WHOLE
+from rarms_iac.model.environment_setup import EnvironmentSetup
 from rarms_iac.model.host import Host
 from rarms_iac.model.loads import Interference
-from rarms_iac.model.measurement import EnvironmentSetup
 from rarms_iac.model.output import OutputText
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource, Used, never_seen, processor_number
 from rarms_iac.model.quantities import LogicalProcessors, ReservePercent, in_processors, per_virtual_processor

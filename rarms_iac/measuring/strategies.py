@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 from rarms_iac.measuring.search.trials import (
     Goal,
@@ -43,6 +44,20 @@ class SettingCount:
     most: int
     ends_early: bool  # a setting may end as soon as its samples tell
     goes_on: bool = False  # and it goes on until they tell, or its budget is spent
+
+
+class Strategy(Protocol):
+    """Which setting is next; the same settings give the same answer."""
+
+    def decide(self, settings: Sequence[Setting]) -> ExperimentDecision:
+        """Say what to do after these settings, in the order in which they were run.
+
+        Args:
+            settings: those that count for this run.
+
+        Returns:
+            The next setting, or how the experiment ends.
+        """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

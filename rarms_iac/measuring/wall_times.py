@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from statistics import fmean
 
 from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring.strategies import SettingCount
 from rarms_iac.model.host import ProviderKind
 
 
@@ -56,16 +57,22 @@ class WallTimes:
         on_simulated = [seconds for run, seconds in self._seconds if run.host.provider is ProviderKind.SIMULATED]
         return [seconds for _, seconds in on_host] or on_simulated
 
-    def remaining(self, experiment: Experiment, least: int, most: int) -> RemainingSettings | None:
+    def remaining(
+        self, experiment: Experiment, count: SettingCount | None, ended: int, *, running: int
+    ) -> RemainingSettings | None:
         """Say what is left of an experiment.
 
         Args:
             experiment: What is measured.
-            least: So many settings at least; not negative.
-            most: And at most.
+            count: So many settings it asks for at least and at most; None: that was not said.
+            ended: How many of them are over.
+            running: How many of the others run, 0 or 1.
 
         Returns:
-            None: no setting of this command tells how long one takes.
+            None: no setting of this command tells how long one takes, or the count is not known.
         """
         seconds = self.comparable(experiment)
-        return RemainingSettings(least=least, most=most, setting_seconds=fmean(seconds)) if seconds else None
+        if count is None or not seconds:
+            return None
+        least, most = max(running, count.least - ended), count.most - ended
+        return RemainingSettings(least=least, most=most, setting_seconds=fmean(seconds))

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from rarms_iac.model.commands import Wording
+from rarms_iac.model.environment_setup import PlatformFacts
 from rarms_iac.model.loads import Interference
-from rarms_iac.model.measurement import PlatformFacts
 from rarms_iac.model.run import Elapsed, SampleCount
 from rarms_iac.model.series import Sample
 from rarms_iac.model.setting import SettingEvidence
@@ -158,9 +158,9 @@ class WorkHost(ReadableHost, Protocol):
     What is measured must hold in service, where nothing but the reservation is promised. So P1 gets exactly CR as soon
     as it asks for more: P2 reserves all that the host's processors have, less CR and less what machines of others
     reserve, what is kept for the host included, and has the highest weight for what is not claimed
-    (`model.measurement.CONFINEMENT`, a part of each log's identity). Both are set by ordinary operations. A provider
-    keeps to what they say: reserves first, then weights over the whole host. One that cannot must bring the same about
-    otherwise, and change that part for its logs.
+    (`model.environment_setup.CONFINEMENT`, a part of each log's identity). Both are set by ordinary operations. A
+    provider keeps to what they say: reserves first, then weights over the whole host. One that cannot must bring the
+    same about otherwise, and change that part for its logs.
     """
 
     def platform_facts(self) -> PlatformFacts:

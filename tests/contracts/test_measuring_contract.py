@@ -17,9 +17,9 @@ from rarms_iac.measuring.partitions import (
     set_reserves,
     shapes_of_test_partitions,
 )
+from rarms_iac.model.environment_setup import P1, P2, EnvironmentSetup
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, BusyLoop, CommandLoad, Interference, Stress
-from rarms_iac.model.measurement import P1, P2, EnvironmentSetup
 from rarms_iac.model.run import Elapsed, Field, Run, SampleCount, Samples
 from rarms_iac.model.series import Sample
 from rarms_iac.model.system import Component

@@ -23,7 +23,7 @@ from rarms_iac.measuring.duration import (
     with_part_of_budget,
 )
 from rarms_iac.measuring.evidence import TRIES
-from rarms_iac.measuring.loop import LoopResult, ProcessorNumberChanged, measure
+from rarms_iac.measuring.loop import LoopResult, ProcessorNumberChanged, measure_settings
 from rarms_iac.measuring.methods import Method, Search, is_of_paper, strategy_of
 from rarms_iac.measuring.partitions import (
     MeasuringResources,
@@ -159,7 +159,7 @@ def _run_with_processors(
     # of room, which says less.
     most = 100 if available.running and not session.on_busy_host else available.highest_reserve
     strategy = strategy_of(method, goal_of(experiment), most)
-    measurement = measure(experiment, strategy, settings_log, context, count=count)
+    measurement = measure_settings(experiment, strategy, settings_log, context, count=count)
     if measurement.new and available.running:
         session.control.reporter.findings([_busy_warning(experiment, available.running)])
     return settings_log, measurement

@@ -6,8 +6,8 @@ from rarms_iac.manifest.checks.system_lookups import partition_names
 from rarms_iac.manifest.checks.violation import Path, Violation, check
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Finding
+from rarms_iac.model.environment_setup import TEST_PARTITIONS
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY
-from rarms_iac.model.measurement import TEST_PARTITIONS
 from rarms_iac.model.names import POWERSHELL_MEMBERS, WINDOWS_DEVICES
 from rarms_iac.model.system import System
 from rarms_iac.model.version import __version__

@@ -14,9 +14,9 @@ from random import Random
 
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.commands import APPLY, PLAN, command, prose
+from rarms_iac.model.environment_setup import PlatformFacts
 from rarms_iac.model.host import Host, SchedulerType
 from rarms_iac.model.loads import Interference, is_steady
-from rarms_iac.model.measurement import PlatformFacts
 from rarms_iac.model.operations import Operation, WriteTaskClass
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import Milliseconds

@@ -13,9 +13,9 @@ from typing import assert_never
 
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import has_errors
+from rarms_iac.model.environment_setup import PlatformFacts
 from rarms_iac.model.host import Host, HypervHost
 from rarms_iac.model.loads import Browser, Bursts, BusyLoop, CommandLoad, Interference, Stress
-from rarms_iac.model.measurement import PlatformFacts
 from rarms_iac.model.run import Call, Command, FromEnvironment, Periodic, Run
 from rarms_iac.model.state import HostFacts
 from rarms_iac.model.system import Component, run_of

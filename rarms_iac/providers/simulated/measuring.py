@@ -11,9 +11,9 @@ from typing import Protocol, assert_never, runtime_checkable
 
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.commands import PLAN, command, prose
+from rarms_iac.model.environment_setup import PlatformFacts
 from rarms_iac.model.host import Host
 from rarms_iac.model.loads import Browser, Bursts, BusyLoop, CommandLoad, Interference, Stress
-from rarms_iac.model.measurement import PlatformFacts
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.run import Periodic

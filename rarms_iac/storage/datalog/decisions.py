@@ -12,8 +12,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Literal
 
+from rarms_iac.model.environment_setup import EnvironmentSetup, PlatformFacts
 from rarms_iac.model.indexes import find_index
-from rarms_iac.model.measurement import EnvironmentSetup, PlatformFacts
 from rarms_iac.model.outcomes import VerdictWord
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.system import Threshold

@@ -11,8 +11,8 @@ from enum import Enum
 from fractions import Fraction
 from typing import Any, get_type_hints
 
+from rarms_iac.model.environment_setup import CONFINEMENT, EnvironmentSetup, PlatformFacts
 from rarms_iac.model.loads import Interference
-from rarms_iac.model.measurement import CONFINEMENT, EnvironmentSetup, PlatformFacts
 from rarms_iac.model.quantities import Bytes, Milliseconds, Percent, write_bytes
 from rarms_iac.model.run import Run
 from rarms_iac.model.system import Component, TaskRequest

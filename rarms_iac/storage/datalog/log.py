@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from rarms_iac.model.environment_setup import EnvironmentSetup, PlatformFacts
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.measurement import EnvironmentSetup, PlatformFacts
 from rarms_iac.model.setting import Setting, join_settings
 
 FORMAT = "rarms-datalog/1"

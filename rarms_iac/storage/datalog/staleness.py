@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from rarms_iac.model.environment_setup import PlatformFacts
 from rarms_iac.model.host import ProviderKind, SchedulerType
-from rarms_iac.model.measurement import PlatformFacts
 from rarms_iac.storage.datalog.identity import FILE, PROCESSORS, can_change_indexes
 from rarms_iac.storage.datalog.log import Header, Identity
 
@@ -52,7 +52,9 @@ class Comparison:
     unverified: tuple[str, ...]  # files that are not here, so that it cannot be told
 
 
-def compare(header: Header, members: Sequence[str], identity: Identity, platform_facts: ObservedPlatform) -> Comparison:
+def compare_header(
+    header: Header, members: Sequence[str], identity: Identity, platform_facts: ObservedPlatform
+) -> Comparison:
     """Compare a log with what would be measured now.
 
     Args:

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.measuring.evidence import disturbance, is_weak, leaves_idle
+from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, Browser, Bursts, BusyLoop, CommandLoad, Interference, Stress
-from rarms_iac.model.measurement import P1, P2
 from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.storage.datalog.columns import line_of, setting_in
 from rarms_iac.storage.datalog.log import Provenance, Recorded

@@ -17,8 +17,8 @@ from rarms_iac.measuring.partitions import (
     set_reserves,
     shapes_of_test_partitions,
 )
+from rarms_iac.model.environment_setup import P1, P2, EnvironmentSetup
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.measurement import P1, P2, EnvironmentSetup
 from rarms_iac.model.operations import CreatePartition
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import RunState, State

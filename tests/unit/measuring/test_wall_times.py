@@ -18,6 +18,7 @@ from rarms_iac.model.setting import Setting
 from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most
 from tests.unit.measuring.bench import Bench
 
+FOUR = SettingCount(least=0, most=4, ends_early=True)
 SYSTEM = a_system(
     components=[
         a_component(
@@ -97,10 +98,12 @@ def test_another_component_tells_nothing_of_this_one_unless_the_host_is_simulate
     times.add(speech, 3.0)
 
     expected = RemainingSettings(least=1, most=4, setting_seconds=3.0)
-    assert times.remaining(vision, 1, 4) == (expected if tells else None)
+    assert times.remaining(vision, FOUR, 0, running=1) == (expected if tells else None)
     elsewhere = replace(vision, host=replace(host, name="spare"))
-    assert times.remaining(elsewhere, 1, 4) == (expected if tells else None), "this machine simulates both hosts"
+    assert times.remaining(elsewhere, FOUR, 0, running=1) == (expected if tells else None), (
+        "this machine simulates both hosts"
+    )
 
     times.add(vision, 7.0)
 
-    assert times.remaining(vision, 1, 4) == replace(expected, setting_seconds=7.0)
+    assert times.remaining(vision, FOUR, 0, running=1) == replace(expected, setting_seconds=7.0)

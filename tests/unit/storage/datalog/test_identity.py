@@ -6,15 +6,15 @@ from typing import Any
 
 import pytest
 
+from rarms_iac.model.environment_setup import EnvironmentSetup
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.loads import Browser, CommandLoad
-from rarms_iac.model.measurement import EnvironmentSetup
 from rarms_iac.model.run import Call, Command, Elapsed, Field, Periodic, Run, SampleCount, Samples, Stop
 from rarms_iac.model.system import Component, RunsOn, Simulation, TaskCategory, TaskRequest
 from rarms_iac.storage.datalog.identity import LogSubject, identity_of
 from rarms_iac.storage.datalog.log import Identity
 from rarms_iac.storage.datalog.named_files import Files, file_digest
-from rarms_iac.storage.datalog.staleness import PartialPlatform, compare
+from rarms_iac.storage.datalog.staleness import PartialPlatform, compare_header
 from tests.builders import a_component, a_cpu, a_run, at_most, memory, milliseconds
 from tests.builders_measured import a_bench, a_header, a_subject
 
@@ -31,7 +31,7 @@ def vision(**changes: Any) -> Component:
 
 def changed(now: LogSubject, was: LogSubject | None = None) -> list[str]:
     header = a_header(was or a_subject(vision()))
-    return list(map(str, compare(header, header.setup.members, identity(now), a_bench()).changed))
+    return list(map(str, compare_header(header, header.setup.members, identity(now), a_bench()).changed))
 
 
 def test_nothing_changed_is_not_stale() -> None:
@@ -186,7 +186,9 @@ def test_a_changed_file_makes_stale_a_missing_one_only_unverified(files: Files) 
     (files.folder / "components" / "model.bin").unlink()
     (files.folder / "components" / "new.py").write_bytes(b"")
 
-    now = compare(header, header.setup.members, identity_of(subject, Files(files.folder).of(subject), {}), a_bench())
+    now = compare_header(
+        header, header.setup.members, identity_of(subject, Files(files.folder).of(subject), {}), a_bench()
+    )
 
     assert list(map(str, now.changed)) == ["file components/new.py is new", "file components/vision.py changed"]
     assert now.unverified == ("components/model.bin",)
@@ -197,7 +199,7 @@ def test_an_interpreter_and_a_build_only_warn() -> None:
     was = replace(header, identity=replace(header.identity, interpreters={"python3": "aa", "perl": "cc"}))
     now = replace(identity(a_subject(vision())), interpreters={"python3": "bb"})
 
-    found = compare(was, was.setup.members, now, replace(a_bench(), os_build=26200))
+    found = compare_header(was, was.setup.members, now, replace(a_bench(), os_build=26200))
 
     assert found.changed == ()
     assert [warn.part for warn in found.warns] == ["program python3", "build of the operating system"]
@@ -212,7 +214,7 @@ def test_interpreters_are_found_where_programs_are(files: Files) -> None:
 def test_the_log_of_other_components_is_stale() -> None:
     header = a_header(a_subject(vision()))
 
-    found = compare(header, ("speech",), header.identity, a_bench()).changed
+    found = compare_header(header, ("speech",), header.identity, a_bench()).changed
 
     assert list(map(str, found)) == ["components: vision -> speech"]
 
@@ -229,7 +231,7 @@ def test_the_bench_must_match_as_far_as_it_is_known() -> None:
     )
     unseen = PartialPlatform(provider=ProviderKind.SIMULATED, logical_processors=2, scheduler=SchedulerType.UNKNOWN)
 
-    assert list(map(str, compare(header, header.setup.members, now, other).changed)) == [
+    assert list(map(str, compare_header(header, header.setup.members, now, other).changed)) == [
         "provider: simulated -> hyperv",
         "processor model: simulated -> another",
         "logical processors: 2 -> 4",
@@ -237,4 +239,4 @@ def test_the_bench_must_match_as_far_as_it_is_known() -> None:
         "scheduler: classic -> core",
         "guest image: nothing -> guest.vhdx",
     ]
-    assert compare(header, header.setup.members, now, unseen).changed == ()
+    assert compare_header(header, header.setup.members, now, unseen).changed == ()

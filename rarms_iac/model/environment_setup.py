@@ -1,4 +1,4 @@
-"""Where settings are measured: the test partitions P1 and P2, their setup, and the platform below them."""
+"""Where a data log is measured: the test partitions P1 and P2, their setup, and the platform below them."""
 
 from dataclasses import dataclass
 
