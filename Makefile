@@ -8,7 +8,7 @@ RUNS := $(VENV)/.installed
 TESTS := $(VENV)/.installed-dev
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-linux test test-long coverage test-lowest lint test-laboratory test-windows generated figures evaluation pictures docs bench clean
+.PHONY: help demo demo-linux test test-long coverage test-lowest lint test-laboratory test-windows generated lock figures evaluation pictures docs bench clean
 
 help: ## Show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | while IFS='|' read -r name says; do printf '%-20s %s\n' "$$name" "$$says"; done
@@ -42,6 +42,9 @@ test-windows: $(TESTS) ## The unit, case and law tests under the real Windows CP
 
 generated: $(TESTS) ## Write what is made from the code: schemas, references, the index of findings
 	@scripts/generate
+
+lock: $(TESTS) ## The versions that the Action installs, with their hashes; after a change of dependencies
+	@scripts/lock
 
 figures: $(TESTS) ## The paper's figures on the simulated host, with its numbers beside them
 	@scripts/figures

@@ -6,7 +6,7 @@ from datetime import date
 from pathlib import Path
 
 from rarms_iac.app.data_logs import path_of, subject_of
-from rarms_iac.manifest.load import load
+from rarms_iac.manifest.load import load_system
 from rarms_iac.model.series import Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import System
@@ -58,6 +58,6 @@ def _late(component: str) -> Series:
 
 
 def _system(folder: Path) -> System:
-    system = load(str(folder / "rarms.yaml"), today=date(2026, 1, 1)).system
+    system = load_system(str(folder / "rarms.yaml"), today=date(2026, 1, 1)).system
     assert system is not None
     return system

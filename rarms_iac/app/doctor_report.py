@@ -117,12 +117,12 @@ def report_examinations(hosts: Hosts, examined: Examinations) -> DoctorReport:
         rarms=__version__,
         python=".".join(map(str, sys.version_info[:3])),
         system=sys.platform,
-        hosts=tuple(_host(host, _connection(hosts, host.facts.name)) for host in examined.hosts),
+        hosts=tuple(_host_summary(host, _connection(hosts, host.facts.name)) for host in examined.hosts),
         accepted=_by_code(examined.accepted),
     )
 
 
-def _host(host: ExaminedHost, connection: Connection) -> HostSummary:
+def _host_summary(host: ExaminedHost, connection: Connection) -> HostSummary:
     facts, condition = host.facts, host.condition
     responsiveness = condition.responsiveness.data if condition.responsiveness else None
     plans, module = condition.power_plans, condition.module

@@ -13,7 +13,7 @@ from rarms_iac.manifest.edit.formatting import CannotFormat, format_tree
 from rarms_iac.manifest.edit.values import set_value
 from rarms_iac.manifest.load import DEFAULT_NAME, manifest_path
 from rarms_iac.manifest.text.characters import BYTE_ORDER_MARK
-from rarms_iac.manifest.text.reading import ParsedText, read
+from rarms_iac.manifest.text.reading import ParsedText, read_yaml
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.names import WINDOWS_DEVICES, is_name, nearest_name
 from rarms_iac.model.output import Internal, output
@@ -151,7 +151,7 @@ def format_manifests(paths: Sequence[str]) -> FormattedManifests:
     sources = {}
     is_missing = False
     for path in map(manifest_path, paths):
-        tree = read(path)
+        tree = read_yaml(path)
         is_missing |= tree.is_missing
         sources[tree.source.file] = tree.source.lines
         try:

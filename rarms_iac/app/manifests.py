@@ -8,8 +8,8 @@ from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
-from rarms_iac.manifest.load import Loaded, load, manifest_path
-from rarms_iac.manifest.text.reading import read
+from rarms_iac.manifest.load import Loaded, load_system, manifest_path
+from rarms_iac.manifest.text.reading import read_yaml
 from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors
 from rarms_iac.model.system import Component, System
 from rarms_iac.running.secrets import short_secrets
@@ -53,7 +53,7 @@ def load_manifest(source: ManifestSource) -> Manifest:
     Raises:
         UseCaseError: a file is not there (missing), or it has errors (negative); they are its findings.
     """
-    loaded = load(manifest_path(source.manifest), source.overlays, today=source.today)
+    loaded = load_system(manifest_path(source.manifest), source.overlays, today=source.today)
     if loaded.system is None:
         outcome = Outcome.MISSING if loaded.is_missing else Outcome.NEGATIVE
         raise UseCaseError(outcome, loaded.diagnostics, loaded.sources)
@@ -95,7 +95,7 @@ def demands_signed_plans(source: ManifestSource) -> bool:
 def _declared(source: ManifestSource, section: str) -> Iterator[Mapping[str, object]]:
     """A section of the manifest and of each overlay, as far as they have it."""
     for path in (manifest_path(source.manifest), *source.overlays):
-        document = read(path).value
+        document = read_yaml(path).value
         block = document.get(section) if isinstance(document, dict) else None
         if isinstance(block, dict):
             yield block
@@ -111,6 +111,6 @@ def declared_names(manifest: str, section: str) -> tuple[str, ...]:
     Returns:
         In the file's order; none where it cannot be read, or is standard input.
     """
-    document = None if manifest == STANDARD_INPUT else read(manifest_path(manifest)).value
+    document = None if manifest == STANDARD_INPUT else read_yaml(manifest_path(manifest)).value
     entries = document.get(section) if isinstance(document, dict) else None
     return tuple(entries) if isinstance(entries, dict) else ()

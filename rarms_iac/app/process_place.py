@@ -17,7 +17,7 @@ from rarms_iac.rcss import CannotJoin, robotic_task
 from rarms_iac.running.start import ProcessPlace
 
 
-def place_of(manifest: Manifest, component: Component, report: Callable[[str], None]) -> ProcessPlace:
+def find_place(manifest: Manifest, component: Component, report: Callable[[str], None]) -> ProcessPlace:
     """Find the partition and the task class of a component on this machine.
 
     Args:

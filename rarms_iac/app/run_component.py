@@ -23,7 +23,7 @@ from rarms_iac.app.component_results import (
 from rarms_iac.app.experiments.measure_request import refuse_unknown
 from rarms_iac.app.manifests import Manifest, unaccepted_short_secrets
 from rarms_iac.app.options import argument, flag, option, read_time
-from rarms_iac.app.process_place import place_of
+from rarms_iac.app.process_place import find_place
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Call, Elapsed, Run, SampleCount
@@ -106,7 +106,7 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
     base = manifest.folder.resolve()
     results: list[ComponentRunResult] = []
     listener = reporter or SampleReporter()
-    places = {component.name: place_of(manifest, component, listener.place_chosen) for component, _ in chosen}
+    places = {component.name: find_place(manifest, component, listener.place_chosen) for component, _ in chosen}
     try:
         with _load(system, request, base) as load:
             for group in [chosen] if request.together else [[component] for component in chosen]:
@@ -144,7 +144,9 @@ def become_component(manifest: Manifest, name: str, reporter: SampleReporter) ->
     ((component, run),) = _chosen(manifest, RunRequest(components=(name,)))
     if sys.platform == "win32" or isinstance(run.start, Call):
         raise RequestError(f"--exec is for commands on Linux and the like: run {name} without it.")
-    context = StartContext(base=manifest.folder.resolve(), inside=place_of(manifest, component, reporter.place_chosen))
+    context = StartContext(
+        base=manifest.folder.resolve(), inside=find_place(manifest, component, reporter.place_chosen)
+    )
     try:
         become(order_of(name, run, context))
     except CannotStart as problem:

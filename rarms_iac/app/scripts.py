@@ -18,7 +18,7 @@ from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.powershell.inspection.inspect import inspect
-from rarms_iac.powershell.inspection.layout import NEW_MODULE, RUNTIME
+from rarms_iac.powershell.inspection.parts import NEW_MODULE, RUNTIME
 from rarms_iac.powershell.outline import Outline, ScriptDifference, difference, outline
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.powershell.templates import (

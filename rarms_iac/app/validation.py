@@ -11,7 +11,7 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
-from rarms_iac.manifest.load import DEFAULT_NAME, load, manifest_path
+from rarms_iac.manifest.load import DEFAULT_NAME, load_system, manifest_path
 from rarms_iac.manifest.text.reading import MAX_BYTES
 from rarms_iac.model.diagnostics import Diagnostic, Severity, first_of_each_kind, in_order
 from rarms_iac.model.wording import did_you_mean
@@ -79,7 +79,7 @@ def validate_manifest(source: ManifestSource) -> Validation:
     Returns:
         Its findings, in the order of their places.
     """
-    loaded = load(manifest_path(source.manifest), source.overlays, today=source.today)
+    loaded = load_system(manifest_path(source.manifest), source.overlays, today=source.today)
     system = loaded.system
     if system is None:
         return Validation(

@@ -120,7 +120,7 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
         return report_end(session, RunReport(ending=RunEnding.NOTHING), quiet=True)
     if not how.auto_approve:
         ask(session, "Do this?")
-    return report_end(session, run(session, plan, hosts.folder, how))
+    return report_end(session, apply_and_show(session, plan, hosts.folder, how))
 
 
 def _plan_or_wait(hosts: Hosts, request: PlanRequest, how: RunOptions) -> Plan | None:
@@ -133,7 +133,7 @@ def _plan_or_wait(hosts: Hosts, request: PlanRequest, how: RunOptions) -> Plan |
         raise
 
 
-def run(session: Session, plan: Plan, folder: Path | None, how: RunOptions) -> RunReport:
+def apply_and_show(session: Session, plan: Plan, folder: Path | None, how: RunOptions) -> RunReport:
     """Do what the plan says; the first signal stops after the running step."""
     with TerminalReporter(session, steps_as_json=session.as_json) as reporter:
         return apply(plan, folder=folder, waits=how.waits, reporter=reporter, stop=session.interrupts)

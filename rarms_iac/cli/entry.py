@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rarms_iac.model.diagnostics import Sources
 
 
-def run(arguments: Sequence[str]) -> int:
+def run_command_line(arguments: Sequence[str]) -> int:
     """Run the command that these words ask for and return its exit code. Raises nothing."""
     terminal = this_terminal()
     session = Session(terminal=terminal, interrupts=Interrupts(on_request=partial(confirm_signal, terminal.err)))

@@ -23,12 +23,12 @@ def main(arguments: list[str] | None = None) -> int:
             from rarms_iac.cli.completion import answer_completion
 
             return answer_completion(asked)
-        from rarms_iac.cli.entry import run
+        from rarms_iac.cli.entry import run_command_line
 
         # NOTE: what a command makes are trees of values, hardly ever circles: to look for those after every 700 new
         # values takes an eighth of a plan for 1,000 components.
         gc.set_threshold(50_000, 20, 20)
-        return run(words)
+        return run_command_line(words)
     except KeyboardInterrupt:
         return _interrupted()
 

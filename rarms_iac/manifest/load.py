@@ -11,7 +11,7 @@ from rarms_iac.manifest.acceptance import with_acceptances_in_force
 from rarms_iac.manifest.overlays import combine
 from rarms_iac.manifest.text.characters import EMPTY
 from rarms_iac.manifest.text.positions import FirstLine
-from rarms_iac.manifest.text.reading import ParsedText, read
+from rarms_iac.manifest.text.reading import ParsedText, read_yaml
 from rarms_iac.model.commands import INIT, prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, has_errors, in_order
 from rarms_iac.model.names import is_name, robot_of
@@ -77,7 +77,7 @@ def run_checks(system: System, places: Places, today: date) -> Sequence[Diagnost
     return checks.run_checks(system, places, today)
 
 
-def load(
+def load_system(
     path: str,
     overlays: Sequence[str] = (),
     *,
@@ -96,7 +96,7 @@ def load(
         The `System`, with the acceptances that are in force alone, or None; with ordered diagnostics. What a user
             wrote never raises.
     """
-    texts = [read(path), *(read(overlay, overlay=True) for overlay in overlays)]
+    texts = [read_yaml(path), *(read_yaml(overlay, overlay=True) for overlay in overlays)]
     if any(not text.readable for text in texts):
         return _loaded(texts, None, FirstLine(texts[0].source.file), [])
     empty = [_is_empty(text, overlay=text is not texts[0]) for text in texts if text.value is None]
@@ -142,7 +142,7 @@ def manifest_digest(path: str, overlays: Sequence[str] = ()) -> str | None:
         path: the manifest, or the folder of one.
         overlays: files that are laid over it, in their order.
     """
-    texts = [read(manifest_path(path)), *(read(overlay, overlay=True) for overlay in overlays)]
+    texts = [read_yaml(manifest_path(path)), *(read_yaml(overlay, overlay=True) for overlay in overlays)]
     return _digest(texts) if all(text.readable for text in texts) else None
 
 

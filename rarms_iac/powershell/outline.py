@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from rarms_iac.powershell.inspection.layout import without_fixed
+from rarms_iac.powershell.inspection.parts import without_fixed
 from rarms_iac.powershell.literals import Scalar, read_literal
 from rarms_iac.powershell.statements import (
     CommandCall,

@@ -82,7 +82,7 @@ def cluster_updated(piece: ScriptPiece, machine: str) -> ScriptPiece:
     return replace(piece, calls=(*piece.calls, update), sets=(*piece.sets, ()) if piece.sets else ())
 
 
-def joined(piece: ScriptPiece, following: ScriptPiece) -> ScriptPiece:
+def join_pieces(piece: ScriptPiece, following: ScriptPiece) -> ScriptPiece:
     """Both as one: read before the first call and after the last; cmdlets that set the same object are called once."""
     made = {name: value for name, value in following.before.items() if name not in piece.after}
     calls = list(zip(piece.calls, _set_by(piece), strict=True))
@@ -240,7 +240,7 @@ def _reader(step: Step) -> str:
     return call(READER, Name=literal(at.partition))
 
 
-def fits(step: Step) -> str:
+def capacity_call(step: Step) -> str:
     """The call that asks whether the host can keep what it promises after this step."""
     claim = step.claim_after
     return call(

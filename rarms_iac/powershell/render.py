@@ -23,11 +23,11 @@ from rarms_iac.powershell.pieces import (
     NewFiles,
     ScriptPiece,
     block_of,
+    capacity_call,
     cluster_updated,
     clustered,
     creation_undo_pieces,
-    fits,
-    joined,
+    join_pieces,
     pieces_of,
 )
 from rarms_iac.powershell.rows import PlanBlock, plan_lines
@@ -44,7 +44,7 @@ from rarms_iac.powershell.templates import (
     impact_of,
     module_digests,
     module_text,
-    read,
+    template_text,
 )
 
 _HOST_REQUIRES = ("-Modules Hyper-V", "-RunAsAdministrator")
@@ -175,7 +175,7 @@ def render_guest(
 
 def render_observe() -> bytes:
     """The read-only script that prints what a host looks like as one JSON document."""
-    return as_script(read("observe.ps1"))
+    return as_script(template_text("observe.ps1"))
 
 
 def _inside(step: Step) -> str:
@@ -216,7 +216,7 @@ def _joined(pieces: Iterable[_GuardedPiece]) -> list[_GuardedPiece]:
     for new in pieces:
         old = steps[-1] if steps else new
         if old is not new and _can_join(old, new):
-            steps[-1] = replace(old, piece=joined(old.piece, new.piece), steps=old.steps + new.steps)
+            steps[-1] = replace(old, piece=join_pieces(old.piece, new.piece), steps=old.steps + new.steps)
         else:
             steps.append(new)
     return steps
@@ -415,7 +415,7 @@ def _options(guarded: _GuardedPiece) -> Iterable[tuple[str, Literal]]:
     if guarded.lost is not None:
         yield "Lost", literal(guarded.lost)
     if guarded.undoes is None and first.claim_before.is_less_than(last.claim_after):
-        yield "Fits", "{ " + fits(last) + " }"
+        yield "Fits", "{ " + capacity_call(last) + " }"
 
 
 def _literals(readings: Readings) -> dict[str, Literal]:

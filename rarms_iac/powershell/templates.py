@@ -48,7 +48,7 @@ def as_script(text: str) -> bytes:
     return text.replace("\n", "\r\n").encode("ascii")
 
 
-def read(name: str) -> str:
+def template_text(name: str) -> str:
     """A template's text as it lies in its file, with LF."""
     return shipped_text(f"{FOLDER}/{name}")
 
@@ -220,7 +220,7 @@ class ScriptForm(Enum):
 @cache
 def module_file(name: str) -> bytes:
     """The bytes of a file of the module, one of `MODULE_FILES`, with CRLF."""
-    return as_script(read(f"{MODULE_FOLDER}/{name}"))
+    return as_script(template_text(f"{MODULE_FOLDER}/{name}"))
 
 
 def shipped_module() -> dict[str, str]:
@@ -250,7 +250,7 @@ def module_text(form: ScriptForm, entry: str = ENTRY) -> str:
         text = fill("module.ps1.j2", {"version": __version__, "digests": module_digests().items()}).decode("ascii")
     else:
         parts = MEASURING_PARTS if entry == MEASURING_ENTRY else ()
-        own = "\n".join(map(str.rstrip, [read(f"{MODULE_FOLDER}/{MODULE_FILES[1]}"), *map(part_text, parts)]))
+        own = "\n".join(map(str.rstrip, [template_text(f"{MODULE_FOLDER}/{MODULE_FILES[1]}"), *map(part_text, parts)]))
         digest = module_digest(as_script(own).decode("ascii"))
         values = {"version": __version__, "digest": digest, "text": own, "entry": entry}
         text = fill("single.ps1.j2", values).decode("ascii")
@@ -259,12 +259,13 @@ def module_text(form: ScriptForm, entry: str = ENTRY) -> str:
 
 def receiver_text() -> str:
     """What of the module takes scripts from standard input and runs the first, with LF: its last section."""
-    return read(f"{MODULE_FOLDER}/{MODULE_FILES[1]}").partition("# === receiver: ")[2].partition("\n")[2].rstrip()
+    module = template_text(f"{MODULE_FOLDER}/{MODULE_FILES[1]}")
+    return module.partition("# === receiver: ")[2].partition("\n")[2].rstrip()
 
 
 def part_text(name: str) -> str:
     """One of `MEASURING_PARTS`, with LF."""
-    return read(f"parts/{name}.ps1")
+    return template_text(f"parts/{name}.ps1")
 
 
 LOSING = frozenset(

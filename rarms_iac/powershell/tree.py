@@ -73,7 +73,7 @@ def text_of(node: "Node") -> str:
     return (node.text or b"").decode("utf-8", "surrogatepass")
 
 
-def line_of(node: "Node") -> int:
+def line_number(node: "Node") -> int:
     """The line on which it begins, from 1."""
     return node.start_point.row + 1
 
@@ -144,7 +144,7 @@ def shape_of(roots: Iterable["Node"]) -> tuple[ShapeNode, ...]:
                 depth=depth,
                 label=LITERAL if is_literal else node.type,
                 text=text_of(node) if is_leaf and not is_literal else "",
-                line=line_of(node),
+                line=line_number(node),
             )
         )
         if not is_leaf:
@@ -163,7 +163,7 @@ def parse_strictly(script: str) -> "Node":
         message = (
             f"PowerShell's grammar has no place for {quoted(text_of(wrong[0]), 40)}" if text_of(wrong[0]) else _LACKS
         )
-        raise NotParsed(message, line_of(wrong[0]))
+        raise NotParsed(message, line_number(wrong[0]))
     if line := disagreement(script, root):
         raise NotParsed("a string or a comment ends elsewhere than it seems", line)
     if line := _backtick(script, root):

@@ -9,7 +9,7 @@ from rarms_iac.model.journal import Journal, JournalRecord, RunClosed, RunStarte
 from rarms_iac.model.plan_names import wrong_name
 from rarms_iac.model.wording import quoted
 from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked
-from rarms_iac.storage.append import Damaged, Record, append, first_in, last_in, line_of, records_in
+from rarms_iac.storage.append import Damaged, Record, append, first_in, last_in, records_in, sealed_line
 from rarms_iac.storage.codec import NotDecodable, decode_union, encode
 from rarms_iac.storage.disk import advice_on, make_folder_for
 from rarms_iac.storage.lock import Locked, hold, read_holder
@@ -102,7 +102,7 @@ class JournaledHost:
 
     def start_run(self, started: RunStarted) -> None:
         with report_failure(self.name, self._journal_path):
-            self._files.replace(self._journal_path, line_of(_encode(started)))
+            self._files.replace(self._journal_path, sealed_line(_encode(started)))
 
     def record(self, record: JournalRecord) -> None:
         with report_damage(self.name, self._journal_path), report_failure(self.name, self._journal_path):
@@ -149,7 +149,7 @@ def journal_in(data: bytes | None, path: Path) -> Journal | None:
     """
     if data is None:
         return None
-    return run_of([_decode(number, record) for number, record in enumerate(records_in(data, path))])
+    return journal_of([_decode(number, record) for number, record in enumerate(records_in(data, path))])
 
 
 def unfinished_in(data: bytes | None, path: Path) -> Journal | None:
@@ -165,7 +165,7 @@ def unfinished_in(data: bytes | None, path: Path) -> Journal | None:
     return journal if journal is not None and journal.unfinished else None
 
 
-def run_of(records: list[JournalRecord]) -> Journal:
+def journal_of(records: list[JournalRecord]) -> Journal:
     """The run that these records tell, in their order.
 
     Raises:

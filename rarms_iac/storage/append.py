@@ -41,7 +41,7 @@ class Damaged(Exception):
         self.message = message
 
 
-def line_of(record: Record) -> bytes:
+def sealed_line(record: Record) -> bytes:
     """The record as its line, the end included.
 
     Args:
@@ -66,13 +66,13 @@ def append(path: Path, record: Record) -> None:
 
     Args:
         path: the log; not a link.
-        record: as of `line_of`.
+        record: as of `sealed_line`.
 
     Raises:
         Damaged: a record that is there is not as it was written; nothing was added.
         OSError: it cannot be written.
     """
-    line = line_of(record)
+    line = sealed_line(record)
     if not os.path.lexists(path):
         replace(path, line)
         return

@@ -25,11 +25,12 @@ from rarms_iac.model.wording import natural_order
 from rarms_iac.studio.actions import Workspace
 from rarms_iac.studio.knowledge import LOOK_SECONDS, Knowledge, is_followed
 from rarms_iac.studio.plan_page import PlanOnPage, plan_on_page
+from rarms_iac.views.history import history_rows
 from rarms_iac.views.reports.html import render_page
 from rarms_iac.views.reports.page import on_page
 from rarms_iac.views.reports.table import show_cell
 from rarms_iac.views.reports.tables import RESERVE, RESERVE_LP, levels_of_component
-from rarms_iac.views.status import describe_beside, describe_holders, describe_partition, history_rows
+from rarms_iac.views.status import describe_beside, describe_holders, describe_partition
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,7 +179,7 @@ def page_of(
         application=report.application,
         read_only=read_only,
         manifest_options=manifest_options,
-        hosts=tuple(_host(host, _remark(host.name, known)) for host in hosts),
+        hosts=tuple(_host_on_page(host, _remark(host.name, known)) for host in hosts),
         components=tuple(_components(known, report)),
         is_running=is_running,
         held="" if is_running else describe_holders(hosts),
@@ -249,7 +250,7 @@ def _remark(host: str, known: Knowledge) -> str:
     )
 
 
-def _host(host: HostOverview, remark: str) -> HostOnPage:
+def _host_on_page(host: HostOverview, remark: str) -> HostOnPage:
     totals = host.totals
     if totals is None:
         problems = tuple(plain_text(sentences(problem.detail, problem.advice)) for problem in host.problems)

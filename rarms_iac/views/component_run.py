@@ -39,7 +39,7 @@ def sample_text(component: str, number: int, sample: Sample) -> str:
     return "  ".join(parts) + "\n"
 
 
-def summary_text(ran: ComponentRunResult) -> "RenderableType":
+def _summary_text(ran: ComponentRunResult) -> "RenderableType":
     """What the samples come to: a line, and a row an index of the APT."""
     verdicts = {index: f"{verdict_word(verdict)} here" for index, verdict in ran.verdicts.items()}
     bounds = {index: show_bound(index_named(index), threshold) for index, threshold in ran.component.apt.items()}
@@ -122,5 +122,5 @@ class LiveSampleReporter(FailureReporter):
 
     def ended(self, result: ComponentRunResult, last_words: str) -> None:
         """Show what the samples come to."""
-        self._screen.show(summary_text(result))
+        self._screen.show(_summary_text(result))
         super().ended(result, last_words)

@@ -66,10 +66,10 @@ def findings_text(
             parts += [*(_one_finding(alike[0], lines) if len(alike) == 1 else _finding_group(alike)), ""]
     parts += map(_note, notes)
     only_notes = notes and len(notes) == len(kinds)
-    return stack(*parts, None if only_notes else summary(diagnostics, accepted))
+    return stack(*parts, None if only_notes else findings_summary(diagnostics, accepted))
 
 
-def summary(diagnostics: Sequence[Diagnostic], accepted: Sequence[Diagnostic] = ()) -> str:
+def findings_summary(diagnostics: Sequence[Diagnostic], accepted: Sequence[Diagnostic] = ()) -> str:
     """`1 error, 2 warnings.`, or `No findings.`; what the policy accepts is counted apart."""
     numbers = {severity: sum(diagnostic.severity is severity for diagnostic in diagnostics) for severity in Severity}
     counts = ", ".join(counted(number, severity.value) for severity, number in numbers.items() if number)

@@ -81,7 +81,9 @@ def plan_text(
     if is_read:
         parts += [paragraph(styled((_counts(plan), STRONG))), *_words_of_file(plan, sources or {}, verbose=verbose)]
         return stack(*parts)
-    return stack(*parts, *_findings(plan, sources or {}, verbose=verbose), paragraph(styled((summary(plan), STRONG))))
+    return stack(
+        *parts, *_findings(plan, sources or {}, verbose=verbose), paragraph(styled((plan_summary(plan), STRONG)))
+    )
 
 
 def _findings(plan: Plan, sources: Sources, *, verbose: bool) -> "Iterator[RenderableType]":
@@ -123,7 +125,7 @@ def _reasons(part: HostPlan) -> "Iterator[RenderableType]":
         )
 
 
-def summary(plan: Plan) -> str:
+def plan_summary(plan: Plan) -> str:
     """The last line: how many of each, or that there is nothing to do."""
     number = sum(len(part.held_back) for part in plan.hosts)
     held = f"{number} held back." if number else ""

@@ -25,7 +25,7 @@ from rarms_iac.views.console import UNLIMITED, render
 from rarms_iac.views.finding_forms import OutputFormat, findings_as, in_repository
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.markdown import code, finding_parts, fitting, folded, plain_line, safe
-from rarms_iac.views.plan import plan_text, summary
+from rarms_iac.views.plan import plan_summary, plan_text
 from rarms_iac.views.scripts import difference_text
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def comment(review: PlanReview) -> str:
     plan = review.plan
     parts = [
         marker(plan.manifest),
-        f"### rarms plan: {safe(plan.application)}\n\n**{safe(summary(plan))}**",
+        f"### rarms plan: {safe(plan.application)}\n\n**{safe(plan_summary(plan))}**",
         *_risks(review),
         *finding_parts(in_repository(plan.findings)),
         *_table(plan),

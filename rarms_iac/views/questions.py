@@ -97,7 +97,7 @@ def curves_text(result: ExperimentResult, report: Report, *, ascii_only: bool) -
     """The settings, a plot an index, and what all reservations add up to."""
     from rarms_iac.views.console import paragraph, stack
     from rarms_iac.views.measure import settings_text
-    from rarms_iac.views.reports.summary import fit_text
+    from rarms_iac.views.reports.sentences import fit_text
     from rarms_iac.views.reports.terminal import TerminalPlot, legend
 
     parts: list[RenderableType] = ["", settings_text(result)]

@@ -9,7 +9,7 @@ from rarms_iac.model.commands import APPLY, Wording, prose
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.wording import natural_order
-from rarms_iac.powershell.inspection.layout import part_digest, split_script
+from rarms_iac.powershell.inspection.parts import part_digest, split_script
 from rarms_iac.powershell.outline import Detail, ScriptDifference, StepDifference
 from rarms_iac.powershell.templates import ScriptForm
 from rarms_iac.views.console import BAD, CHANGED, GOOD, STRONG, paragraph, stack, styled

@@ -1,20 +1,21 @@
-"""`rarms status` and `rarms history`: how an application stands, and what was done to its hosts."""
+"""`rarms status`: how an application stands on its hosts, and the command that comes next."""
 
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import ComponentProof
-from rarms_iac.app.status import History, HostOverview, Overview, PartitionStatus
+from rarms_iac.app.status import HostOverview, Overview, PartitionStatus
 from rarms_iac.model.commands import prose, sentences
 from rarms_iac.model.indexes import show_threshold
-from rarms_iac.model.journal import PastRun, RunKind
+from rarms_iac.model.journal import RunKind
 from rarms_iac.model.quantities import share_of_processors, show_processors
 from rarms_iac.model.state import StoppedBy
 from rarms_iac.model.wording import counted, in_a_row, natural_order
 from rarms_iac.views.changes import members_of
 from rarms_iac.views.console import CHANGED, DIM, STRONG, paragraph, stack, styled, table
 from rarms_iac.views.drift import TITLES, name_findings
+from rarms_iac.views.history import describe_run
 from rarms_iac.views.prove import describe_proof_setting, describe_verdict, proof_time
 
 if TYPE_CHECKING:
@@ -162,59 +163,3 @@ def _proven(proofs: Sequence[ComponentProof]) -> Sequence[str]:
             setting = describe_proof_setting(proof)
             sentences.append(f"{proof.component}, {proof.index.name} {threshold}: {verdict}{needed} ({setting}).")
     return list(dict.fromkeys(sentences))
-
-
-def describe_run(run: PastRun) -> str:
-    """`apply of plan 0123, done; by ann@lab, process 7, 2026-11-22 10:11:12 UTC`."""
-    robot = f" on {run.robot}" if run.robot else ""
-    return f"{_describe_kind(run)} of plan {run.plan}{robot}, {_ending(run)}; by {run.started_by}, {run.started_at}"
-
-
-def history_text(history: History) -> "RenderableType":
-    """Show the runs on each host, the last one first; what was taken back is said at the apply."""
-    parts: list[RenderableType] = []
-    for host, runs in history.hosts.items():
-        parts.append(styled((f"Host {host}", STRONG), "" if runs else "  nothing was applied here"))
-        rows = history_rows(runs)
-        parts.append(table(rows, wrap=(0, 4), indent=2))
-    return stack(*parts)
-
-
-def history_rows(runs: Sequence[PastRun]) -> Sequence[tuple[str, ...]]:
-    """When, what, which plan of which application and robot, by whom, and how it ended; the last run first.
-
-    Args:
-        runs: of a host, the oldest first.
-    """
-    return [
-        (run.started_at, _describe_kind(run), run.plan, _whose(run), run.started_by, _ending(run, later))
-        for run, later in _with_later(runs)
-    ]
-
-
-def _describe_kind(run: PastRun) -> str:
-    """What it was; plans of a measurement are none of an engineer."""
-    match run.measurement:
-        case "stop" if run.run is RunKind.APPLY:
-            return "stop to measure"
-        case "start" if run.run is RunKind.APPLY:
-            return "start after measuring"
-        case _:
-            return run.run.value
-
-
-def _whose(run: PastRun) -> str:
-    return f"{run.application} on {run.robot}" if run.robot else run.application
-
-
-def _with_later(runs: Sequence[PastRun]) -> Iterator[tuple[PastRun, Sequence[PastRun]]]:
-    """The runs, the last one first, each with those after it."""
-    for number in reversed(range(len(runs))):
-        yield runs[number], runs[number + 1 :]
-
-
-def _ending(run: PastRun, later: Sequence[PastRun] = ()) -> str:
-    """How a run ended, or that one after it took it back."""
-    if run.run is RunKind.APPLY and any(other.run is RunKind.UNDO and other.plan == run.plan for other in later):
-        return "undone"
-    return run.ending

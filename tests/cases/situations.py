@@ -17,7 +17,7 @@ from unittest.mock import patch
 
 from rarms_iac.applying.make_plan import make_plan
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.manifest.load import load
+from rarms_iac.manifest.load import load_system
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.hyperv.parse import to_state
 from rarms_iac.storage.plan_file import read_plan
@@ -74,7 +74,7 @@ def _by_command(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
 
 def _by_library(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
     """The other commands want the host itself, not what it looked like: the same without a command."""
-    loaded = load("rarms.yaml", today=TODAY)
+    loaded = load_system("rarms.yaml", today=TODAY)
     assert loaded.system is not None
     (name,) = loaded.system.hosts
     options = dict(pairwise([*words, ""]))

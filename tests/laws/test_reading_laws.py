@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from rarms_iac.manifest.document.messages import findings_of_structure
 from rarms_iac.manifest.document.validate_document import NotAManifest, validate_document
-from rarms_iac.manifest.load import load
+from rarms_iac.manifest.load import load_system
 from rarms_iac.manifest.text.positions import ManifestPlaces
 from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.manifest.text.tree import plain
@@ -93,6 +93,6 @@ def test_a_manifest_with_a_line_lost_or_changed_never_raises(
     path = tmp_path_factory.getbasetemp() / "rarms.yaml"
     path.write_text("\n".join(lines), encoding="utf-8", newline="\n")
 
-    loaded = load(str(path), today=date(2026, 1, 1))
+    loaded = load_system(str(path), today=date(2026, 1, 1))
 
     assert loaded.system is not None or loaded.has_errors

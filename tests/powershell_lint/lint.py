@@ -14,7 +14,7 @@ from tree_sitter import Node
 from rarms_iac.powershell.literals import NotALiteral, read_literal
 from rarms_iac.powershell.statements import CommandCall, calls_of
 from rarms_iac.powershell.tokens import NotTokens
-from rarms_iac.powershell.tree import line_of, parse_strictly, text_of, walk
+from rarms_iac.powershell.tree import line_number, parse_strictly, text_of, walk
 from tests.powershell_lint import allowed
 from tests.powershell_lint.cmdlets import cmdlet, problems_of_call
 
@@ -58,7 +58,7 @@ def problems(text: str, *, reading: bool = False) -> list[str]:
     """Everything that is wrong with a script, in no order."""
     script = Script(parse_strictly(text), reading)
     checks = (_constructs, _names, _commands, _style, _unused)
-    return [f"{line_of(node)}: {problem}" for check in checks for node, problem in check(script)]
+    return [f"{line_number(node)}: {problem}" for check in checks for node, problem in check(script)]
 
 
 def _parameters(function: Node) -> dict[str, bool]:

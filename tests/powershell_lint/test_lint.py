@@ -23,7 +23,7 @@ from rarms_iac.powershell.templates import (
     TARGET,
     ScriptForm,
     module_text,
-    read,
+    template_text,
 )
 from rarms_iac.powershell.tree import parse_strictly
 from rarms_iac.providers.hyperv.bootstrap import render_installed_receiver, render_loader, render_receiver
@@ -96,7 +96,7 @@ def test_a_script_that_measures() -> None:
 
 
 def test_the_module() -> None:
-    assert problems(read("Rarms/Rarms.psm1")) == []
+    assert problems(template_text("Rarms/Rarms.psm1")) == []
     assert problems(module_text(ScriptForm.MODULE) + "\n$rarms\n") == []
 
 

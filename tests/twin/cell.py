@@ -13,7 +13,7 @@ from rarms_iac.model.diagnostics import Places
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
-from rarms_iac.powershell.inspection.layout import NEW_MODULE
+from rarms_iac.powershell.inspection.parts import NEW_MODULE
 from rarms_iac.powershell.render import script_name
 from rarms_iac.powershell.templates import MODULE_FOLDER, ScriptForm, shipped_module
 from tests.builders import PathPlaces

@@ -9,7 +9,7 @@ import pytest
 
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.render import render_observe
-from rarms_iac.powershell.templates import read
+from rarms_iac.powershell.templates import template_text
 from tests.effort import every_few
 from tests.twin.cell import apply, apply_script, files_of, scripts_of, undo, undo_script
 from tests.twin.cells import Prepared, everything, fresh
@@ -314,8 +314,8 @@ def test_what_a_caller_prefers_reaches_into_no_run() -> None:
         .replace("\r\n", "\n")
         .partition("$plan = {")[0]
     )
-    head += read("Rarms/Rarms.psm1").partition("function ")[0]
-    observed = read("observe.ps1")
+    head += template_text("Rarms/Rarms.psm1").partition("function ")[0]
+    observed = template_text("observe.ps1")
 
     for preference in re.findall(r"^\$\w+Preference = .*$", observed, re.MULTILINE):
         name = preference.split()[0]

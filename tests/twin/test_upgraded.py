@@ -15,7 +15,7 @@ from rarms_iac.applying.undo import abandon, steps_undone, undo
 from rarms_iac.model.journal import RunOrigin
 from rarms_iac.model.plan import Plan
 from rarms_iac.providers.hyperv.provider import LiveHypervHost
-from rarms_iac.storage.append import line_of, records_in
+from rarms_iac.storage.append import records_in, sealed_line
 from tests.builders import a_host
 from tests.twin.cell import apply
 from tests.twin.cells import everything
@@ -118,7 +118,7 @@ def forge_journal(host: WindowsHost, old: str, new: str) -> None:
     assert old in str(first["undo"])
     for name in ("script", "undo"):
         first[name] = str(first[name]).replace(old, new)
-    file.data = b"".join(map(line_of, [first, *records]))
+    file.data = b"".join(map(sealed_line, [first, *records]))
 
 
 @pytest.mark.parametrize(

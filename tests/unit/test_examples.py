@@ -22,7 +22,7 @@ from rarms_iac.applying.run_steps import hold
 from rarms_iac.manifest.checks import run_checks
 from rarms_iac.manifest.document.schema import manifest_schema
 from rarms_iac.manifest.edit.formatting import format_text
-from rarms_iac.manifest.load import Loaded, load
+from rarms_iac.manifest.load import Loaded, load_system
 from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.model.diagnostics import Severity
 from rarms_iac.model.plan import Plan
@@ -54,7 +54,7 @@ ELSEWHERE = {"delivery-robot-linux", "hyperv-cell", "over-full"}
 
 def loaded(example: str, *overlays: str) -> Loaded:
     folder = MANIFESTS / example
-    return load(
+    return load_system(
         str(folder / "rarms.yaml"), [str(folder / overlay) for overlay in overlays], today=TODAY, checks=run_checks
     )
 

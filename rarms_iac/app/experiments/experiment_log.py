@@ -23,7 +23,7 @@ from rarms_iac.storage.datalog.files import append_remeasurement, begin_log, log
 from rarms_iac.storage.datalog.identity import header_of, identity_of
 from rarms_iac.storage.datalog.log import DataLog, Header, Provenance, Remeasurement
 from rarms_iac.storage.datalog.named_files import Files
-from rarms_iac.storage.datalog.staleness import Changed, compare
+from rarms_iac.storage.datalog.staleness import Changed, compare_header
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +58,9 @@ def read_experiment_log(session: MeasuringSession, experiment: Experiment) -> Ex
     with log_errors():
         log = read_log(path)
     changed = (
-        () if log is None else compare(log.header, header.setup.members, header.identity, header.platform_facts).changed
+        ()
+        if log is None
+        else compare_header(log.header, header.setup.members, header.identity, header.platform_facts).changed
     )
     return ExperimentLog(path=path, header=header, log=log, changed=changed)
 

@@ -26,7 +26,7 @@ from rarms_iac.app.planning import plan_request
 from rarms_iac.app.requests import DatedManifestSource, HostSelection, ManifestSource, PlanLimits, RunOptions
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.applying.run_report import RunEnding, RunReport
-from rarms_iac.cli.applying import ask, finish_first, plan_ask_apply, report_end, run
+from rarms_iac.cli.applying import apply_and_show, ask, finish_first, plan_ask_apply, report_end
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, tell
@@ -78,7 +78,7 @@ def apply_command(
         notes = changed_manifest(plan, manifest_source)
         tell(session.terminal, notes)
         folder = folder_of(source.manifest) if _is_named() else None
-        report = run(session, plan, folder, how)
+        report = apply_and_show(session, plan, folder, how)
         code = report_end(session, replace(report, findings=(*notes, *report.findings)), shown=notes)
         if not options.proving:
             return code

@@ -23,8 +23,9 @@ from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.views.doctor import doctor_as
 from rarms_iac.views.drift import drift_text
+from rarms_iac.views.history import history_text
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.status import history_text, status_text
+from rarms_iac.views.status import status_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

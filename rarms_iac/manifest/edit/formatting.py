@@ -34,7 +34,7 @@ def format_text(text: str, file: str) -> str:
 
 
 def format_tree(parsed: ParsedText) -> str:
-    """The canonical form of a file that was read already (`reading.read`).
+    """The canonical form of a file that was read already (`reading.read_yaml`).
 
     Raises:
         CannotFormat: the text is no manifest.

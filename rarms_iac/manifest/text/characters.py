@@ -2,6 +2,7 @@
 
 import re
 import unicodedata
+from typing import Any
 
 from rarms_iac.model.commands import INIT, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
@@ -120,3 +121,8 @@ def place_of(data: bytes, offset: int, file: str) -> Place:
     start = max(before.rfind(b"\n"), before.rfind(b"\r")) + 1
     column = len(before[start:].decode("utf-8", errors="replace"))
     return Place(file=file, line=line + 1, column=column + 1)
+
+
+def place_at(mark: Any, file: str, length: int = 1) -> Place:
+    """A parser's position (from 0) as ours (from 1)."""
+    return Place(file=file, line=mark.line + 1, column=mark.column + 1, length=max(1, length))

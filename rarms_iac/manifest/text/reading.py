@@ -94,7 +94,7 @@ class ParsedText:
     is_missing: bool = False  # there is no such file
 
 
-def read(path: str, *, overlay: bool = False) -> ParsedText:
+def read_yaml(path: str, *, overlay: bool = False) -> ParsedText:
     """Read a manifest or overlay; what is wrong stands in `diagnostics`.
 
     Args:

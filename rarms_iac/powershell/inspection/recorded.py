@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.wording import quoted
-from rarms_iac.powershell.inspection.layout import (
+from rarms_iac.powershell.inspection.parts import (
     HEAD,
     NEW_MODULE,
     RUNTIME,
@@ -22,7 +22,7 @@ from rarms_iac.powershell.inspection.layout import (
 )
 from rarms_iac.powershell.statements import block_in, top_statements
 from rarms_iac.powershell.templates import MODULE_END, PLAN, ScriptForm, as_script, module_digest
-from rarms_iac.powershell.tree import line_of, text_of
+from rarms_iac.powershell.tree import line_number, text_of
 
 if TYPE_CHECKING:
     from tree_sitter import Node
@@ -90,7 +90,7 @@ def check_around_plan(name: str, script: str, root: "Node") -> Iterator[Diagnost
         text = text_of(node)
         if text != _LAST if at == len(statements) else not (_is_plan(node) or _is_setting(node)):
             yield HEAD.at(
-                Place(file=name, line=line_of(node), column=1),
+                Place(file=name, line=line_number(node), column=1),
                 f"beside its plan stands {quoted(text, 60)}",
                 "render the script again",
                 values={"script": name, "text": text[:60]},
@@ -136,7 +136,7 @@ def _digests_of(module: Mapping[str, str], fixed: FixedPiece) -> dict[str, str]:
 
 
 def _is_within(node: "Node", fixed: FixedPiece) -> bool:
-    return fixed.first <= line_of(node) and node.end_point.row < fixed.last
+    return fixed.first <= line_number(node) and node.end_point.row < fixed.last
 
 
 def _is_plan(node: "Node") -> bool:

@@ -45,7 +45,7 @@ from rarms_iac.powershell.templates import (
     statement_lines,
     table_lines,
 )
-from rarms_iac.powershell.tree import ShapeNode, line_of, literal_of, parse, shape_of, text_of, walk
+from rarms_iac.powershell.tree import ShapeNode, line_number, literal_of, parse, shape_of, text_of, walk
 
 if TYPE_CHECKING:
     from tree_sitter import Node
@@ -125,7 +125,7 @@ def check_steps(name: str, root: "Node", entry: str) -> Iterator[Diagnostic]:
     try:
         template = _template_of(root, entry)
     except _OtherForm as other:
-        yield _problem(name, line_of(other.node), other.detail)
+        yield _problem(name, line_number(other.node), other.detail)
     else:
         yield from _differences(name, list(top_statements(root)), list(top_statements(template)))
 
@@ -135,7 +135,7 @@ def check_recorded_plan(name: str, root: "Node") -> Iterator[Diagnostic]:
     try:
         template = _template_of_recorded(root)
     except _OtherForm as other:
-        yield _problem(name, line_of(other.node), other.detail)
+        yield _problem(name, line_number(other.node), other.detail)
     else:
         yield from _differences(name, plan_statements(root)[1:], plan_statements(template)[1:])
 

@@ -22,7 +22,7 @@ from rarms_iac.providers.cgroups.provider import STATE_FOLDER, LinuxHostProvider
 from rarms_iac.providers.cgroups.systemd import UNITS, slice_unit
 from rarms_iac.providers.channel import SSH_FAILED, CommandChannel, CommandResult, ssh_channel
 from rarms_iac.providers.interface import HostError, HostFailed, HostLocked, HostTakenOver, HostUnreachable
-from rarms_iac.storage.append import Record, line_of, sound_size
+from rarms_iac.storage.append import Record, sealed_line, sound_size
 from rarms_iac.storage.shipped import shipped_text
 
 COMMAND = (
@@ -161,7 +161,7 @@ class RemoteEffects:
 
     def append(self, path: Path, record: Record) -> None:
         """A record that says that a step is done may wait for the next batch."""
-        line = line_of(record)
+        line = sealed_line(record)
         before = self.content(path)
         if before is None:
             self.replace(path, line)

@@ -14,7 +14,7 @@ from functools import cache
 
 from rarms_iac.model.host import Receiver
 from rarms_iac.model.version import __version__
-from rarms_iac.powershell.templates import as_script, fill, read, receiver_text
+from rarms_iac.powershell.templates import as_script, fill, receiver_text, template_text
 from rarms_iac.providers.interface import ScriptBundle, WaitLimits
 
 SHELLS = ("pwsh", "powershell")
@@ -53,7 +53,7 @@ def command() -> str:
 
 def render_installed_receiver() -> bytes:
     """The script that starts the receiver of an installed module: a user signs it, and lays it above the versions."""
-    return as_script(read("receive.ps1"))
+    return as_script(template_text("receive.ps1"))
 
 
 def program_of(shell: str) -> str:

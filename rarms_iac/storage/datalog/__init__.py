@@ -2,5 +2,5 @@
 
 Measured settings come in and are appended, a line each; a whole log goes out, or says why it cannot be read. Begin with
 `files.read_log` and `log` (what a log holds). `columns` writes a setting as one line, `identity` works out what can
-change the PI, `staleness.compare` says what did. `decisions` has the other two logs.
+change the PI, `staleness.compare_header` says what did. `decisions` has the other two logs.
 """

@@ -6,8 +6,7 @@ from typing import TypeVar
 from weakref import WeakValueDictionary
 
 from rarms_iac.model.wording import quoted
-from rarms_iac.storage.append import Damaged, Record, append, iterate_records
-from rarms_iac.storage.append import line_of as sealed_line
+from rarms_iac.storage.append import Damaged, Record, append, iterate_records, sealed_line
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.datalog.columns import line_of, setting_in
 from rarms_iac.storage.datalog.log import FORMAT, DataLog, Header, Recorded, Remeasurement
@@ -230,7 +229,7 @@ def log_path(folder: Path, platform: str, components: Iterable[str], interferenc
     Returns:
         The path; whether there is such a file is not looked at.
     """
-    return folder / MEASUREMENTS / platform / joined(components) / f"{interference}.jsonl"
+    return folder / MEASUREMENTS / platform / "+".join(sorted(components)) / f"{interference}.jsonl"
 
 
 def configuration_path(folder: Path, platform: str, component: str) -> Path:
@@ -245,15 +244,3 @@ def configuration_path(folder: Path, platform: str, component: str) -> Path:
         The path; whether there is such a file is not looked at.
     """
     return folder / MEASUREMENTS / platform / f"{component}.configuration.jsonl"
-
-
-def joined(components: Iterable[str]) -> str:
-    """Components of one partition as one name: `path-planning+video-streaming`, in name order.
-
-    Args:
-        components: names, in any order.
-
-    Returns:
-        A name that stands for the compound in files and output.
-    """
-    return "+".join(sorted(components))

@@ -22,7 +22,7 @@ from rarms_iac.views.findings_text import excerpt_text
 from rarms_iac.views.harmless import visible
 from rarms_iac.views.reports.candidates import drawing_of
 from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of, on_page
-from rarms_iac.views.reports.summary import fit_text, status_text, tuning_text
+from rarms_iac.views.reports.sentences import applied_text, fit_text, tuning_text
 from rarms_iac.views.reports.table import show_cell
 from rarms_iac.views.reports.tables import (
     candidates_left_out,
@@ -99,7 +99,7 @@ def render_page(
             show_cell=show_cell,
             more_candidates=candidates_left_out(report),
             statuses=[
-                (bool(status.differs), status.host, plain_text(status_text(status), manifest_options))
+                (bool(status.differs), status.host, plain_text(applied_text(status), manifest_options))
                 for status in report.statuses
             ],
             findings=[_finding(diagnostic, sources, manifest_options) for diagnostic in findings],

@@ -14,7 +14,7 @@ from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.quantities import show_number
 from rarms_iac.views.console import paragraph, stack, table
 from rarms_iac.views.reports.scale import Scale, scale_of
-from rarms_iac.views.reports.summary import fit_text, status_text, tuning_text
+from rarms_iac.views.reports.sentences import applied_text, fit_text, tuning_text
 from rarms_iac.views.reports.table import Table, show_cell
 from rarms_iac.views.reports.tables import levels_table, proofs_table, tuned_table
 
@@ -88,7 +88,7 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
     for fit in report.capacities:
         yield paragraph(f"{', '.join(fit.hosts)}: {fit_text(fit)}")
     for host in report.statuses:
-        yield paragraph(prose(f"{host.host}: ", status_text(host)))
+        yield paragraph(prose(f"{host.host}: ", applied_text(host)))
     if report.proofs:
         yield ""
         yield "All together, as `rarms prove` measured them last:"

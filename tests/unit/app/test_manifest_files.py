@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from rarms_iac.app.manifest_files import initial_manifest, name_from
 from rarms_iac.manifest.checks import run_checks
 from rarms_iac.manifest.edit.formatting import format_text
-from rarms_iac.manifest.load import load
+from rarms_iac.manifest.load import load_system
 from rarms_iac.model.names import is_name
 
 
@@ -18,7 +18,7 @@ def test_the_first_manifest_is_valid_and_canonical_and_has_nothing_to_complain_a
     text = initial_manifest("conveyor")
     (tmp_path / "rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
 
-    loaded = load(str(tmp_path / "rarms.yaml"), today=date(2026, 11, 21), checks=run_checks)
+    loaded = load_system(str(tmp_path / "rarms.yaml"), today=date(2026, 11, 21), checks=run_checks)
 
     assert loaded.diagnostics == ()
     assert loaded.system is not None

@@ -8,7 +8,7 @@ from rarms_iac.app.report_model import Report
 from rarms_iac.model.system import Component, System
 from rarms_iac.statistics.curves import curves_of, least_reserve
 from rarms_iac.views.reports.page import cards_of, data_of
-from rarms_iac.views.reports.summary import fit_text
+from rarms_iac.views.reports.sentences import fit_text
 from rarms_iac.views.reports.table import show_cell
 from rarms_iac.views.reports.tables import levels_table
 from tests.builders import a_component, a_cpu, a_host, a_partition, a_run, a_system, at_most

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.manifest.load import Loaded, load, manifest_path
+from rarms_iac.manifest.load import Loaded, load_system, manifest_path
 from rarms_iac.model.diagnostics import Severity
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY
@@ -35,7 +35,7 @@ def write(folder: Path, text: str, name: str = "rarms.yaml") -> str:
 
 def loaded(folder: Path, text: str, *overlays: str) -> Loaded:
     files = [write(folder, overlay, f"overlay-{number}.yaml") for number, overlay in enumerate(overlays)]
-    return load(write(folder, text), files, today=date(2026, 1, 1), checks=no_checks)
+    return load_system(write(folder, text), files, today=date(2026, 1, 1), checks=no_checks)
 
 
 def test_a_small_manifest_becomes_a_system_with_every_default(tmp_path: Path) -> None:
@@ -117,7 +117,7 @@ def test_a_missing_or_empty_overlay_is_not_advised_to_become_a_manifest(tmp_path
     manifest, empty = write(tmp_path, SMALL), write(tmp_path, "# nothing yet\n", "empty.yaml")
 
     for overlay in (empty, str(tmp_path / "missing.yaml")):
-        read = load(manifest, [overlay], today=date(2026, 11, 21), checks=no_checks)
+        read = load_system(manifest, [overlay], today=date(2026, 11, 21), checks=no_checks)
         (told,) = [diagnostic for diagnostic in read.diagnostics if diagnostic.severity is Severity.ERROR]
         assert "differ" in str(told.advice)
         assert "rarms init" not in str(told.advice)
@@ -127,7 +127,7 @@ def test_a_missing_or_empty_overlay_is_not_advised_to_become_a_manifest(tmp_path
 def test_a_system_has_no_acceptance_that_has_expired(tmp_path: Path, until: str, *, holds: bool) -> None:
     accepted = f'policy: {{ accept: {{ RARMS159: {{ at: [host/onboard], reason: a bench, until: "{until}" }} }} }}\n'
 
-    read = load(write(tmp_path, SMALL + accepted), today=date(2026, 11, 21), checks=no_checks)
+    read = load_system(write(tmp_path, SMALL + accepted), today=date(2026, 11, 21), checks=no_checks)
 
     assert read.system is not None
     assert ("RARMS159" in read.system.policy.accept) is holds

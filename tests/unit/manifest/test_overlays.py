@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.manifest.load import Loaded, load
+from rarms_iac.manifest.load import Loaded, load_system
 from rarms_iac.manifest.overlays import moved_path
 from rarms_iac.model.loads import DEFAULT_LOADS
 from rarms_iac.model.run import Command, Elapsed, Run
@@ -86,7 +86,7 @@ def test_paths_are_relative_to_the_file_that_says_them(tmp_path: Path) -> None:
     message = "{command: [python3, tools/x.py, ./new.py, -v, tools/none.py], files: ['*.bin'], folder: work}"
     overlay = write(tmp_path, f"components: {{vision: {{run: {message}}}}}\n", "cells/one.yaml")
 
-    read = load(write(tmp_path, SMALL), [overlay], today=date(2026, 1, 1), checks=no_checks)
+    read = load_system(write(tmp_path, SMALL), [overlay], today=date(2026, 1, 1), checks=no_checks)
 
     assert run(read).start == Command(words=("python3", "cells/tools/x.py", "cells/new.py", "-v", "tools/none.py"))
     assert (run(read).files, run(read).folder) == (("cells/*.bin",), "cells/work")
@@ -102,7 +102,7 @@ def test_a_path_may_lie_above() -> None:
 
 
 def test_an_overlay_that_cannot_be_read_is_told(tmp_path: Path) -> None:
-    read = load(write(tmp_path, SMALL), [str(tmp_path / "none.yaml")], today=date(2026, 1, 1), checks=no_checks)
+    read = load_system(write(tmp_path, SMALL), [str(tmp_path / "none.yaml")], today=date(2026, 1, 1), checks=no_checks)
 
     assert read.system is None
     assert [diagnostic.code for diagnostic in read.diagnostics] == ["RARMS001"]

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.powershell.templates import MEASURING_PARTS, part_text, read
+from rarms_iac.powershell.templates import MEASURING_PARTS, part_text, template_text
 from rarms_iac.powershell.tokens import TokenKind, tokens
 from tests.twin.cell import apply, undo
 from tests.twin.cells import fresh
@@ -13,9 +13,9 @@ from tests.twin.observing import PROFILE
 from tests.twin.values import Table, Unsupported
 
 TEXTS = {
-    "module": read("Rarms/Rarms.psm1"),
+    "module": template_text("Rarms/Rarms.psm1"),
     **{f"part {name}": part_text(name) for name in MEASURING_PARTS},
-    "observe": read("observe.ps1"),
+    "observe": template_text("observe.ps1"),
 }
 templates = pytest.mark.parametrize("name", TEXTS)
 

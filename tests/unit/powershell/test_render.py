@@ -8,7 +8,7 @@ from rarms_iac.model.changes import Change
 from rarms_iac.model.renaming import BETWEEN
 from rarms_iac.powershell.literals import NoLiteral
 from rarms_iac.powershell.render import render_apply, render_scripts, render_undo, script_name
-from rarms_iac.powershell.templates import ScriptForm, fill, read
+from rarms_iac.powershell.templates import ScriptForm, fill, template_text
 from rarms_iac.providers.marks import write_mark
 from tests import builders_plan as build
 from tests.builders import a_mark
@@ -109,7 +109,7 @@ def test_a_template_that_asks_for_more_fails() -> None:
 
 
 def test_the_module_reads_every_mark_that_rarms_writes_also_while_two_partitions_exchange_names() -> None:
-    module = read("Rarms/Rarms.psm1")
+    module = template_text("Rarms/Rarms.psm1")
     forms = {}
     for name in ("form", "set", "name"):
         found = re.search(rf"\${name} = '([^']+)'", module)

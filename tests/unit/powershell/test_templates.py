@@ -6,15 +6,15 @@ import re
 import pytest
 
 from rarms_iac.model.version import __version__
-from rarms_iac.powershell.inspection.layout import split_script, without_fixed
+from rarms_iac.powershell.inspection.parts import split_script, without_fixed
 from rarms_iac.powershell.render import render_observe, render_scripts
 from rarms_iac.powershell.templates import (
     MODULE_FILES,
     ScriptForm,
     module_digest,
     module_file,
-    read,
     shipped_module,
+    template_text,
     without_signature,
 )
 from rarms_iac.powershell.tree import ShapeNode, parse_strictly, text_of
@@ -26,7 +26,7 @@ SCRIPTS = {
     for name, text in render_scripts(*rendered_plan(), form=form).items()
 }
 scripts = pytest.mark.parametrize(("form", "name"), sorted(SCRIPTS, key=str))
-MODULE = read("Rarms/Rarms.psm1")
+MODULE = template_text("Rarms/Rarms.psm1")
 
 
 def statements(script: str) -> list[ShapeNode]:
@@ -48,7 +48,7 @@ def test_nothing_runs_while_the_module_is_imported() -> None:
 
 
 def test_the_manifest_of_the_module_names_its_version_and_what_it_exports() -> None:
-    manifest = read("Rarms/Rarms.psd1")
+    manifest = template_text("Rarms/Rarms.psd1")
     exported = re.search(r"FunctionsToExport    = @\(([^)]*)\)", manifest)
 
     assert f"ModuleVersion        = '{__version__}'" in manifest

@@ -9,7 +9,7 @@ from rarms_iac.model.operations import RemovePartition
 from rarms_iac.model.plan import Step
 from rarms_iac.model.state import State
 from rarms_iac.providers.journaled import journal_in
-from rarms_iac.storage.append import line_of
+from rarms_iac.storage.append import sealed_line
 from rarms_iac.storage.codec import NotDecodable, encode
 from tests.builders_plan import facts
 from tests.contracts.runs import a_run, a_step
@@ -25,7 +25,7 @@ FORGED = [
 def journal_of(run: RunStarted) -> bytes:
     record = encode(run)
     assert isinstance(record, dict)
-    return line_of(record)
+    return sealed_line(record)
 
 
 def test_a_journal_reads_back() -> None:

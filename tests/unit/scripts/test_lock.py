@@ -29,7 +29,7 @@ def test_every_dependency_is_locked_within_its_bounds() -> None:
         for pin in held[canonicalize_name(requirement.name)]:
             (version,) = pin.specifier
             assert version.operator == "=="
-            assert requirement.specifier.contains(version.version), f"{requirement}: run scripts/lock"
+            assert requirement.specifier.contains(version.version), f"{requirement}: run make lock"
 
 
 def test_each_locked_version_has_hashes_and_nothing_names_an_address() -> None:

@@ -20,8 +20,8 @@ from rarms_iac.storage.append import (
     first_in,
     iterate_records,
     last_in,
-    line_of,
     records_in,
+    sealed_line,
     sound_size,
 )
 from rarms_iac.storage.disk import make_folder_for
@@ -110,7 +110,7 @@ def test_records_come_back_in_order(tmp_path: Path) -> None:
 
 
 def test_length_and_checksum_are_fields_of_the_object() -> None:
-    line = line_of({"a": 1})
+    line = sealed_line({"a": 1})
 
     assert json.loads(line)["length"] == len('{"a":1}')
     assert set(json.loads(line)) == {"a", "length", "checksum"}
@@ -123,7 +123,7 @@ def test_no_file_has_no_records(tmp_path: Path) -> None:
 
 def test_line_ends_of_git_on_windows_do_no_harm(tmp_path: Path) -> None:
     journal = tmp_path / "journal.jsonl"
-    journal.write_bytes((line_of({"a": 1}) + line_of({"a": 2})).replace(b"\n", b"\r\n"))
+    journal.write_bytes((sealed_line({"a": 1}) + sealed_line({"a": 2})).replace(b"\n", b"\r\n"))
 
     append(journal, {"a": 3})
 
@@ -149,7 +149,7 @@ def test_a_torn_last_record_is_dropped_and_its_place_taken(tmp_path: Path, paddi
 
 def test_a_last_record_that_the_disk_filled_with_zeros_is_dropped_too(tmp_path: Path) -> None:
     journal = tmp_path / "journal.jsonl"
-    journal.write_bytes(line_of({"a": 1}) + b"\0" * 40 + b"\n")
+    journal.write_bytes(sealed_line({"a": 1}) + b"\0" * 40 + b"\n")
 
     append(journal, {"b": 2})
 
@@ -159,9 +159,9 @@ def test_a_last_record_that_the_disk_filled_with_zeros_is_dropped_too(tmp_path: 
 @pytest.mark.parametrize("at", [3, 20, -5])
 def test_a_damaged_earlier_record_is_an_error(tmp_path: Path, at: int) -> None:
     journal = tmp_path / "journal.jsonl"
-    first = bytearray(line_of({"a": "text"}))
+    first = bytearray(sealed_line({"a": "text"}))
     first[at] ^= 1
-    journal.write_bytes(bytes(first) + line_of({"b": 2}))
+    journal.write_bytes(bytes(first) + sealed_line({"b": 2}))
 
     with pytest.raises(Damaged) as damaged:
         tuple(iterate_records(journal))
@@ -187,7 +187,7 @@ def test_what_no_crash_can_have_done_is_damage_to_read_and_to_append_to(
     tmp_path: Path, damage: Callable[[bytes, bytes], bytes]
 ) -> None:
     journal = tmp_path / "journal.jsonl"
-    journal.write_bytes(data := damage(line_of({"a": "first"}), line_of({"b": "last"})))
+    journal.write_bytes(data := damage(sealed_line({"a": "first"}), sealed_line({"b": "last"})))
 
     for use in (lambda: tuple(iterate_records(journal)), lambda: append(journal, {"c": 3}), lambda: sound(data)):
         with pytest.raises(Damaged):
@@ -222,7 +222,7 @@ def test_a_sealed_record_that_is_not_ascii_is_damaged() -> None:
 @pytest.mark.parametrize("record", [{}, {"length": 1}, {"checksum": ""}])
 def test_fields_that_the_line_needs_are_refused(record: dict[str, int | str]) -> None:
     with pytest.raises(ValueError, match="at least one field"):
-        line_of(dict(record))
+        sealed_line(dict(record))
 
 
 @pytest.mark.parametrize("when", When)

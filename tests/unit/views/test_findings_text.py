@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding, Place, Related, Severity, Sources
 from rarms_iac.views.console import columns, render
-from rarms_iac.views.findings_text import findings_text, summary
+from rarms_iac.views.findings_text import findings_summary, findings_text
 from rarms_iac.views.harmless import visible
 
 EXCEEDED = Finding(code="RARMS014", severity=Severity.ERROR, summary="Reservations exceed the platform")
@@ -138,7 +138,9 @@ def test_only_a_warning_says_the_address_that_an_acceptance_names() -> None:
 def test_the_last_line_counts(diagnostics: list[Finding], accepted: int, expected: str) -> None:
     silenced = [RESTART.at(None, "", "", values={})] * accepted
 
-    assert summary([diagnostic.at(None, "", "", values={}) for diagnostic in diagnostics], silenced) == expected
+    assert (
+        findings_summary([diagnostic.at(None, "", "", values={}) for diagnostic in diagnostics], silenced) == expected
+    )
 
 
 diagnostics = st.builds(

@@ -7,7 +7,7 @@ from rarms_iac.model.operations import RemovePartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Plan, Purpose, ThreadClass, Undo, UndoLevel
 from rarms_iac.model.system import Disruption
 from rarms_iac.views.console import render
-from rarms_iac.views.plan import plan_text, summary
+from rarms_iac.views.plan import plan_summary, plan_text
 from tests.builders import a_component, a_host, a_system
 from tests.builders_plan import (
     a_rich_plan,
@@ -36,7 +36,7 @@ def shown_alone(change: Change, *, verbose: bool = False) -> list[str]:
 
 def test_no_changes_is_one_line() -> None:
     assert lines_of(plan()) == ["No changes. The host is as the manifest wants it."]
-    assert summary(plan(purpose=Purpose.DESTROY)) == "No changes. Nothing on the host is of this application."
+    assert plan_summary(plan(purpose=Purpose.DESTROY)) == "No changes. Nothing on the host is of this application."
 
 
 def test_a_partition_that_is_new_is_one_line_with_its_components_share_and_memory() -> None:

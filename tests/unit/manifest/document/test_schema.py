@@ -10,7 +10,7 @@ import jsonschema
 import pytest
 
 from rarms_iac.manifest.document.schema import as_text, manifest_schema, overlay_schema
-from rarms_iac.manifest.load import load
+from rarms_iac.manifest.load import load_system
 from rarms_iac.manifest.text.reading import read_text
 from tests.unit.manifest.examples import EVERYTHING, no_checks
 
@@ -85,7 +85,7 @@ BEYOND = "RARMS028"  # JSON Schema cannot say which days there are
 @pytest.mark.parametrize("path", INVALID, ids=lambda path: path.parent.name)
 def test_a_case_that_can_be_read_is_judged_alike(path: Path) -> None:
     read = read_text(path.read_bytes(), "rarms.yaml", str(path.parent))
-    told = load(str(path), today=date(2026, 1, 1), checks=no_checks).diagnostics
+    told = load_system(str(path), today=date(2026, 1, 1), checks=no_checks).diagnostics
     wrong = {diagnostic.code for diagnostic in told if "RARMS015" <= diagnostic.code <= "RARMS040"} - {BEYOND}
 
     if read.readable and read.value is not None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.manifest.load import load
+from rarms_iac.manifest.load import load_system
 from tests.effort import Attempt, tried
 from tests.hostile import HOSTILE, HOSTILE_VALUES, Hostile
 
@@ -17,12 +17,12 @@ FOLDER = Path(__file__).parents[4]
 MEASURE = """
 import resource, sys
 from datetime import date
-from rarms_iac.manifest.load import load
+from rarms_iac.manifest.load import load_system
 import rarms_iac.manifest.document.validate_document, rarms_iac.manifest.to_system, rarms_iac.manifest.checks
 from rarms_iac.manifest.document.schema import manifest_schema
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 for path in sys.argv[1:]:
-    load(path, today=date(2026, 1, 1))
+    load_system(path, today=date(2026, 1, 1))
     print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024, path)
 """
 
@@ -32,7 +32,7 @@ def told(path: Path, hostile: Hostile) -> list[tuple[str, int, int]]:
     tried(Attempt.DOCUMENT)
     return [
         (diagnostic.code, diagnostic.place.line, diagnostic.place.column)
-        for diagnostic in load(str(path), today=TODAY).diagnostics
+        for diagnostic in load_system(str(path), today=TODAY).diagnostics
         if diagnostic.place is not None
     ]
 
@@ -68,25 +68,25 @@ def test_a_file_of_100_mb_is_not_read(tmp_path: Path) -> None:
     with path.open("wb") as file:
         file.truncate(100_000_000)
 
-    finding = load(str(path), today=TODAY).diagnostics[0]
+    finding = load_system(str(path), today=TODAY).diagnostics[0]
 
     assert finding.code == "RARMS003"
     assert "more than 8 MiB" in finding.detail
 
 
 def test_a_missing_file(tmp_path: Path) -> None:
-    assert [diagnostic.code for diagnostic in load(str(tmp_path / "none.yaml"), today=TODAY).diagnostics] == [
+    assert [diagnostic.code for diagnostic in load_system(str(tmp_path / "none.yaml"), today=TODAY).diagnostics] == [
         "RARMS001"
     ]
 
 
 def test_a_name_that_no_file_can_have() -> None:
-    assert [diagnostic.code for diagnostic in load("rarms\0.yaml", today=TODAY).diagnostics] == ["RARMS001"]
+    assert [diagnostic.code for diagnostic in load_system("rarms\0.yaml", today=TODAY).diagnostics] == ["RARMS001"]
 
 
 def test_standard_input_is_read_up_to_the_limit() -> None:
-    program = "from datetime import date; from rarms_iac.manifest.load import load; "
-    program += "print(*[(d.code, str(d.place)) for d in load('-', today=date(2026, 1, 1)).diagnostics])"
+    program = "from datetime import date; from rarms_iac.manifest.load import load_system; "
+    program += "print(*[(d.code, str(d.place)) for d in load_system('-', today=date(2026, 1, 1)).diagnostics])"
 
     done = subprocess.run(
         [sys.executable, "-c", program], cwd=FOLDER, input=b"#" * 9_000_000, capture_output=True, check=True

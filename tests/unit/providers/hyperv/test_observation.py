@@ -107,9 +107,9 @@ def test_what_is_no_observation_is_refused(data: bytes) -> None:
 
 
 def test_every_probe_of_the_script_is_read_and_no_other() -> None:
-    from rarms_iac.powershell.templates import read
+    from rarms_iac.powershell.templates import template_text
 
-    text = read("observe.ps1").split("$document = ")[1]
+    text = template_text("observe.ps1").split("$document = ")[1]
     probes = {
         line.split(" = ")[0].strip()
         for line in text.splitlines()

@@ -9,7 +9,7 @@ from rarms_iac.providers.hyperv.condition import findings_of
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal, last_run
 from rarms_iac.providers.hyperv.observation import HostObservation, ReadProbe
 from rarms_iac.providers.hyperv.parse import last_run_of, run_state, serials_of, tasks_of, to_state
-from rarms_iac.storage.append import line_of
+from rarms_iac.storage.append import sealed_line
 from rarms_iac.storage.codec import NotDecodable
 from tests.recorded_hosts import document, recorded, unread
 
@@ -152,12 +152,12 @@ def test_a_planted_and_a_damaged_journal_say_nothing() -> None:
     journal = recorded("server-2022-with-strangers").journal
     assert isinstance(journal, ReadProbe)
     text = journal.value.text
-    extra = line_of({"number": 0, "status": "begun", "kind": "step_recorded"}).decode()
+    extra = sealed_line({"number": 0, "status": "begun", "kind": "step_recorded"}).decode()
 
     assert last_run("S-1-5-21-1-2-3-1013", text) == JournalPlanted(owner="S-1-5-21-1-2-3-1013")
     assert isinstance(last_run("S-1-5-18", text.replace("begun", "other", 1)), JournalDamaged)
     assert isinstance(last_run("S-1-5-18", text + extra), JournalDamaged)
-    assert isinstance(last_run("S-1-5-18", line_of({"kind": "step_recorded"}).decode()), JournalDamaged)
+    assert isinstance(last_run("S-1-5-18", sealed_line({"kind": "step_recorded"}).decode()), JournalDamaged)
     assert isinstance(last_run("S-1-5-18", ""), JournalDamaged)
     assert isinstance(last_run("S-1-5-18", text.replace("\n", "\r")), JournalDamaged)
 

@@ -51,7 +51,7 @@ def tuning_text(tuning: PlatformTuning) -> str:
     return f"{ending}: {result} ({run.strategy} strategy, {run.when}).{proof}{broken}{written}{outdated}"
 
 
-def status_text(status: HostStatus) -> Wording:
+def applied_text(status: HostStatus) -> Wording:
     """Whether what the manifest asks for is on the host, and what brings it there."""
     if not status.is_planned:
         return prose("Nothing can be applied as it is: ", *status.commands, " tells why.")

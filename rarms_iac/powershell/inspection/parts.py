@@ -14,7 +14,7 @@ from rarms_iac.powershell.templates import (
     ScriptForm,
     impact_of,
     module_text,
-    read,
+    template_text,
 )
 from rarms_iac.powershell.tokens import NotTokens, Token, TokenKind, tokens
 
@@ -83,7 +83,7 @@ def without_fixed(text: str, entry: str = ENTRY) -> str:
 
     What is left may be parsed alone, and every line keeps its number. A head is comments, the plan ends with the brace
     of its block, the shipped piece is whole statements between remarks, and behind it stands the template's end
-    (`check_layout`); so no token and no statement reaches over an edge, and the tree of the whole is the trees of its
+    (`check_parts`); so no token and no statement reaches over an edge, and the tree of the whole is the trees of its
     pieces, one after another.
     """
     parts = split_script(text)
@@ -93,7 +93,7 @@ def without_fixed(text: str, entry: str = ENTRY) -> str:
     return (parts.head + parts.plan + blank + parts.end).replace("\n", "\r\n" if "\r\n" in text else "\n")
 
 
-def check_layout(name: str, parts: ScriptParts, entry: str) -> Iterator[Diagnostic]:
+def check_parts(name: str, parts: ScriptParts, entry: str) -> Iterator[Diagnostic]:
     """Find where head, module and end of a script are not as rarms writes them.
 
     Args:
@@ -188,7 +188,7 @@ def _template_edges(entry: str, plan_text: str) -> tuple[str, str, str]:
         impact = impact_of(plan_text)
     except NotTokens:
         impact = ""  # `sound` reports it
-    text = read("script.ps1.j2").replace("{{ impact }}", impact)
+    text = template_text("script.ps1.j2").replace("{{ impact }}", impact)
     opening = text[text.index(PARAMETERS) :].partition("{% for line in facts")[0]
     plan, _, closing = text.partition("{{ module }}\n")
     between = plan.rpartition("{{ line }}\n{% endfor %}\n")[2]

@@ -1,0 +1,67 @@
+"""`rarms history`: what was done to the hosts, the last run first."""
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from rarms_iac.app.status import History
+from rarms_iac.model.journal import PastRun, RunKind
+from rarms_iac.views.console import STRONG, stack, styled, table
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+
+def describe_run(run: PastRun) -> str:
+    """`apply of plan 0123, done; by ann@lab, process 7, 2026-11-22 10:11:12 UTC`."""
+    robot = f" on {run.robot}" if run.robot else ""
+    return f"{_describe_kind(run)} of plan {run.plan}{robot}, {_ending(run)}; by {run.started_by}, {run.started_at}"
+
+
+def history_text(history: History) -> "RenderableType":
+    """Show the runs on each host, the last one first; what was taken back is said at the apply."""
+    parts: list[RenderableType] = []
+    for host, runs in history.hosts.items():
+        parts.append(styled((f"Host {host}", STRONG), "" if runs else "  nothing was applied here"))
+        rows = history_rows(runs)
+        parts.append(table(rows, wrap=(0, 4), indent=2))
+    return stack(*parts)
+
+
+def history_rows(runs: Sequence[PastRun]) -> Sequence[tuple[str, ...]]:
+    """When, what, which plan of which application and robot, by whom, and how it ended; the last run first.
+
+    Args:
+        runs: of a host, the oldest first.
+    """
+    return [
+        (run.started_at, _describe_kind(run), run.plan, _whose(run), run.started_by, _ending(run, later))
+        for run, later in _with_later(runs)
+    ]
+
+
+def _describe_kind(run: PastRun) -> str:
+    """What it was; plans of a measurement are none of an engineer."""
+    match run.measurement:
+        case "stop" if run.run is RunKind.APPLY:
+            return "stop to measure"
+        case "start" if run.run is RunKind.APPLY:
+            return "start after measuring"
+        case _:
+            return run.run.value
+
+
+def _whose(run: PastRun) -> str:
+    return f"{run.application} on {run.robot}" if run.robot else run.application
+
+
+def _with_later(runs: Sequence[PastRun]) -> Iterator[tuple[PastRun, Sequence[PastRun]]]:
+    """The runs, the last one first, each with those after it."""
+    for number in reversed(range(len(runs))):
+        yield runs[number], runs[number + 1 :]
+
+
+def _ending(run: PastRun, later: Sequence[PastRun] = ()) -> str:
+    """How a run ended, or that one after it took it back."""
+    if run.run is RunKind.APPLY and any(other.run is RunKind.UNDO and other.plan == run.plan for other in later):
+        return "undone"
+    return run.ending
