@@ -16,9 +16,10 @@ from rarms_iac.model.system import (
     TaskRequest,
 )
 from tests.builders import a_component, a_host, a_partition, a_system
-from tests.twin.cell import Cell, apply
+from tests.twin.cell import Cell, apply, files_of
 from tests.twin.host import Entry, Vm, WindowsHost
 from tests.twin.observing import PROFILE, WINDOWS
+from tests.twin.run import put
 
 GIB = 2**30
 MMCSS = "HKLM:\\SYSTEM\\CurrentControlSet\\Services\\MMCSS"
@@ -105,6 +106,30 @@ class Prepared:
     def copy(self, **faults: object) -> WindowsHost:
         """The host as it was when the plan was made, with faults."""
         return self.cell.host.copy(**faults)
+
+    def furnished(self, **faults: object) -> WindowsHost:
+        """That host with the plan's scripts and their module on it."""
+        host = self.copy(**faults)
+        put(host, files_of(self.plan))
+        return host
+
+    def after_a_run(self, **faults: object) -> WindowsHost:
+        """That host after the plan was applied, to its end or as far as the faults let it come."""
+        host = self.copy(**faults)
+        ran = apply(host, self.plan)
+        assert faults or ran.code == 0, ran.says
+        return host.copy()
+
+    def effects(self) -> list[str]:
+        """What a run that nothing disturbs changes, in its order."""
+        host = self.copy()
+        ran = apply(host, self.plan)
+        assert ran.code == 0, ran.says
+        return host.effects
+
+    def effect(self, begins: str) -> int:
+        """The number of the first effect of such a run that begins so."""
+        return next(at for at, effect in enumerate(self.effects()) if effect.startswith(begins))
 
 
 @cache

@@ -296,6 +296,17 @@ class WindowsHost:
     def file(self, path: str) -> File | None:
         return self.files.get(path.lower())
 
+    def data(self, path: str) -> bytes:
+        """What is in a file that must be there."""
+        file = self.files[path.lower()]
+        assert file.data is not None
+        return file.data
+
+    def machine(self, name: str) -> Vm:
+        """The only machine of this name."""
+        (found,) = (vm for vm in self.vms.values() if vm.name == name)
+        return found
+
     def write_file(self, path: str, data: bytes | None, owner: str = ADMINISTRATORS) -> None:
         kept = self.file(path) or File(path=path, data=None, owner=owner)
         self.files[path.lower()] = replace(kept, data=data)

@@ -26,7 +26,7 @@ def with_a_disk() -> Prepared:
 
 
 def disk_of(host: WindowsHost) -> str:
-    ((path,),) = (vm.disks for vm in host.vms.values() if vm.name == "planning")
+    (path,) = host.machine("planning").disks
     return path
 
 
@@ -76,7 +76,7 @@ def test_a_removal_that_was_killed_or_failed_anywhere_is_finished_by_the_next(fa
 
 
 def _checkpoint(host: WindowsHost) -> None:
-    (vm,) = (machine for machine in host.vms.values() if machine.name == "planning")
+    vm = host.machine("planning")
     vm.checkpoint_count = 1
 
 
@@ -168,7 +168,7 @@ def below(host: WindowsHost, folder: str = "D:\\vms\\") -> set[str]:
 
 def test_machine_and_disk_lie_in_one_folder_of_the_final_name_and_an_undo_leaves_none() -> None:
     prepared = fresh()
-    whole = _effects(prepared)
+    whole = prepared.effects()
     made: set[str] = set()
     for number in (*every_few(len(whole), 3), len(whole)):
         host = prepared.copy(kill_after=number)
@@ -200,10 +200,8 @@ def test_a_file_of_another_kind_is_not_taken_for_the_disk_that_is_to_be_made(con
 
 def test_a_child_that_a_killed_run_made_is_taken_in_any_case_of_its_parents_path() -> None:
     prepared = fresh()
-    made = next(at for at, effect in enumerate(_effects(prepared)) if effect.startswith("New-VHD"))
-    host = prepared.copy(kill_after=made)
-    apply(host, prepared.plan)
-    host = host.copy()
+    made = prepared.effect("New-VHD")
+    host = prepared.after_a_run(kill_after=made)
     path = f"D:\\vms\\planning\\planning-{prepared.plan.id}.vhdx"
     host.write_file(path, CHILD + IMAGE.upper().replace("\\", "/").encode())
 
@@ -211,9 +209,3 @@ def test_a_child_that_a_killed_run_made_is_taken_in_any_case_of_its_parents_path
 
     assert ran.code == 0, ran.says
     assert disk_of(host) == path
-
-
-def _effects(prepared: Prepared) -> list[str]:
-    host = prepared.copy()
-    assert apply(host, prepared.plan).code == 0
-    return host.effects

@@ -160,7 +160,7 @@ def test_a_machine_that_is_there_is_known_by_its_id_and_a_namesake_elsewhere_is_
     host = cell.host.copy()
     assert apply(host, the_plan()).code == 0
     scripts = with_module({name: text for name, text in scripts_of(cell.on(host).plan()).items() if ".guest." in name})
-    (machine,) = (vm.id for vm in host.vms.values() if vm.name == "vision")
+    machine = host.machine("vision").id
     own, namesake = a_guest("vision", machine.upper()), a_guest()
     for guest in (own, namesake):
         put(guest, scripts)

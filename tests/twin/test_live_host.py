@@ -29,7 +29,7 @@ from rarms_iac.storage.script_signature import is_signed_script
 from tests.builders import a_host, codes
 from tests.effort import Attempt, every_few, tried
 from tests.recorded_hosts import read_observation
-from tests.twin.cell import apply, apply_script, files_of
+from tests.twin.cell import apply_script, files_of
 from tests.twin.cells import everything, fresh
 from tests.twin.host import Entry, WindowsHost
 from tests.twin.observing import JOURNAL, PENDING, PROFILE, RECORDS, WINDOWS, document_of
@@ -64,9 +64,7 @@ def test_windows_powershell_looks_where_7_does_not_load_hyperv_itself(build: str
 
 
 def test_a_snapshot_of_a_live_host_says_all_that_the_host_itself_says() -> None:
-    host = everything().copy(kill_after=25)
-    apply(host, everything().plan)
-    host = host.copy()
+    host = everything().after_a_run(kill_after=25)
     there = live(host)
 
     seen = read_script_output(there.recorded(), "onboard")
@@ -98,9 +96,7 @@ def test_examining_sees_what_a_state_does_not_hold() -> None:
 
 def test_examining_tells_what_is_odd_there() -> None:
     host = everything().copy()
-    journal = host.file(JOURNAL)
-    assert journal is not None
-    journal.owner = "S-1-5-21-1-2-3-1001"
+    host.files[JOURNAL.lower()].owner = "S-1-5-21-1-2-3-1001"
 
     looked = live(host).examined()
 

@@ -1,10 +1,8 @@
 """A host that moved is refused before anything is done; so are two machines that cannot be told apart."""
 
-from dataclasses import replace
-
 from tests.twin.cell import apply, apply_script, undo
 from tests.twin.cells import Prepared, everything, fresh
-from tests.twin.host import Entry, Vm, WindowsHost
+from tests.twin.host import Entry, WindowsHost
 from tests.twin.observing import PROFILE, document_of, state_of
 from tests.twin.run import Ran, run
 
@@ -13,11 +11,6 @@ GAMES = f"{PROFILE}\\Tasks\\Games"
 
 def again(host: WindowsHost, plan: Prepared) -> Ran:
     return run(host, apply_script(plan.plan))
-
-
-def ours(host: WindowsHost, name: str) -> Vm:
-    (vm,) = (machine for machine in host.vms.values() if machine.name.startswith(name))
-    return vm
 
 
 def test_what_a_late_step_finds_moved_keeps_the_first_from_being_done() -> None:
@@ -38,13 +31,8 @@ def test_what_a_late_step_finds_moved_keeps_the_first_from_being_done() -> None:
 
 def test_what_a_killed_run_did_and_another_tool_changed_since_is_refused_before_it_goes_on() -> None:
     prepared = everything()
-    host = prepared.copy()
-    assert apply(host, prepared.plan).code == 0
-    last = len(host.effects)
-    host = prepared.copy(kill_before=last - 1)
-    apply(host, prepared.plan)
-    host = host.copy()
-    ours(host, "vision").weight = 77
+    host = prepared.after_a_run(kill_before=len(prepared.effects()) - 1)
+    host.machine("vision").weight = 77
 
     ran = again(host, prepared)
 
@@ -73,28 +61,10 @@ def test_a_run_whose_last_look_disagrees_stays_unfinished() -> None:
     assert undo(host, prepared.plan).code in (0, 3)
 
 
-def test_two_machines_under_the_pending_name_are_refused() -> None:
-    prepared = fresh()
-    host = prepared.copy()
-    assert apply(host, prepared.plan).code == 0
-    made = next(at for at, effect in enumerate(host.effects) if effect.startswith("New-VM"))
-    host = prepared.copy(kill_after=made)
-    apply(host, prepared.plan)
-    host = host.copy()
-    half = next(vm for vm in host.vms.values() if ".rarms-" in vm.name)
-    other = replace(half, id="eeeeeeee-0000-4000-8000-000000000001")
-    host.vms[other.id] = other
-
-    ran = again(host, prepared)
-
-    assert ran.code == 3, ran.says
-    assert "2 machines" in ran.says
-
-
 def test_two_marks_in_the_notes_of_one_machine_count_for_no_partition() -> None:
     prepared = everything()
     host = prepared.copy()
-    vm = ours(host, "vision")
+    vm = host.machine("vision")
     vm.notes += "\r\nrarms/1 other/thing vm=" + vm.id[:8].lower() + " set=0123456789ab"
 
     ran = apply(host, prepared.plan)

@@ -11,7 +11,7 @@ from rarms_iac.powershell.render import render_observe
 from tests.twin.cell import apply, apply_script, files_of, in_one_file, scripts_of, undo
 from tests.twin.cells import Prepared, fresh
 from tests.twin.host import WindowsHost
-from tests.twin.observing import document_of
+from tests.twin.observing import document_of, seen
 from tests.twin.run import FOLDER, Ran, put, run
 from tests.twin.signing import signed
 from tests.twin.values import Thing, Value
@@ -37,20 +37,7 @@ def prepared() -> Prepared:
 
 @pytest.fixture
 def host(prepared: Prepared) -> WindowsHost:
-    host = prepared.copy()
-    put(host, files_of(prepared.plan))
-    return host
-
-
-def seen(host: WindowsHost) -> dict[str, object]:
-    return {name: probe for name, probe in document_of(host).items() if name != "journal"}
-
-
-def killed(prepared: Prepared) -> WindowsHost:
-    """A host on which the run was killed half-way."""
-    host = prepared.copy(kill_after=20)
-    assert apply(host, prepared.plan).code is None
-    return host.copy()
+    return prepared.furnished()
 
 
 def test_a_plan_is_done_and_tested_by_the_path_of_its_script(prepared: Prepared, host: WindowsHost) -> None:
@@ -154,8 +141,7 @@ def test_the_last_run_is_taken_back_by_the_undo_script_that_the_computer_holds(
 
 
 def test_an_undo_that_was_cut_off_is_gone_on_with(prepared: Prepared) -> None:
-    host = prepared.copy()
-    assert apply(host, prepared.plan).code == 0
+    host = prepared.after_a_run()
     host = host.copy(kill_after=4)
     assert undo(host, prepared.plan).code is None
     host = host.copy()
@@ -182,14 +168,14 @@ def test_an_undo_is_previewed_and_where_there_is_none_that_is_said(prepared: Pre
 def test_an_unfinished_run_is_among_them_without_a_closing(prepared: Prepared) -> None:
     runs: list[Value] = []
 
-    assert at_prompt(killed(prepared), "Get-RarmsRun", runs).code == 0
+    assert at_prompt(prepared.after_a_run(kill_after=20), "Get-RarmsRun", runs).code == 0
 
     assert [thing.get("closing") for thing in runs if isinstance(thing, Thing)] == [None]
 
 
 @pytest.mark.parametrize(("line", "closed"), [("-Force", True), ("-WhatIf", False)])
 def test_an_unfinished_run_of_any_plan_is_closed(prepared: Prepared, line: str, closed: bool) -> None:
-    host = killed(prepared)
+    host = prepared.after_a_run(kill_after=20)
     before = seen(host)
     runs: list[Value] = []
 
@@ -202,7 +188,7 @@ def test_an_unfinished_run_of_any_plan_is_closed(prepared: Prepared, line: str, 
 
 
 def test_closing_a_run_is_asked_for(prepared: Prepared) -> None:
-    host = killed(prepared)
+    host = prepared.after_a_run(kill_after=20)
 
     ran = at_prompt(host, "Close-RarmsRun", unanswered=True)
 
@@ -225,7 +211,7 @@ def test_a_run_is_asked_to_end_before_its_next_step_and_goes_on_when_it_is_run_a
 
 
 def test_a_computer_that_is_held_is_not_closed(prepared: Prepared) -> None:
-    host = killed(prepared)
+    host = prepared.after_a_run(kill_after=20)
     host.lock = "held"
 
     ran = at_prompt(host, "Close-RarmsRun -Force")

@@ -14,7 +14,7 @@ from tests.builders import a_host
 from tests.twin.cell import apply, apply_script, files_of, in_one_file, scripts_of, with_module
 from tests.twin.cells import everything, fresh
 from tests.twin.host import WindowsHost
-from tests.twin.observing import document_of
+from tests.twin.observing import seen
 from tests.twin.run import FOLDER, put, run
 from tests.twin.signing import signed
 from tests.twin.transport import TwinTransport
@@ -112,8 +112,7 @@ def state_of(host: WindowsHost, plan: Plan) -> list[tuple[Value, Value, Value]]:
 
 def test_test_tells_of_each_step_whether_it_is_as_wanted_and_writes_nothing() -> None:
     made = fresh()
-    host = made.copy()
-    put(host, files_of(made.plan))
+    host = made.furnished()
 
     before = state_of(host, made.plan)
     assert apply(host, made.plan).code == 0
@@ -156,10 +155,6 @@ def of_an_older_module(plan: Plan) -> tuple[Plan, Mapping[str, bytes]]:
     scripts = {name: text.replace(module_digests()[MODULE_FILES[1]], new) for name, text in part.scripts.items()}
     files = {f"{MODULE_FOLDER}/{name}": text.encode("ascii") for name, text in older.items()}
     return replace(plan, hosts=(replace(part, scripts=scripts),)), files
-
-
-def seen(host: WindowsHost) -> dict[str, object]:
-    return {name: probe for name, probe in document_of(host).items() if name != "journal"}
 
 
 @pytest.mark.parametrize("kill_after", [12, 20, 30, 40])

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from rarms_iac.model.plan import Purpose
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.powershell.templates import template_text
@@ -14,10 +15,9 @@ from tests.effort import every_few
 from tests.twin.cell import apply, apply_script, files_of, scripts_of, undo, undo_script
 from tests.twin.cells import Prepared, everything, fresh
 from tests.twin.host import Entry, Killed, WindowsHost
-from tests.twin.observing import JOURNAL, PROFILE
+from tests.twin.observing import JOURNAL, PROFILE, seen
 from tests.twin.run import Ran, put, run
 from tests.twin.signing import signed
-from tests.twin.test_scripts import seen
 
 PENDING_FOLDER = "c:\\run\\"
 
@@ -69,7 +69,7 @@ def test_what_a_declined_step_left_is_undone_whole(cell) -> None:  # type: ignor
 
 
 def given_since(host: WindowsHost, what: str) -> None:
-    (vm,) = (machine for machine in host.vms.values() if machine.name == "planning")
+    vm = host.machine("planning")
     match what:
         case "disk":
             host.write_file("D:\\results.vhdx", b"somebody's")
@@ -83,8 +83,7 @@ def given_since(host: WindowsHost, what: str) -> None:
 @pytest.mark.parametrize("what", ["disk", "name", "checkpoint"])
 def test_an_undo_does_not_remove_a_machine_with_what_another_tool_gave_it_since(what: str) -> None:
     prepared = fresh()
-    host = prepared.copy()
-    apply(host, prepared.plan)
+    host = prepared.after_a_run()
     given_since(host, what)
     before = seen(host)
 
@@ -98,9 +97,8 @@ def test_an_undo_does_not_remove_a_machine_with_what_another_tool_gave_it_since(
 @pytest.mark.parametrize("what", ["disk", "name", "checkpoint"])
 def test_a_removal_refuses_a_machine_with_what_the_plan_did_not_see(what: str) -> None:
     made = fresh()
-    host = made.copy()
-    apply(host, made.plan)
-    removal = made.cell.on(host).plan(purpose=_destroy())
+    host = made.after_a_run()
+    removal = made.cell.on(host).plan(purpose=Purpose.DESTROY)
     given_since(host, what)
     before = seen(host)
 
@@ -108,12 +106,6 @@ def test_a_removal_refuses_a_machine_with_what_the_plan_did_not_see(what: str) -
 
     assert ran.code == 3, ran.says
     assert seen(host) == before
-
-
-def _destroy() -> object:
-    from rarms_iac.model.plan import Purpose
-
-    return Purpose.DESTROY
 
 
 @pytest.mark.parametrize("cell", [fresh, everything])
@@ -191,8 +183,7 @@ def test_ctrl_c_while_a_guest_shuts_down_ends_with_0_and_leaves_the_run_open() -
 def test_a_profile_that_makes_every_run_a_preview_is_told_by_the_last_event(at_prompt: bool) -> None:
     """PowerShell gives such a default to a script's own -WhatIf, so that the exit code is that of a preview."""
     prepared = fresh()
-    host = prepared.copy(defaults={"*:WhatIf": True})
-    put(host, files_of(prepared.plan))
+    host = prepared.furnished(defaults={"*:WhatIf": True})
 
     ran = run(host, apply_script(prepared.plan), at_prompt=at_prompt)
 
@@ -204,8 +195,7 @@ def test_a_profile_that_makes_every_run_a_preview_is_told_by_the_last_event(at_p
 def test_no_other_line_stands_between_the_events() -> None:
     """-Verbose makes ShouldProcess tell what it lets pass, also where the preference for that is silent."""
     prepared = fresh()
-    host = prepared.copy()
-    put(host, files_of(prepared.plan))
+    host = prepared.furnished()
 
     refused = run(host, apply_script(prepared.plan), verbose=True)
     spoken = run(host, apply_script(prepared.plan), verbose=True, as_json=False)
@@ -220,8 +210,7 @@ def test_no_other_line_stands_between_the_events() -> None:
 
 def test_a_preview_for_a_program_is_json_and_takes_no_lock() -> None:
     prepared = fresh()
-    host = prepared.copy(lock="held")
-    put(host, files_of(prepared.plan))
+    host = prepared.furnished(lock="held")
 
     ran = run(host, apply_script(prepared.plan), what_if=True)
     spoken = run(host, apply_script(prepared.plan), what_if=True, as_json=False)
@@ -233,7 +222,7 @@ def test_a_preview_for_a_program_is_json_and_takes_no_lock() -> None:
 
 def test_a_failure_names_its_step_its_cmdlet_and_its_error() -> None:
     prepared = fresh()
-    at = next(at for at, effect in enumerate(_effects(prepared)) if effect.startswith("Set-VMMemory"))
+    at = prepared.effect("Set-VMMemory")
     host = prepared.copy(fail_at=at)
 
     *_, begun, failed = apply(host, prepared.plan).events
@@ -253,17 +242,10 @@ def test_a_reading_that_fails_names_the_step_it_was_read_for() -> None:
     assert "it is busy (Get-VMProcessor InvalidState,GetVMCpu, line" in failed["detail"]
 
 
-def _effects(prepared: Prepared) -> list[str]:
-    host = prepared.copy()
-    apply(host, prepared.plan)
-    return host.effects
-
-
 @pytest.mark.parametrize("seconds", [-5, 3_000_000])
 def test_a_wait_that_makes_no_sense_is_refused_in_our_own_words(seconds: int) -> None:
     prepared = fresh()
-    host = prepared.copy()
-    put(host, files_of(prepared.plan))
+    host = prepared.furnished()
 
     ran = run(host, apply_script(prepared.plan), lock_timeout=seconds)
 
@@ -274,8 +256,7 @@ def test_a_wait_that_makes_no_sense_is_refused_in_our_own_words(seconds: int) ->
 
 def test_confirm_without_a_console_is_refused_in_our_own_words() -> None:
     prepared = fresh()
-    host = prepared.copy()
-    put(host, files_of(prepared.plan))
+    host = prepared.furnished()
 
     ran = run(host, apply_script(prepared.plan), unanswered=True, confirm=True)
     alone = run(host, apply_script(prepared.plan), unanswered=True)
@@ -293,8 +274,7 @@ def test_confirm_without_a_console_is_refused_in_our_own_words() -> None:
 )
 def test_what_stops_and_removes_has_to_be_confirmed(asked: dict[str, bool], code: int) -> None:
     prepared = everything()
-    host = prepared.copy()
-    put(host, files_of(prepared.plan))
+    host = prepared.furnished()
     text = scripts_of(prepared.plan)[apply_script(prepared.plan)]
 
     ran = run(host, apply_script(prepared.plan), unanswered=True, **asked)  # type: ignore[arg-type]  # switches
@@ -336,8 +316,7 @@ def test_line_ends_that_git_changed_are_called_so() -> None:
 
 def test_a_missing_undo_script_is_named_in_our_own_words() -> None:
     prepared = fresh()
-    host = prepared.copy()
-    put(host, files_of(prepared.plan))
+    host = prepared.furnished()
     del host.files[PENDING_FOLDER + undo_script(prepared.plan)]
 
     ran = run(host, apply_script(prepared.plan))
@@ -359,8 +338,7 @@ def test_a_missing_undo_script_is_named_in_our_own_words() -> None:
 )
 def test_an_undo_script_may_be_signed_and_nothing_else(change: Callable[[bytes], bytes], code: int) -> None:
     prepared = fresh()
-    host = prepared.copy()
-    put(host, files_of(prepared.plan))
+    host = prepared.furnished()
     name = undo_script(prepared.plan)
     put(host, {name: change(scripts_of(prepared.plan)[name])})
     before = seen(host)
@@ -379,11 +357,9 @@ def test_an_undo_script_may_be_signed_and_nothing_else(change: Callable[[bytes],
 def test_a_journal_that_never_began_is_cleared_away_by_the_next_run(after: str) -> None:
     prepared = fresh()
     at = next(
-        at for at, effect in enumerate(_effects(prepared)) if effect.startswith("write") and "jsonl.new" in effect
+        at for at, effect in enumerate(prepared.effects()) if effect.startswith("write") and "jsonl.new" in effect
     )
-    host = prepared.copy(kill_after=at)
-    apply(host, prepared.plan)
-    host = host.copy()
+    host = prepared.after_a_run(kill_after=at)
     assert host.file(JOURNAL + ".new")
 
     ran = apply(host, prepared.plan) if after == "apply" else undo(host, prepared.plan)
@@ -414,8 +390,7 @@ def test_a_step_of_many_values_that_is_killed_at_its_first_one_every_time_ends()
 
 def test_a_value_of_another_type_is_written_again() -> None:
     prepared = fresh()
-    host = prepared.copy()
-    apply(host, prepared.plan)
+    host = prepared.after_a_run()
     task = host.registry[f"{PROFILE}\\Tasks\\Localization".lower()]
     task.values["priority"] = replace(task.values["priority"], kind="String", data="5")
     assert isinstance(task.values["priority"], Entry)

@@ -11,7 +11,7 @@ from tests.builders import a_component, a_partition
 from tests.twin.cell import Cell, apply, scripts_of
 from tests.twin.cells import Prepared, a_cell_system, a_stranger, a_windows
 from tests.twin.host import Vm, WindowsHost
-from tests.twin.test_scripts import seen
+from tests.twin.observing import seen
 
 
 def cell(host: WindowsHost, reserve: int = 10, *, clustered: bool | None = None) -> Cell:
@@ -31,8 +31,7 @@ def _made() -> WindowsHost:
 
 
 def the_machine(host: WindowsHost) -> Vm:
-    (vm,) = (vm for vm in host.vms.values() if vm.name == "vision")
-    return vm
+    return host.machine("vision")
 
 
 @pytest.mark.parametrize("mode", ["Replica", "TestReplica", "ExtendedReplica"])

@@ -20,7 +20,7 @@ from tests.builders import a_host
 from tests.twin.cell import apply
 from tests.twin.cells import everything
 from tests.twin.host import WindowsHost
-from tests.twin.observing import JOURNAL, document_of
+from tests.twin.observing import JOURNAL, seen
 from tests.twin.transport import TwinTransport
 
 ORIGIN = RunOrigin(by="engineer", at="2026-11-21T08:00:00Z")
@@ -62,10 +62,6 @@ def finished(host: WindowsHost) -> RunReport | None:
     return None if finished is None else finished.report
 
 
-def seen(host: WindowsHost) -> dict[str, object]:
-    return {name: probe for name, probe in document_of(host).items() if name != "journal"}
-
-
 def test_it_is_finished_as_it_was_begun() -> None:
     host, plan = killed_in_the_middle()
     undisturbed = everything().copy()
@@ -82,9 +78,7 @@ def test_it_is_finished_as_it_was_begun() -> None:
 
 def test_it_is_taken_back_by_its_own_undo_script() -> None:
     host, _ = killed_in_the_middle()
-    same = everything().copy(kill_after=25)
-    apply(same, everything().plan)
-    same = same.copy()
+    same = everything().after_a_run(kill_after=25)
 
     report = undo(live(host), ORIGIN, RunReporter(), lambda: False)
     undo(live(same), ORIGIN, RunReporter(), lambda: False)
@@ -111,14 +105,11 @@ def test_its_undo_is_told_ahead_and_nothing_of_a_script_that_is_none_of_rarms() 
 
 def forge_journal(host: WindowsHost, old: str, new: str) -> None:
     """As who may write the journal can: in its script and in its undo, with lengths and checksums that fit."""
-    file = host.file(JOURNAL)
-    assert file is not None
-    assert file.data is not None
-    first, *records = records_in(file.data, Path("journal.jsonl"))
+    first, *records = records_in(host.data(JOURNAL), Path("journal.jsonl"))
     assert old in str(first["undo"])
     for name in ("script", "undo"):
         first[name] = str(first[name]).replace(old, new)
-    file.data = b"".join(map(sealed_line, [first, *records]))
+    host.write_file(JOURNAL, b"".join(map(sealed_line, [first, *records])))
 
 
 @pytest.mark.parametrize(

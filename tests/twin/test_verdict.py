@@ -19,10 +19,7 @@ RESULT = f"{FOLDER}\\onboard.ps1.result.json"
 
 
 def verdict(host: WindowsHost, path: str = RESULT) -> dict[str, Any]:
-    file = host.file(path)
-    assert file is not None
-    assert file.data is not None
-    found: dict[str, Any] = json.loads(file.data)
+    found: dict[str, Any] = json.loads(host.data(path))
     return found
 
 
@@ -32,8 +29,7 @@ def entries(host: WindowsHost) -> list[tuple[str, int]]:
 
 
 def a_run(prepared: Prepared, **how: object) -> tuple[WindowsHost, Any]:
-    host = prepared.copy()
-    put(host, files_of(prepared.plan))
+    host = prepared.furnished()
     return host, run(host, apply_script(prepared.plan), **how)  # type: ignore[arg-type]  # names of options
 
 
@@ -79,8 +75,7 @@ def test_a_run_that_was_cut_off_never_shows_an_earlier_verdict() -> None:
 
 def test_after_ctrl_c_whose_code_is_0_the_verdict_is_not_done() -> None:
     made = fresh()
-    host = made.copy()
-    apply(host, made.plan)
+    host = made.after_a_run()
     removal = made.cell.on(host).plan(purpose=Purpose.DESTROY)
     host.interrupt = True
 
@@ -108,9 +103,7 @@ def test_a_link_in_the_place_of_the_verdict_is_refused_and_not_followed() -> Non
     made = fresh()
     host = made.copy()
     host.write_file(RESULT, b"elsewhere")
-    file = host.file(RESULT)
-    assert file is not None
-    file.link = True
+    host.files[RESULT.lower()].link = True
 
     ran = apply(host, made.plan)
 
@@ -164,8 +157,7 @@ def test_task_classes_wait_for_a_restart_and_for_their_service(start: int | None
 
 def test_a_plan_without_task_classes_asks_for_no_restart() -> None:
     made = fresh()
-    host = made.copy()
-    apply(host, made.plan)
+    host = made.after_a_run()
     ran = apply(host, made.cell.on(host).plan(purpose=Purpose.DESTROY))
     assert ran.code == 0, ran.says
     assert any(event["status"] == "noted" for event in ran.events) == any(
@@ -175,8 +167,7 @@ def test_a_plan_without_task_classes_asks_for_no_restart() -> None:
 
 def test_a_test_as_json_is_one_object() -> None:
     made = fresh()
-    host = made.copy()
-    put(host, files_of(made.plan))
+    host = made.furnished()
 
     before = run(host, apply_script(made.plan), test=True)
     assert run(host, apply_script(made.plan)).code == 0
@@ -193,8 +184,7 @@ def test_a_test_as_json_is_one_object() -> None:
 
 def test_a_second_set_of_dsc_looks_again_and_a_host_that_moved_is_not_brought_back() -> None:
     made = fresh()
-    host = made.copy()
-    put(host, files_of(made.plan))
+    host = made.furnished()
     script = apply_script(made.plan)
     assert run(host, script, force=True).code == 0
     done = len(host.effects)
