@@ -2,15 +2,18 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from rarms_iac.app.report_model import ComponentProof
 from rarms_iac.model.environment_setup import EnvironmentSetup, PlatformFacts
 from rarms_iac.model.host import ProviderKind, SchedulerType
+from rarms_iac.model.indexes import index_named
 from rarms_iac.model.loads import BusyLoop, Interference
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component, TaskRequest
+from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, TrailSetting, TunedPartition, TuningRun
 from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of
 from rarms_iac.storage.datalog.log import DataLog, Header, Provenance, Recorded
-from tests.builders import a_component, memory
+from tests.builders import a_component, at_most, memory
 
 TAKEN = Provenance(rarms_version="0.1", when="2027-01-31T12:00:00Z")
 
@@ -78,3 +81,66 @@ def a_log(settings: Sequence[Setting], subject: LogSubject | None = None) -> Dat
     return DataLog(
         header=a_header(subject), recorded=tuple(Recorded(setting=setting, provenance=TAKEN) for setting in settings)
     )
+
+
+HELD = ProvenIndex(
+    index="mean_response_time",
+    threshold=at_most(100),
+    value=97.5,
+    lower=97.0,
+    upper=98.0,
+    met=True,
+    verdict="met",
+    error=0.01,
+)
+PROVEN = Proven(
+    component="vision",
+    when="2027-01-31T13:00:00Z",
+    rarms_version="0",
+    host="onboard",
+    partition="vision",
+    reserve=62,
+    serial=3,
+    beside=("speech",),
+    indexes=(HELD,),
+)
+"""A proof of a threshold that held, as a configuration log has it."""
+
+PROOF = ComponentProof(
+    component="vision",
+    index=index_named("mean_response_time"),
+    threshold=at_most(100),
+    value=90.0,
+    lower=None,
+    upper=95.0,
+    met=True,
+    verdict="met",
+    error=0.01,
+    when="2026-11-21T12:00:00Z",
+    host="onboard",
+    reserve=64,
+    interference="busy-loop",
+    samples_needed=None,
+    outdated=(),
+)
+"""Such a proof as a report has it."""
+
+TUNED = TuningRun(
+    when="2026-11-21T12:00:00Z",
+    rarms_version="1",
+    strategy="default",
+    ending="successful",
+    message="successful",
+    capacity=200,
+    before=228,
+    after=194,
+    proved=True,
+    contradictions=(),
+    partitions=(TunedPartition(name="path", components=("path", "stock"), processors=2, reserve=22, parts=78),),
+    trail=(
+        TrailSetting(components=("path", "stock"), reserve=30, worse=()),
+        TrailSetting(components=("path", "stock"), reserve=21, worse=("path",)),
+    ),
+    written=True,
+)
+"""A tuning that combined two components."""

@@ -21,8 +21,8 @@ from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.curves import curve_of, least_reserve
 from rarms_iac.views.reports.html import as_html
 from tests.browser import ask, chromium, looks, messages, whole_page
+from tests.builders_measured import TUNED
 from tests.measured_robot import a_robot, report_of_logs, the_logs
-from tests.unit.storage.datalog.test_tuning import RUN
 from tests.unit.views.reports.test_html import all_of
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator["WebDriver"]:
     report = replace(
         report_of_logs(SYSTEM, the_logs(SYSTEM)),
         statuses=(HostStatus(host="onboard", differs=(difference,)),),
-        tunings=(PlatformTuning(platform="onboard", run=RUN),),
+        tunings=(PlatformTuning(platform="onboard", run=TUNED),),
         candidates=all_of(("path-planning", "speech-recognition", "video-streaming", "vision")),
     )
     (folder / "report.html").write_bytes(as_html(report))

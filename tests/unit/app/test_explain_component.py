@@ -6,9 +6,9 @@ from pathlib import Path
 from rarms_iac.app.explain_component import explain_component
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource
-from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun, append_run, tuning_path
+from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, append_run, tuning_path
 from rarms_iac.views.explanation_steps import explanation_steps
-from tests.builders_measured import a_setting
+from tests.builders_measured import TUNED, a_setting
 from tests.measuring import leave_log, steady
 from tests.unit.app.test_data_logs import MEANS, edit, here, measure
 from tests.unit.cli.running import rarms
@@ -262,24 +262,17 @@ def test_what_tuning_combined_and_rejected_is_told(here: Path) -> None:
         here, ["speech", "vision"], [a_setting(at, steady("speech", 20.0), steady("vision", MEANS[at])) for at in MEANS]
     )
     both = TunedPartition(name="vision", components=("vision", "speech"), processors=2, reserve=62, parts=150)
-    run = TuningRun(
+    run = replace(
+        TUNED,
         when="2026-11-21T23:04:31Z",
-        rarms_version="0",
-        strategy="default",
-        ending="successful",
-        message="successful",
-        capacity=200,
         before=250,
         after=124,
-        proved=True,
-        contradictions=(),
         partitions=(both,),
         trail=(
             TrailSetting(components=("speech", "vision"), reserve=62, worse=()),
             TrailSetting(components=("driver", "speech"), reserve=50, worse=()),
             TrailSetting(components=("driver", "speech"), reserve=40, worse=("driver",)),
         ),
-        written=True,
     )
     by_hand = steps(here, "speech")
     append_run(tuning_path(here, "two-core"), run)

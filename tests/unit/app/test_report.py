@@ -12,7 +12,6 @@ import pytest
 from rarms_iac.app.data_logs import path_of, subject_of
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.report import not_yet_proven
-from rarms_iac.app.report_model import ComponentProof
 from rarms_iac.app.requests import ManifestSource, today_utc
 from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.indexes import index_named
@@ -24,7 +23,7 @@ from rarms_iac.storage.datalog.identity import header_of, identity_of
 from rarms_iac.storage.datalog.log import Recorded
 from rarms_iac.storage.datalog.named_files import Files
 from tests.builders import at_most
-from tests.builders_measured import TAKEN, a_bench
+from tests.builders_measured import HELD, PROOF, PROVEN, TAKEN, a_bench
 from tests.measured_robot import a_measured_setting, face_detection
 from tests.unit.cli.running import rarms
 from tests.unit.views.test_json import check
@@ -47,18 +46,8 @@ interference:
 """
 
 
-def a_proof(seen: ProvenIndex) -> Proven:
-    return Proven(
-        component="vision",
-        when="2026-11-21T12:00:00Z",
-        rarms_version="1",
-        host="onboard",
-        partition="vision",
-        reserve=64,
-        serial=1,
-        beside=("speech",),
-        indexes=(seen,),
-    )
+def a_proof(seen: ProvenIndex, **changes: object) -> Proven:
+    return replace(PROVEN, indexes=(seen,), **changes)  # type: ignore[arg-type]  # fields, said by tests
 
 
 @pytest.fixture
@@ -219,18 +208,8 @@ def test_the_page_has_findings_as_fields(robot: Path) -> None:
 
 def test_what_was_proven_last_stands_in_the_report(robot: Path) -> None:
     path = configuration_path(robot.parent, "onboard", "vision")
-    for value in (98.7, 113.0):
-        missed = value > 100
-        seen = ProvenIndex(
-            index="mean_response_time",
-            threshold=at_most(100),
-            value=value,
-            lower=None,
-            upper=None,
-            met=not missed,
-            verdict="missed" if missed else "met",
-        )
-        append_entry(path, a_proof(seen))
+    append_entry(path, a_proof(replace(HELD, value=98.7)))
+    append_entry(path, a_proof(replace(HELD, value=113.0, lower=None, upper=None, met=False, verdict="missed")))
 
     page = rarms("report", "-f", str(robot), "-o", "-").out
 
@@ -240,25 +219,15 @@ def test_what_was_proven_last_stands_in_the_report(robot: Path) -> None:
 
 
 def test_a_proof_says_what_is_no_longer_as_it_was(robot: Path) -> None:
-    seen = ProvenIndex(
-        index="mean_response_time",
-        threshold=at_most(120),
-        value=99.0,
-        lower=None,
-        upper=None,
-        met=True,
-        verdict="met",
-    )
     path = configuration_path(robot.parent, "onboard", "vision")
-    append_entry(path, a_proof(seen))
+    append_entry(path, a_proof(replace(HELD, threshold=at_most(120))))
 
     page, text = (rarms("report", "-f", str(robot), *words).out for words in (["-o", "-"], ["--text"]))
 
     assert "; outdated: the threshold is at most 100 ms now; speech is gone; its partition reserves " in page
     assert "met (outdated)" in " ".join(text.split())
     now = int(page.partition("its partition reserves ")[2].partition("(")[2].partition(" ")[0])
-    held = replace(seen, threshold=at_most(100))
-    append_entry(path, replace(a_proof(held), beside=(), reserve=now))
+    append_entry(path, a_proof(HELD, beside=(), reserve=now))
     assert "outdated" not in rarms("report", "-f", str(robot), "-o", "-").out
 
 
@@ -277,23 +246,7 @@ def test_a_note_that_neighbours_decide_a_threshold_goes_where_the_proof_held(
 ) -> None:
     values: Facts = {"component": "vision", "indexes": ("p99_response_time",)}
     note = ON_NEIGHBOURS.at(None, "It depends.", "Prove it.", values=values)
-    proven = ComponentProof(
-        component="vision",
-        index=index_named("p99_response_time"),
-        threshold=at_most(100),
-        value=90.0,
-        lower=None,
-        upper=95.0,
-        met=True,
-        verdict="met",
-        error=0.01,
-        when="2026-11-21T12:00:00Z",
-        host="onboard",
-        reserve=64,
-        interference="busy-loop",
-        samples_needed=None,
-        outdated=(),
-    )
+    proven = replace(PROOF, index=index_named("p99_response_time"))
 
     found = not_yet_proven([note], [replace(proven, **changes)] if proof else [])
 

@@ -1,16 +1,15 @@
 """`rarms status`, `rarms history` and `rarms simulate change`, and what drift and plan say of an intruder."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from rarms_iac.app.report_model import ComponentProof
 from rarms_iac.app.status import Overview
-from rarms_iac.model.indexes import index_named
 from rarms_iac.views.console import render
 from rarms_iac.views.status import status_text
-from tests.builders import at_most
+from tests.builders_measured import PROOF
 from tests.unit.cli.running import rarms
 
 MANIFEST = """schema: rarms/v1
@@ -267,23 +266,7 @@ def test_a_host_that_is_not_simulated_is_not_even_looked_at() -> None:
 
 def test_the_status_says_when_thresholds_were_proven_last() -> None:
     proofs = [
-        ComponentProof(
-            component=name,
-            index=index_named("mean_response_time"),
-            threshold=at_most(100),
-            value=90.0,
-            lower=None,
-            upper=None,
-            met=met,
-            verdict="met" if met else "missed",
-            error=None,
-            when=when,
-            host="onboard",
-            reserve=40,
-            interference="busy-loop",
-            samples_needed=None,
-            outdated=(),
-        )
+        replace(PROOF, component=name, met=met, verdict="met" if met else "missed", upper=None, reserve=40, when=when)
         for name, met, when in (
             ("vision", True, "2026-01-31T12:00:00Z"),
             ("speech", True, "2026-02-01T12:00:00Z"),

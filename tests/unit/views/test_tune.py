@@ -9,26 +9,21 @@ import pytest
 from rarms_iac.app.experiments.tune import TuningResult
 from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.planner.combining.oracle import Answer
-from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun
+from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition
 from rarms_iac.views.console import LiveTable, live_console, render
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.reports.tables import trail_table
 from rarms_iac.views.tune import TuningProgress, tuned_text
+from tests.builders_measured import TUNED
 from tests.unit.views.test_json import check
 
 
 def tuned(*, proved: bool) -> TuningResult:
-    run = TuningRun(
-        when="2027-01-31T12:00:00Z",
-        rarms_version="1",
-        strategy="default",
-        ending="successful",
-        message="successful",
-        capacity=200,
+    run = replace(
+        TUNED,
         before=230,
         after=190,
         proved=proved,
-        contradictions=(),
         partitions=(),
         trail=(
             TrailSetting(components=("a", "b"), reserve=40, worse=("a",), predicted=44),

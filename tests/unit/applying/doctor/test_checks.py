@@ -20,8 +20,20 @@ def examination(
     return Examination(state=State(facts=of or facts(), partitions=machines), condition=how or HostCondition())
 
 
-def odd(condition: MachineCondition) -> HostCondition:
-    return HostCondition(machines=(condition,))
+def how(**condition: object) -> Examination:
+    """A host in this condition."""
+    return examination(how=HostCondition(**condition))  # type: ignore[arg-type]  # fields, said by cases
+
+
+def odd(**condition: object) -> Examination:
+    """A host whose partition is in this condition."""
+    machine = MachineCondition(**{"id": VISION.id, **condition})  # type: ignore[arg-type]  # fields, said by cases
+    return examination(machines=(VISION,), how=HostCondition(machines=(machine,)))
+
+
+def of(**known: object) -> Examination:
+    """A host of which this is known."""
+    return examination(of=replace(facts(), **known))  # type: ignore[arg-type]  # fields, said by cases
 
 
 def responsive(data: int | str) -> HostCondition:
@@ -55,51 +67,37 @@ HEALTHY = HostCondition(
 BALANCED = ("Microsoft:PowerPlan\\{381b4222-f694-41f0-9685-ff5bb260df2e}",)
 
 CASES = {
-    "root": ("RARMS159", "host/onboard", examination(of=replace(facts(), scheduler=SchedulerType.ROOT))),
-    "unknown": ("RARMS166", "host/onboard", examination(of=replace(facts(), scheduler=SchedulerType.UNKNOWN))),
-    "no rights": ("RARMS158", "host/onboard", examination(of=replace(facts(), rights=Rights.MISSING))),
-    "rights not proven": ("RARMS158", "host/onboard", examination(of=replace(facts(), rights=Rights.UNKNOWN))),
+    "root": ("RARMS159", "host/onboard", of(scheduler=SchedulerType.ROOT)),
+    "unknown": ("RARMS166", "host/onboard", of(scheduler=SchedulerType.UNKNOWN)),
+    "no rights": ("RARMS158", "host/onboard", of(rights=Rights.MISSING)),
+    "rights not proven": ("RARMS158", "host/onboard", of(rights=Rights.UNKNOWN)),
     "responsiveness": ("RARMS230", "host/onboard", examination(how=responsive(15))),
-    "no module": ("RARMS233", "host/onboard", examination(how=HostCondition(module=()))),
-    "SMT": ("RARMS234", "host/onboard", examination(of=replace(facts(), smt=True, scheduler=SchedulerType.CORE))),
-    "group": (
-        "RARMS235",
-        "partition/vision",
-        examination(machines=(VISION,), how=odd(MachineCondition(id=VISION.id.upper(), group="36ab08cb"))),
-    ),
-    "power plan": ("RARMS236", "host/onboard", examination(how=HostCondition(power_plans=BALANCED))),
+    "no module": ("RARMS233", "host/onboard", how(module=())),
+    "SMT": ("RARMS234", "host/onboard", of(smt=True, scheduler=SchedulerType.CORE)),
+    "group": ("RARMS235", "partition/vision", odd(id=VISION.id.upper(), group="36ab08cb")),
+    "power plan": ("RARMS236", "host/onboard", how(power_plans=BALANCED)),
     "NUMA": ("RARMS237", "partition/vision", examination(machines=(DYNAMIC,), how=HostCondition(numa_nodes=2))),
-    "checkpoints": (
-        "RARMS238",
-        "partition/vision",
-        examination(machines=(VISION,), how=odd(MachineCondition(id=VISION.id, automatic_checkpoints=True))),
-    ),
-    "restart": ("RARMS239", "host/onboard", examination(how=HostCondition(pending_restart=True))),
-    "old PowerShell": ("RARMS240", "host/onboard", examination(how=HostCondition(powershell="5.0.10586.117"))),
+    "checkpoints": ("RARMS238", "partition/vision", odd(automatic_checkpoints=True)),
+    "restart": ("RARMS239", "host/onboard", how(pending_restart=True)),
+    "old PowerShell": ("RARMS240", "host/onboard", how(powershell="5.0.10586.117")),
     "policy of a group": (
         "RARMS241",
         "host/onboard",
-        examination(
-            how=HostCondition(policies={POLICY.USER_POLICY: "AllSigned", POLICY.LOCAL_MACHINE: "Unrestricted"})
-        ),
+        how(policies={POLICY.USER_POLICY: "AllSigned", POLICY.LOCAL_MACHINE: "Unrestricted"}),
     ),
     "policy of the machine": (
         "RARMS241",
         "host/onboard",
-        examination(how=HostCondition(policies={POLICY.PROCESS: "Bypass", POLICY.LOCAL_MACHINE: "Restricted"})),
+        how(policies={POLICY.PROCESS: "Bypass", POLICY.LOCAL_MACHINE: "Restricted"}),
     ),
     "no policy on a client": (
         "RARMS241",
         "host/onboard",
         examination(of=replace(facts(), client=True), how=HostCondition(policies={POLICY.LOCAL_MACHINE: "Undefined"})),
     ),
-    "32 bits": ("RARMS242", "host/onboard", examination(how=HostCondition(bits=32))),
-    "minroot": ("RARMS243", "host/onboard", examination(how=HostCondition(seen_processors=1))),
-    "cluster": (
-        "RARMS244",
-        "partition/vision",
-        examination(machines=(VISION,), how=odd(MachineCondition(id=VISION.id, clustered=True))),
-    ),
+    "32 bits": ("RARMS242", "host/onboard", how(bits=32)),
+    "minroot": ("RARMS243", "host/onboard", how(seen_processors=1)),
+    "cluster": ("RARMS244", "partition/vision", odd(clustered=True)),
     "saved": ("RARMS245", "partition/vision", examination(machines=(replace(VISION, state=RunState.SAVED),))),
     "critical": ("RARMS245", "partition/vision", examination(machines=(replace(VISION, state=RunState.CRITICAL),))),
     "wide": (
@@ -113,25 +111,17 @@ CASES = {
         examination(machines=(replace(partition(settings("copy"), application=None), foreign_mark="it was copied"),)),
     ),
     "no role": ("RARMS318", "host/onboard", examination(of=WITHOUT_RIGHTS, how=HostCondition(role=False))),
-    "no hypervisor": ("RARMS318", "host/onboard", examination(how=HostCondition(role=True, hypervisor_running=False))),
-    "not elevated": (
-        "RARMS319",
-        "host/onboard",
-        examination(how=HostCondition(elevated=False, hyperv_administrator=True)),
-    ),
+    "no hypervisor": ("RARMS318", "host/onboard", how(role=True, hypervisor_running=False)),
+    "not elevated": ("RARMS319", "host/onboard", how(elevated=False, hyperv_administrator=True)),
     "little memory": (
         "RARMS320",
         "host/onboard",
         examination(machines=(OFF,), how=HostCondition(memory_available=OFF.settings.memory - 1)),
     ),
-    "no counters": (
-        "RARMS321",
-        "host/onboard",
-        examination(how=HostCondition(hypervisor_running=True, counters=False)),
-    ),
+    "no counters": ("RARMS321", "host/onboard", how(hypervisor_running=True, counters=False)),
     "mute guest": ("RARMS322", "partition/vision", examination(machines=(replace(VISION, can_be_asked=False),))),
-    "running script": ("RARMS323", "host/onboard", examination(how=HostCondition(script_running=True))),
-    "unread": ("RARMS249", "host/onboard", examination(how=HostCondition(unread={"the power plan": "denied"}))),
+    "running script": ("RARMS323", "host/onboard", how(script_running=True)),
+    "unread": ("RARMS249", "host/onboard", how(unread={"the power plan": "denied"})),
 }
 
 
@@ -156,14 +146,12 @@ def test_a_host_of_which_only_the_state_is_known_is_judged_by_it() -> None:
 
 @pytest.mark.parametrize("version", ["5.1", "5.1.14393.0", "7.4.6", "10.0"])
 def test_a_powershell_that_runs_the_scripts_is_not_told_of(version: str) -> None:
-    assert examine(examination(how=HostCondition(powershell=version))) == ()
+    assert examine(how(powershell=version)) == ()
 
 
 @pytest.mark.parametrize("version", ["2.0", "3", "5.0.10586.117", "", "core"])
 def test_one_that_does_not_is(version: str) -> None:
-    assert [diagnostic.code for diagnostic in examine(examination(how=HostCondition(powershell=version)))] == [
-        "RARMS240"
-    ]
+    assert [diagnostic.code for diagnostic in examine(how(powershell=version))] == ["RARMS240"]
 
 
 def test_the_policy_that_rarms_started_the_look_with_counts_for_nothing() -> None:
@@ -174,7 +162,7 @@ def test_the_policy_that_rarms_started_the_look_with_counts_for_nothing() -> Non
 
 @pytest.mark.parametrize(("scope", "word"), [(POLICY.MACHINE_POLICY, "outranks"), (POLICY.CURRENT_USER, "By hand")])
 def test_what_a_policy_means_depends_on_who_set_it(scope: PolicyScope, word: str) -> None:
-    (finding,) = examine(examination(how=HostCondition(policies={scope: "Restricted"})))
+    (finding,) = examine(how(policies={scope: "Restricted"}))
 
     assert word in finding.detail + str(finding.advice)
 

@@ -3,48 +3,23 @@
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.storage.datalog.decisions import (
-    TrailSetting,
-    TunedPartition,
-    TuningRun,
-    append_run,
-    read_runs,
-    tuning_path,
-)
-
-RUN = TuningRun(
-    when="2026-11-21T12:00:00Z",
-    rarms_version="1",
-    strategy="default",
-    ending="successful",
-    message="successful",
-    capacity=200,
-    before=228,
-    after=194,
-    proved=True,
-    contradictions=(),
-    partitions=(TunedPartition(name="path", components=("path", "stock"), processors=2, reserve=22, parts=78),),
-    trail=(
-        TrailSetting(components=("path", "stock"), reserve=30, worse=()),
-        TrailSetting(components=("path", "stock"), reserve=21, worse=("path",)),
-    ),
-    written=True,
-)
+from rarms_iac.storage.datalog.decisions import append_run, read_runs, tuning_path
+from tests.builders_measured import TUNED
 
 
 def test_runs_come_back_in_order(tmp_path: Path) -> None:
-    path, later = tuning_path(tmp_path, "two-core"), replace(RUN, after=180)
+    path, later = tuning_path(tmp_path, "two-core"), replace(TUNED, after=180)
     assert read_runs(path) == ()
-    append_run(path, RUN)
+    append_run(path, TUNED)
     append_run(path, later)
 
     assert path == tmp_path / "measurements" / "two-core" / "tuning.jsonl"
-    assert read_runs(path) == (RUN, later)
+    assert read_runs(path) == (TUNED, later)
 
 
 def test_a_run_that_says_what_the_last_one_said_is_not_written_again(tmp_path: Path) -> None:
     path = tuning_path(tmp_path, "two-core")
-    append_run(path, RUN)
-    append_run(path, replace(RUN, when="2026-11-22T12:00:00Z", rarms_version="2"))
+    append_run(path, TUNED)
+    append_run(path, replace(TUNED, when="2026-11-22T12:00:00Z", rarms_version="2"))
 
-    assert read_runs(path) == (RUN,)
+    assert read_runs(path) == (TUNED,)

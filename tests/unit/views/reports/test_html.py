@@ -8,13 +8,11 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import combinations
 
-from rarms_iac.app.report_model import ComponentProof
 from rarms_iac.model.diagnostics import Finding
-from rarms_iac.model.indexes import find_index
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.views.reports.html import as_html
 from rarms_iac.views.reports.tables import MOST_CANDIDATES, candidates_table
-from tests.builders import at_most
+from tests.builders_measured import PROOF
 from tests.measured_robot import a_robot, report_of_logs, the_logs
 
 SYSTEM = a_robot()
@@ -123,34 +121,12 @@ def test_a_page_of_sixty_components_is_smaller_than_a_megabyte() -> None:
 
 
 def test_proofs_are_a_table_of_their_own() -> None:
-    index = find_index("mean_response_time")
-    assert index is not None
-    proof = ComponentProof(
-        component="face-detection",
-        index=index,
-        threshold=at_most(100),
-        value=113.4,
-        lower=112.0,
-        upper=114.8,
-        met=False,
-        verdict="missed",
-        error=0.01,
-        when="2026-02-01T12:00:00Z",
-        host="onboard",
-        reserve=40,
-        interference="busy-loop",
-        samples_needed=None,
-        outdated=(),
-    )
+    missed = replace(PROOF, value=113.4, lower=112.0, upper=114.8, met=False, verdict="missed")
 
-    page = as_html(replace(REPORT, proofs=(proof,))).decode()
+    page = as_html(replace(REPORT, proofs=(missed,))).decode()
 
     assert "All together, in the applied layout" in page
-    assert re.search(
-        r"113\.4 ms, 112 to 114\.8 ms.*missed: [^<]* beside busy-loop",
-        page,
-        re.DOTALL,
-    )
+    assert re.search(r"113\.4 ms, 112 to 114\.8 ms.*missed: [^<]* beside busy-loop", page, re.DOTALL)
     assert "All together" not in PAGE
 
 
