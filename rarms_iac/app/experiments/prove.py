@@ -122,13 +122,7 @@ def prove_layout(
     with hold_measuring_hosts(session, names) as holding, control.stop.gently():
         states = {name: host.observe() for name, host in holding.held_hosts.items()}
         everywhere = {**observe_others(hosts, names), **states}
-        layouts = {
-            name: with_samples(layout, request.samples)
-            for name, layout in applied_layouts(hosts, states, everywhere).items()
-        }
-        refuse_unapplied(hosts, states, everywhere)
-        for name, layout in layouts.items():
-            _recorded(hosts, name, layout)  # a log that nothing can be added to is found before components run
+        layouts = _layouts_to_prove(hosts, states, everywhere, request.samples)
         proofs = _prove_all(holding, layouts, states, loads_to_prove(hosts.system, request), listener)
     if proofs is None:
         return ProveOutcome(proofs=(), findings=(), stopped=True)
@@ -142,6 +136,18 @@ def prove_layout(
         ),
         not_proven=_not_proven(hosts, layouts),
     )
+
+
+def _layouts_to_prove(
+    hosts: Hosts, states: Mapping[str, State], everywhere: Mapping[str, State], samples: int | None
+) -> Mapping[str, AppliedLayout]:
+    """The applied layouts by host; what would make their proofs useless is found before components run."""
+    applied = applied_layouts(hosts, states, everywhere)
+    layouts = {name: with_samples(layout, samples) for name, layout in applied.items()}
+    refuse_unapplied(hosts, states, everywhere)
+    for name, layout in layouts.items():
+        _recorded(hosts, name, layout)  # refuses a log that nothing can be added to
+    return layouts
 
 
 def _prove_all(
