@@ -15,6 +15,7 @@ from contextlib import chdir
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import TypeAlias
 
 import pytest
 
@@ -45,10 +46,13 @@ components:
   speech: { criticality: 5, memory: 512 MiB, cpu: { reserve: 20 % }, simulation: { work: 20 ms } }
 """
 MEASURED = MANIFEST.replace("45 %", "measured")
-WIDE = MEASURED.replace("    cpu: { reserve: measured", "    processors: 2\n    cpu: { reserve: measured")
+WIDE = MEASURED.replace("    cpu: { reserve: m", "    processors: 2\n    cpu: { reserve: m").replace(
+    "varies: 2 %", "varies: 0 %"
+)
+ACCEPTED = MANIFEST.replace(
+    "interference: busy-loop", "accept: { RARMS014: { at: [component/vision], reason: known, until: 2099-01-01 } }"
+)
 ALONE = MANIFEST[: MANIFEST.index("  speech")]
-PROTECTED = MANIFEST + "partitions:\n  speech: { protect: true }\n"
-
 PAIR = f"""{MEASURED[: MEASURED.index("  speech")]}\
   speech:
     criticality: 5
@@ -58,14 +62,13 @@ PAIR = f"""{MEASURED[: MEASURED.index("  speech")]}\
     memory: 512 MiB
     simulation: {{ work: 10 ms, varies: 2 % }}
 """
-
-
-THIRD = PAIR[PAIR.index("  speech") :].replace("speech", "video")
-
-LOG = "measurements/onboard/vision/busy-loop.jsonl"
-
+THREE = PAIR.replace("reserve: measured", "reserve: 95 %", 1) + PAIR[PAIR.index("  speech") :].replace(
+    "speech", "video"
+)
+APART = PAIR.replace("    memory", "    apart: [vision]\n    memory", 2).replace("    apart", "#", 1)
 LATE = MEASURED.replace("mean_response_time", "p95_response_time").replace("50 ms", "90 ms").replace("60 }", "400 }")
-
+PROGRAM = ALONE.replace("command: [vision]", "command: [python3, -c, pass]").replace("samples: 60", "samples: 2")
+PROGRAM = PROGRAM[: PROGRAM.index("    simulation")]
 TWO_HOSTS = """\
 schema: rarms/v1
 application: { name: robot }
@@ -76,8 +79,7 @@ components:
   vision: { criticality: 30, memory: 512 MiB, hosts: [fore], cpu: { reserve: 45 % } }
   speech: { criticality: 5, memory: 512 MiB, hosts: [aft], cpu: { reserve: 20 % } }
 """
-PROGRAM = ALONE.replace("command: [vision]", "command: [python3, -c, pass]").replace("samples: 60", "samples: 2")
-PROGRAM = PROGRAM[: PROGRAM.index("    simulation")]
+LOG = "measurements/onboard/vision/busy-loop.jsonl"
 
 ASKS = {"apply", "undo", "stop", "start", "import", "release", "destroy"}
 """Commands that ask before they change a host."""
@@ -85,62 +87,54 @@ ASKS = {"apply", "undo", "stop", "start", "import", "release", "destroy"}
 WORKS = {ExitCode.DONE, ExitCode.FOUND, ExitCode.NOT_APPLIED}
 """Done, or a plan or drift that is not empty."""
 
-
-@cache
-def write(text: str) -> Callable[[], None]:
-    """What writes the manifest."""
-
-    def write_manifest() -> None:
-        Path("rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
-
-    return write_manifest
+Step: TypeAlias = str | Callable[[], object]
+"""A command that must work, without `rarms` and without the consent that it asks for; or what else is done."""
 
 
-@cache
-def do(*words: str) -> Callable[[], None]:
-    """What runs a command that must work."""
-
-    def run() -> None:
-        ran = rarms(*words)
-        assert ran.code in WORKS, (words, ran.err)
-
-    return run
-
-
-def put(name: str, text: str) -> None:
-    """Write a file."""
-    Path(name).write_text(text, encoding="utf-8")
-
-
-def edit(name: str, before: str, after: str) -> Callable[[], None]:
-    """What changes a word of a file."""
-    return lambda: put(name, Path(name).read_text(encoding="utf-8").replace(before, after))
-
-
-def move(name: str, folder: str) -> Callable[[], None]:
-    """What moves a file into a new folder."""
-
-    def into() -> None:
-        Path(folder).mkdir()
-        Path(name).rename(Path(folder, name))
-
-    return into
-
-
-APPLY = do("apply", "--auto-approve")
+def do(step: Step) -> None:
+    """Do the step in this folder."""
+    if not isinstance(step, str):
+        step()
+        return
+    words = shlex.split(step)
+    ran = rarms(*words, *(["--auto-approve"] if words[0] in ASKS else []))
+    assert ran.code in WORKS, (step, ran.err)
 
 
 @cache
-def killed(*words: str, at: int) -> Callable[[], None]:
+def write(text: str, name: str = "rarms.yaml") -> Step:
+    """What writes a file, the manifest where no other is named."""
+    return lambda: Path(name).write_text(text, encoding="utf-8", newline="\n")
+
+
+@cache
+def edit(before: str, after: str, name: str = "rarms.yaml") -> Step:
+    """What changes a word of a file, of the manifest where no other is named."""
+    return lambda: Path(name).write_text(
+        Path(name).read_text(encoding="utf-8").replace(before, after), encoding="utf-8", newline="\n"
+    )
+
+
+def move() -> None:
+    """Move the manifest into a folder."""
+    Path("robot").mkdir()
+    Path("rarms.yaml").rename("robot/rarms.yaml")
+
+
+def killed(command: str, at: int) -> Step:
     """What runs a command as a process that ends without clean-up at its effect of this number."""
 
     def run() -> None:
-        folder = str(Path.cwd())
-        command = [sys.executable, "-m", "tests.crashing", str(at), "after", *words, "-f", folder]
-        ended = subprocess.run(command, cwd=CHECKOUT, capture_output=True, encoding="utf-8", timeout=120)
+        words = [sys.executable, "-m", "tests.crashing", str(at), "after", *command.split(), "-f", str(Path.cwd())]
+        ended = subprocess.run(words, cwd=CHECKOUT, capture_output=True, encoding="utf-8", timeout=120)
         assert ended.returncode == KILLED, ended.stderr
 
     return run
+
+
+MEASURE = "measure vision --from 50% --to 50% --stop-partitions"
+APPLY_KILLED = killed("apply --auto-approve", at=20)
+MEASURE_KILLED = killed(MEASURE, at=30)
 
 
 def weak_log() -> None:
@@ -152,548 +146,365 @@ def weak_log() -> None:
         append_setting(Path(LOG), replace(recorded, provenance=replace(recorded.provenance, weak_load=True)))
 
 
+def empty_log() -> None:
+    """Leave the data log its head alone."""
+    write(Path(LOG).read_text(encoding="utf-8").partition("\n")[0] + "\n", LOG)()  # type: ignore[operator]  # no command
+
+
 @cache
-def logs(**least: int) -> Callable[[], None]:
+def logs(**least: int) -> Step:
     """What leaves data logs that need so many per cent."""
     return lambda: leave_logs(Path(), least)
 
 
-@dataclass(frozen=True, slots=True)
-class Situation:
-    """How it comes about, the command whose answer is read, and what that must recommend at least."""
+def given(manifest: str = "", *steps: Step) -> tuple[Step, ...]:
+    """The steps that bring a situation about, of which the first writes the manifest where there is one."""
+    return (write(manifest), *steps) if manifest else steps
 
-    steps: tuple[Callable[[], None], ...]
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """A command whose answer is read, and what that must say and recommend at least."""
+
     words: str
-    messages: tuple[str, ...]  # words of each message that recommends something
-    recommends: tuple[str, ...]
+    says: str | tuple[str, ...]  # words of each message that recommends something
+    recommends: str | tuple[str, ...]  # how commands begin, without `rarms`
     _: KW_ONLY
     in_view: bool = False  # a view makes the sentence of facts, so that only a person reads it
-    first: tuple[Callable[[], None], ...] = ()  # what the message says is to be done before the command
-    asked: bool = False  # the message comes from a question at a terminal
+    first: tuple[Step, ...] = ()  # what the message says is to be done before the command
+    at_a_terminal: bool = False  # the message comes from a question
     may_answer: ExitCode = ExitCode.DONE  # also how a command that is recommended may end: a plan that says why not
 
 
-SITUATIONS = {
-    "nothing is measured": Situation((write(MEASURED),), "plan", ("Or fix it for now",), ("rarms measure vision",)),
-    "nothing is measured that a page could show": Situation(
-        (write(MEASURED),), "report", ("Measure first: ",), ("rarms measure",)
+NO, REFUSED = ExitCode.NO, ExitCode.REFUSED
+SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
+    "nothing is there": (given(), Ask("plan", "`-f PATH` names a manifest or its folder", "init")),
+    "the manifest is empty": (
+        given("\n  \n"),
+        Ask("validate", "Write a manifest, or let `rarms init` write one", "init"),
     ),
-    "partitions run where it is measured": Situation(
-        (write(MANIFEST), APPLY),
-        "measure vision --from 50% --to 50%",
-        ("stop them and start them again afterwards",),
-        ("rarms measure --stop-partitions", "rarms stop", "rarms start"),
+    "the manifest has only comments": (
+        given("# nothing\n"),
+        Ask("validate", "Write a manifest, or move the file away", "init", first=(Path("rarms.yaml").unlink,)),
+        Ask("fmt", "Write a manifest, or move the file away", "init", first=(Path("rarms.yaml").unlink,)),
     ),
-    "a partition was stopped": Situation(
-        (write(MANIFEST), APPLY, do("stop", "vision", "--auto-approve")),
-        "plan",
-        ("stays stopped",),
-        ("rarms start vision",),
-        in_view=True,
+    "the manifest begins with a byte order mark": (
+        given("\ufeff" + MANIFEST),
+        Ask("validate", "or let `rarms fmt rarms.yaml` do it", "fmt rarms.yaml"),
     ),
-    "a stopped partition would be proven": Situation(
-        (write(MANIFEST), APPLY, do("stop", "--auto-approve")),
-        "prove --load-host",
-        ("Start them, and prove again",),
-        ("rarms start speech vision",),
+    "an error is accepted that cannot be": (
+        given(ACCEPTED),
+        Ask("plan", "acceptance", "explain RARMS014"),
     ),
-    "a partition that is started by hand would be proven": Situation(
-        (write(ALONE.replace("components:", "partitions: { vision: { start: manual } }\ncomponents:", 1)), APPLY),
-        "prove --load-host",
-        ("These partitions do not run: vision.",),
-        ("rarms start vision",),
+    "nothing is measured": (
+        given(MEASURED),
+        Ask("plan", "Or fix it for now", "measure vision"),
+        Ask("report", "Measure first: ", "measure"),
+        Ask("validate", "`rarms measure` finds what it needs", "measure"),
+        Ask("status", "that are not measured yet", "measure"),
     ),
-    "nothing is applied that could be proven": Situation(
-        (write(MANIFEST),), "prove --load-host", ("See what is missing with",), ("rarms plan", "rarms apply")
+    "nothing is applied": (
+        given(MANIFEST),
+        Ask("prove --load-host", "See what is missing with", ("plan", "apply")),
+        Ask("apply", "or write the plan down, have it reviewed, and apply that", ("plan --out FILE", "apply FILE")),
+        Ask("apply", "Run it again to be asked again", "plan", at_a_terminal=True),
+        Ask("apply a.plan", "Look at the path and its rights", "plan --out FILE"),
+        Ask("apply rarms.yaml", "Give a file that `rarms plan --out FILE` wrote", "plan --out FILE"),
+        Ask("plan --target partition/sight", "(`rarms plan --verbose` lists them)", "plan --verbose"),
+        Ask("plan --nothing", "--help` lists what it takes", "plan --help"),
+        Ask("measure another", "--help` lists what it takes", "measure --help"),
+        Ask("measure speech", "Give it one, or measure chosen settings", "measure speech --from 10% --to 100%"),
+        Ask("status", "shows what is not applied yet", "plan"),
     ),
-    "an APT is missed in the layout": Situation(
-        (write(ALONE.replace("45 %", "10 %")), APPLY),
-        "prove --load-host",
-        ("Its slowdown asks for", "Or measure what it needs"),
-        ("rarms measure vision --again --stop-partitions",),
-    ),
-    "an apply was killed": Situation(
-        (write(MANIFEST), killed("apply", "--auto-approve", at=20)),
-        "plan",
-        ("or `rarms apply --abandon` to leave it as it is",),
-        ("rarms apply", "rarms undo", "rarms apply --abandon"),
-    ),
-    "a measurement was killed that had stopped partitions": Situation(
-        (
-            write(MANIFEST),
-            APPLY,
-            killed("measure", "vision", "--from", "50%", "--to", "50%", "--stop-partitions", at=30),
+    "it is applied": (
+        given(MANIFEST, "apply"),
+        Ask(
+            "measure vision --from 50% --to 50%",
+            "stop them and start them again afterwards",
+            ("measure --stop-partitions", "stop", "start"),
         ),
-        "drift",
-        ("A run is unfinished on ",),
-        ("rarms apply",),
-        in_view=True,
+        Ask("status", "compares them with their thresholds", "prove"),
     ),
-    "a plan was used": Situation(
-        (write(MANIFEST), do("plan", "--out", "a.plan"), APPLY, do("destroy", "--auto-approve")),
-        "apply a.plan",
-        ("Make a new plan: `rarms plan --out FILE`",),
-        ("rarms plan --out FILE",),
+    "a partition was stopped": (
+        given(MANIFEST, "apply", "stop vision"),
+        Ask("plan", "stays stopped", "start vision", in_view=True),
+        Ask("status", "stopped by", "start vision", in_view=True),
     ),
-    "a protected partition is no longer named": Situation(
-        (write(PROTECTED), APPLY, write(ALONE)),
-        "plan",
-        ("or let it go on without rarms: ",),
-        ("rarms release speech",),
+    "all partitions were stopped": (
+        given(MANIFEST, "apply", "stop"),
+        Ask("prove --load-host", "Start them, and prove again", "start speech vision"),
     ),
-    "a machine that is not managed has a wanted name": Situation(
-        (write(MANIFEST), APPLY, do("release", "vision", "--auto-approve")),
-        "plan",
-        (" to take it over, or give the partition another name",),
-        ("rarms import vision --id",),
+    "a partition is started by hand": (
+        given(ALONE.replace("components:", "partitions: { vision: { start: manual } }\ncomponents:", 1), "apply"),
+        Ask("prove --load-host", "These partitions do not run: vision.", "start vision"),
     ),
-    "there is no terminal to ask at": Situation(
-        (write(MANIFEST),),
-        "apply",
-        ("or write the plan down, have it reviewed, and apply that",),
-        ("rarms plan --out FILE", "rarms apply FILE"),
-    ),
-    "a question was answered with no": Situation(
-        (write(MANIFEST),), "apply", ("Run it again to be asked again",), ("rarms plan",), asked=True
-    ),
-    "the host is not as the manifest wants it": Situation(
-        (write(MANIFEST), APPLY, write(MANIFEST.replace("45 %", "40 %"))),
-        "drift",
-        ("as the manifest wants",),
-        ("rarms plan",),
-        in_view=True,
-    ),
-    "no measured setting is enough": Situation(
-        (write(MEASURED), do("measure", "vision", "--from", "10%", "--to", "20%")),
-        "plan",
-        ("says which level holds), or measure higher settings",),
-        ("rarms measure vision",),
-    ),
-    "a level needs more than was measured": Situation(
-        (write(MEASURED), do("measure", "vision", "--from", "10%", "--to", "20%")),
-        "select vision --at '60 ms'",
-        ("measure higher settings",),
-        ("rarms measure vision --from 21% --to 100%",),
-    ),
-    "reservations exceed the host": Situation(
-        (write(MEASURED.replace("20 %", "30 %")), logs(vision=85)), "plan", ("RARMS014",), ("rarms measure",)
-    ),
-    "a pair would fit": Situation((write(PAIR), logs(vision=60, speech=60)), "plan", ("RARMS014",), ("rarms tune",)),
-    "a component does not use its processors": Situation(
-        (write(WIDE.replace("samples: 60", "samples: 40").replace("varies: 2 %", "varies: 0 %")),),
-        "measure vision",
-        ("Leave `processors` out",),
-        ("rarms measure vision",),
-    ),
-    "there is no manifest": Situation((), "plan", ("`-f PATH` names a manifest or its folder",), ("rarms init",)),
-    "the manifest is empty": Situation(
-        (write("\n  \n"),), "validate", ("Write a manifest, or let `rarms init` write one",), ("rarms init",)
-    ),
-    "the manifest begins with a byte order mark": Situation(
-        (write("\ufeff" + MANIFEST),), "validate", ("or let `rarms fmt rarms.yaml` do it",), ("rarms fmt rarms.yaml",)
-    ),
-    "an error is accepted that cannot be": Situation(
-        (
-            write(
-                MANIFEST.replace(
-                    "interference: busy-loop",
-                    "accept: { RARMS014: { at: [component/vision], reason: known, until: 2099-01-01 } }",
-                )
-            ),
+    "an APT is missed in the layout": (
+        given(ALONE.replace("45 %", "10 %"), "apply"),
+        Ask(
+            "prove --load-host",
+            ("Its slowdown asks for", "Or measure what it needs"),
+            "measure vision --again --stop-partitions",
         ),
-        "plan",
-        ("acceptance",),
-        ("rarms explain RARMS014",),
     ),
-    "another tool changed a partition": Situation(
-        (write(MANIFEST), APPLY, do("simulate", "change", "vision", "--reserve", "30")),
-        "plan --verbose",
-        ("Find out who did it",),
-        ("rarms drift", "rarms history"),
+    "an apply was killed": (
+        given(MANIFEST, APPLY_KILLED),
+        Ask("plan", "or `rarms apply --abandon` to leave it as it is", ("apply", "undo", "apply --abandon")),
+        Ask("status", "finishes the run on", "apply"),
     ),
-    "the host moved since the plan was made": Situation(
-        (
-            write(MANIFEST),
-            do("plan", "--out", "a.plan"),
-            APPLY,
-            write(MANIFEST.replace("45 %", "40 %")),
-            do("plan", "--out", "a.plan"),
-            do("simulate", "change", "vision", "--reserve", "30"),
-        ),
-        "apply a.plan",
-        ("Nothing was changed. Look with `rarms drift`",),
-        ("rarms drift",),
-    ),
-    "a plan was edited": Situation(
-        (write(MANIFEST), do("plan", "--out", "a.plan"), edit("a.plan", "vision", "Vision")),
-        "apply a.plan",
-        ("Make the plan again: `rarms plan --out FILE`",),
-        ("rarms plan --out FILE",),
-    ),
-    "a file is no plan": Situation(
-        (write(MANIFEST),),
-        "apply rarms.yaml",
-        ("Give a file that `rarms plan --out FILE` wrote",),
-        ("rarms plan --out FILE",),
-    ),
-    "the manifest changed since the plan was made": Situation(
-        (write(MANIFEST), do("plan", "--out", "a.plan"), write(MANIFEST.replace("45 %", "40 %"))),
-        "apply a.plan",
-        ("See what the manifest asks for now with",),
-        ("rarms plan",),
-    ),
-    "a plan is applied elsewhere": Situation(
-        (write(MANIFEST), do("plan", "--out", "a.plan"), move("rarms.yaml", "robot")),
-        "apply a.plan",
-        ("Apply the plan in the folder where it was made",),
-        ("rarms apply PLAN -f MANIFEST",),
-    ),
-    "a target is not in the plan": Situation(
-        (write(MANIFEST),),
-        "plan --target partition/sight",
-        ("(`rarms plan --verbose` lists them)",),
-        ("rarms plan --verbose",),
-    ),
-    "a component cannot run on its host": Situation(
-        (write(PROGRAM),), "measure vision", ("on a real host: `rarms run COMPONENT` tries it",), ("rarms run",)
-    ),
-    "a snapshot cannot be read": Situation(
-        (write(MANIFEST), lambda: put("host.json", "nothing")),
-        "plan --snapshot host.json",
-        ("Make one with",),
-        ("rarms snapshot --host NAME --out FILE", "rarms snapshot --script"),
-    ),
-    "late jobs may be later beside other partitions": Situation(
-        (write(LATE), do("measure", "vision")), "plan", ("whether it holds",), ("rarms prove",), first=(APPLY,)
-    ),
-    "a threshold depends on its neighbours": Situation(
-        (write(LATE.replace("busy-loop", "bursts-20")), do("measure", "vision")),
-        "plan",
-        ("Prove it in the layout that is applied",),
-        ("rarms prove",),
-        first=(APPLY,),
-    ),
-    "all loads are weak": Situation(
-        (write(MEASURED.replace("busy-loop", "bursts-20-half")),),
-        "measure vision",
-        ("Name `busy-loop` in `policy.interference`",),
-        ("rarms measure vision --interference busy-loop",),
-    ),
-    "the busy loop is weak itself": Situation(
-        (write(f"{MEASURED}interference: {{ busy-loop: {{ kind: busy_loop, threads: 1 }} }}\n"),),
-        "measure vision",
-        ("Let `interference.busy-loop` be a busy loop without `threads`",),
-        ("rarms measure vision --interference busy-loop",),
-        may_answer=ExitCode.NO,
-    ),
-    "a load was seen to leave processors idle": Situation(
-        (write(ALONE.replace("45 %", "measured")), do("measure"), weak_log),
-        "plan",
-        ("`busy-loop` has a thread for each of the 2 LP and was kept from running on them",),
-        ("rarms measure --interference busy-loop --again",),
-    ),
-    "nothing was tuned": Situation(
-        (write(PAIR), logs(vision=30, speech=30)),
-        "explain vision",
-        ("has measured nothing",),
-        ("rarms tune",),
-        in_view=True,
-    ),
-    "fixed reserves exceed the host": Situation(
-        (write(MANIFEST.replace("45 %", "90 %")),),
-        "tune",
-        ("Lower a reserve (`rarms plan` names ways out)",),
-        ("rarms plan",),
-        may_answer=ExitCode.NO,
-    ),
-    "no component is wanted any more": Situation(
-        (write(MANIFEST), APPLY, write(MANIFEST[: MANIFEST.index("components")] + "components: {}\n")),
-        "plan",
-        ("To remove everything, use",),
-        ("rarms destroy",),
-    ),
-    "the application is looked at after a stop": Situation(
-        (write(MANIFEST), APPLY, do("stop", "vision", "--auto-approve")),
-        "status",
-        ("stopped by",),
-        ("rarms start vision",),
-        in_view=True,
-    ),
-    "both names of a move are on the host": Situation(
-        (
-            write(MANIFEST),
-            APPLY,
-            write(MANIFEST.replace("  vision:", "  sight: { criticality: 1, cpu: { reserve: 1 % } }\n  vision:")),
-            APPLY,
-            write(MANIFEST.replace("  speech:", "  sight:") + "moved: { speech: sight }\n"),
-        ),
-        "plan",
-        ("Remove one of them (",),
-        ("rarms destroy --target partition/speech",),
-    ),
-    "a data log is damaged": Situation(
-        (write(MEASURED), logs(vision=45), lambda: put(LOG, '{"a": 1}\n{"b": 1}\n')),
-        "plan",
-        ("Bring it back from git, or remove it and measure again",),
-        ("rarms measure vision",),
-        first=(Path(LOG).unlink,),
-    ),
-    "what was measured is not what the manifest says now": Situation(
-        (write(MEASURED), logs(vision=45), edit("rarms.yaml", "work: 20 ms", "work: 21 ms")),
-        "plan",
-        ("Or take the change back.",),
-        ("rarms measure vision",),
-    ),
-    "it was measured beside what runs on the host": Situation(
-        (
-            write(MANIFEST.replace("45 %", "10 %").replace("20 %", "10 %")),
-            APPLY,
-            write(MEASURED),
-            do("measure", "vision", "--on-busy-host", "--from", "40%", "--to", "60%", "--step", "20%"),
-        ),
-        "plan",
-        ("Measure it once more with the host to itself",),
-        ("rarms measure vision --again",),
-        first=(do("stop", "--auto-approve"),),
-    ),
-    "fixed reserves exceed the host that is declared": Situation(
-        (write(MANIFEST.replace("45 %", "90 %")),),
-        "validate",
-        ("`rarms plan` tries which change would be enough",),
-        ("rarms plan",),
-        may_answer=ExitCode.NO,
-    ),
-    "nothing is measured, and the manifest is checked": Situation(
-        (write(MEASURED),), "validate", ("`rarms measure` finds what it needs",), ("rarms measure",)
-    ),
-    "a component is not in the manifest": Situation(
-        (write(MANIFEST),), "measure nobody", ("--help` lists what it takes",), ("rarms measure --help",)
-    ),
-    "an option does not exist": Situation(
-        (write(MANIFEST),), "plan --nothing", ("--help` lists what it takes",), ("rarms plan --help",)
-    ),
-    "a plan file is not there": Situation(
-        (write(MANIFEST),), "apply a.plan", ("Look at the path and its rights",), ("rarms plan --out FILE",)
-    ),
-    "a script is none": Situation(
-        (write(MANIFEST), lambda: put("a.ps1", "exit")),
-        "show --check a.ps1",
-        ("Give a script that",),
-        ("rarms show --script --out FOLDER", "rarms snapshot --script"),
-    ),
-    "no pair may be combined": Situation(
-        (
-            write(PAIR.replace("    memory", "    apart: [vision]\n    memory", 2).replace("    apart", "#", 1)),
-            logs(vision=60, speech=60),
-        ),
-        "tune",
-        ("Relax an APT (",),
-        ("rarms select COMPONENT --at LEVEL",),
-    ),
-    "a log has no setting": Situation(
-        (
-            write(MEASURED),
-            logs(vision=45),
-            lambda: put(LOG, Path(LOG).read_text(encoding="utf-8").split("\n")[0] + "\n"),
-        ),
-        "plan",
-        ("Measure it: ",),
-        ("rarms measure vision",),
-    ),
-    "an interactive session has no terminal": Situation(
-        (write(MEASURED), logs(vision=45)),
-        "measure --interactive",
-        ("Leave --interactive out, and choose with",),
-        ("rarms select COMPONENT --at LEVEL",),
-    ),
-    "the manifest has only comments": Situation(
-        (write("# nothing\n"),),
-        "validate",
-        ("Write a manifest, or move the file away",),
-        ("rarms init",),
-        first=(Path("rarms.yaml").unlink,),
-    ),
-    "what is formatted has only comments": Situation(
-        (write("# nothing\n"),),
-        "fmt",
-        ("Write a manifest, or move the file away",),
-        ("rarms init",),
-        first=(Path("rarms.yaml").unlink,),
-    ),
-    "a component without a threshold is to be measured": Situation(
-        (write(MANIFEST),),
-        "measure speech",
-        ("Give it one, or measure chosen settings",),
-        ("rarms measure speech --from 10% --to 100%",),
-    ),
-    "no setting can be enough": Situation(
-        (write(MEASURED.replace("50 ms", "5 ms")),),
-        "measure vision",
-        ("says which level holds)",),
-        ("rarms select vision --at LEVEL",),
-    ),
-    "a plan is of another format": Situation(
-        (
-            write(MANIFEST),
-            do("plan", "--out", "a.plan"),
-            edit("a.plan", '"format_version":', '"format_version": "of old", "was":'),
-        ),
-        "apply a.plan",
-        ("Make the plan again with this version of rarms",),
-        ("rarms plan --out FILE",),
-    ),
-    "a file of another kind is no plan": Situation(
-        (write(MANIFEST), lambda: put("a.plan", "{}")),
-        "apply a.plan",
-        ("Give a file that `rarms plan --out FILE` wrote",),
-        ("rarms plan --out FILE",),
-    ),
-    "drift is looked for, and the manifest has errors": Situation(
-        (
-            write(MANIFEST),
-            APPLY,
-            write(MANIFEST.replace("45 %", "90 %")),
-            do("simulate", "change", "vision", "--reserve", "30"),
-        ),
-        "drift",
-        ("The manifest was not compared",),
-        ("rarms plan",),
-        may_answer=ExitCode.NO,
-        in_view=True,
-    ),
-    "a host moved while a run was unfinished": Situation(
-        (
-            write(MANIFEST),
-            APPLY,
+    "a host moved while a run was unfinished": (
+        given(
+            MANIFEST,
+            "apply",
             write(MANIFEST.replace("45 %", "40 %").replace("20 %", "10 %")),
-            killed("apply", "--auto-approve", at=8),
-            do("simulate", "change", "vision", "--reserve", "30"),
+            killed("apply --auto-approve", at=8),
+            "simulate change vision --reserve 30",
         ),
-        "apply",
-        ("Nothing more was changed. Look with `rarms drift`.",),
-        ("rarms drift", "rarms undo", "rarms apply --abandon"),
-        may_answer=ExitCode.REFUSED,
+        Ask(
+            "apply",
+            "Nothing more was changed. Look with `rarms drift`.",
+            ("drift", "undo", "apply --abandon"),
+            may_answer=REFUSED,
+        ),
     ),
-    "an apply cannot be taken back wholly": Situation(
-        (write(MANIFEST), APPLY, do("destroy", "--auto-approve")),
-        "undo --auto-approve",
-        ("rarms cannot bring that back. Afterwards `rarms plan` says what differs",),
-        ("rarms plan",),
+    "a measurement was killed that had stopped partitions": (
+        given(MANIFEST, "apply", MEASURE_KILLED),
+        Ask("drift", "A run is unfinished on ", "apply", in_view=True),
     ),
-    "one that is not managed gets less": Situation(
-        (
-            write(MANIFEST),
-            APPLY,
-            do("release", "vision", "--auto-approve"),
+    "what was stopped to measure cannot be started again": (
+        given(MANIFEST, "apply", MEASURE_KILLED, "simulate change speech --reserve 90"),
+        Ask(
+            MEASURE,
+            "Mend what keeps them from it, then start them",
+            "start speech vision",
+            first=("simulate change speech --reserve 20",),
+        ),
+    ),
+    "what was stopped to measure is gone": (
+        given(MANIFEST, "apply", MEASURE_KILLED, "simulate change speech --remove"),
+        Ask(MEASURE, "Something else changes it too", "drift"),
+    ),
+    "a plan was used": (
+        given(MANIFEST, "plan --out a.plan", "apply", "destroy"),
+        Ask("apply a.plan", "Make a new plan: `rarms plan --out FILE`", "plan --out FILE"),
+    ),
+    "a plan was edited": (
+        given(MANIFEST, "plan --out a.plan", edit("vision", "Vision", "a.plan")),
+        Ask("apply a.plan", "Make the plan again: `rarms plan --out FILE`", "plan --out FILE"),
+    ),
+    "a plan is of another format": (
+        given(MANIFEST, "plan --out a.plan", edit('"format_version":', '"format_version": "of old", "was":', "a.plan")),
+        Ask("apply a.plan", "Make the plan again with this version of rarms", "plan --out FILE"),
+    ),
+    "a plan file is of another kind": (
+        given(MANIFEST, write("{}", "a.plan")),
+        Ask("apply a.plan", "Give a file that `rarms plan --out FILE` wrote", "plan --out FILE"),
+    ),
+    "the manifest changed since the plan was made": (
+        given(MANIFEST, "plan --out a.plan", edit("45 %", "40 %")),
+        Ask("apply a.plan", "See what the manifest asks for now with", "plan"),
+    ),
+    "a plan is applied elsewhere": (
+        given(MANIFEST, "plan --out a.plan", move),
+        Ask("apply a.plan", "Apply the plan in the folder where it was made", "apply PLAN -f MANIFEST"),
+    ),
+    "the host moved since the plan was made": (
+        given(MANIFEST, "apply", edit("45 %", "40 %"), "plan --out a.plan", "simulate change vision --reserve 30"),
+        Ask("apply a.plan", "Nothing was changed. Look with `rarms drift`", "drift"),
+    ),
+    "an apply cannot be taken back wholly": (
+        given(MANIFEST, "apply", "destroy"),
+        Ask("undo --auto-approve", "cannot bring that back. Afterwards `rarms plan` says what differs", "plan"),
+    ),
+    "the last applies of two hosts are of different plans": (
+        given(TWO_HOSTS, "apply", edit("45 %", "50 %"), "apply --host fore"),
+        Ask("undo --auto-approve", "Take one of them back: ", ("undo --host aft", "undo --host fore")),
+    ),
+    "a protected partition is no longer named": (
+        given(MANIFEST + "partitions:\n  speech: { protect: true }\n", "apply", write(ALONE)),
+        Ask("plan", "or let it go on without rarms: ", "release speech"),
+    ),
+    "no component is wanted any more": (
+        given(MANIFEST, "apply", write(MANIFEST[: MANIFEST.index("components")] + "components: {}\n")),
+        Ask("plan", "To remove everything, use", "destroy"),
+    ),
+    "a machine that is not managed has a wanted name": (
+        given(MANIFEST, "apply", "release vision"),
+        Ask("plan", " to take it over, or give the partition another name", "import vision --id"),
+    ),
+    "a machine that is not managed gets less": (
+        given(
+            MANIFEST,
+            "apply",
+            "release vision",
             write(MANIFEST.replace("vision:", "sight:").replace("20 %", "30 %").replace("45 %", "20 %")),
         ),
-        "plan --verbose",
-        ("or take it in: ",),
-        ("rarms import PARTITION --id ID",),
-        first=(edit("rarms.yaml", "sight", "vision"),),
+        Ask("plan --verbose", "or take it in: ", "import PARTITION --id ID", first=(edit("sight", "vision"),)),
     ),
-    "a run is unfinished, and the status says so": Situation(
-        (write(MANIFEST), killed("apply", "--auto-approve", at=20)),
-        "status",
-        ("finishes the run on",),
-        ("rarms apply",),
-    ),
-    "nothing is measured, and the status says so": Situation(
-        (write(MEASURED),), "status", ("that are not measured yet",), ("rarms measure",)
-    ),
-    "another tool changed a host, and the status says so": Situation(
-        (write(MANIFEST), APPLY, do("simulate", "change", "vision", "--reserve", "30")),
-        "status",
-        ("tells what was changed on a host",),
-        ("rarms drift",),
-    ),
-    "nothing is applied, and the status says so": Situation(
-        (write(MANIFEST),), "status", ("shows what is not applied yet",), ("rarms plan",)
-    ),
-    "nothing is proven, and the status says so": Situation(
-        (write(MANIFEST), APPLY), "status", ("compares them with their thresholds",), ("rarms prove",)
-    ),
-    "a pair might be combined": Situation(
-        (write(PAIR), logs(vision=40, speech=45)),
-        "explain vision",
-        ("`rarms tune` has measured nothing",),
-        ("rarms tune",),
-        in_view=True,
-    ),
-    "the paper's procedure combined, and it is still too much": Situation(
-        (write(PAIR.replace("reserve: measured", "reserve: 95 %", 1) + THIRD), logs(speech=60, video=60)),
-        "tune --strategy paper",
-        ("`rarms plan` tells more", "Go on: "),
-        ("rarms tune --strategy paper --repeat", "rarms tune", "rarms plan"),
-        may_answer=ExitCode.NO,
-    ),
-    "a component is not measured yet, and the report says so": Situation(
-        (write(PAIR), do("measure", "vision", "--from", "40%", "--to", "80%", "--step", "40%")),
-        "report",
-        ("not measured: run `rarms measure", "Nothing can be applied as it is"),
-        ("rarms measure speech", "rarms plan"),
-        may_answer=ExitCode.NO,
-        in_view=True,
-    ),
-    "what is measured is not applied yet, and the report says so": Situation(
-        (write(MEASURED), logs(vision=45)),
-        "report",
-        ("`rarms plan` shows what is to be done, `rarms apply` does it",),
-        ("rarms plan", "rarms apply"),
-        in_view=True,
-    ),
-    "a component has a task class": Situation(
-        (write(MANIFEST + "  drive: { criticality: 1, runs_on: host, task: Localization }\n"),),
-        "explain drive",
-        ("`rarms plan` shows its values",),
-        ("rarms plan",),
-        in_view=True,
-    ),
-    "fewer virtual processors may be enough": Situation(
-        (
-            write(WIDE.replace("50 ms", "26 ms").replace("20 %", "30 %").replace("varies: 2 %", "varies: 0 %")),
-            do("measure", "vision"),
+    "both names of a move are on the host": (
+        given(
+            MANIFEST,
+            "apply",
+            edit("  vision:", "  sight: { criticality: 1, cpu: { reserve: 1 % } }\n  vision:"),
+            "apply",
+            write(MANIFEST.replace("  speech:", "  sight:") + "moved: { speech: sight }\n"),
         ),
-        "plan",
-        (", and `rarms measure` tells: ",),
-        ("rarms measure",),
-        first=(edit("rarms.yaml", "    processors: 2", "    processors: 1"),),
+        Ask("plan", "Remove one of them (", "destroy --target partition/speech"),
     ),
-    "more logical processors may be enough": Situation(
-        (write(PAIR), logs(vision=60, speech=60)),
-        "plan",
-        ("may be enough. How much each partition needs there, ",),
-        ("rarms measure",),
-        may_answer=ExitCode.NO,
+    "the host is not as the manifest wants it": (
+        given(MANIFEST, "apply", edit("45 %", "40 %")),
+        Ask("drift", "as the manifest wants", "plan", in_view=True),
     ),
-    "what was stopped to measure cannot be started again": Situation(
-        (
-            write(MANIFEST),
-            APPLY,
-            killed("measure", "vision", "--from", "50%", "--to", "50%", "--stop-partitions", at=30),
-            do("simulate", "change", "speech", "--reserve", "90"),
+    "another tool changed a partition": (
+        given(MANIFEST, "apply", "simulate change vision --reserve 30"),
+        Ask("plan --verbose", "Find out who did it", ("drift", "history")),
+        Ask("status", "tells what was changed on a host", "drift"),
+    ),
+    "another tool changed a partition, and the manifest has errors": (
+        given(MANIFEST, "apply", edit("45 %", "90 %"), "simulate change vision --reserve 30"),
+        Ask("drift", "The manifest was not compared", "plan", may_answer=NO, in_view=True),
+    ),
+    "no measured setting is enough": (
+        given(MEASURED, "measure vision --from 10% --to 20%"),
+        Ask("plan", "says which level holds), or measure higher settings", "measure vision"),
+        Ask("select vision --at '60 ms'", "measure higher settings", "measure vision --from 21% --to 100%"),
+    ),
+    "no setting can be enough": (
+        given(MEASURED.replace("50 ms", "5 ms")),
+        Ask("measure vision", "says which level holds)", "select vision --at LEVEL"),
+    ),
+    "reservations exceed the host": (
+        given(MEASURED.replace("20 %", "30 %"), logs(vision=85)),
+        Ask("plan", "RARMS014", "measure"),
+    ),
+    "fixed reserves exceed the host": (
+        given(MANIFEST.replace("45 %", "90 %")),
+        Ask("tune", "Lower a reserve (`rarms plan` names ways out)", "plan", may_answer=NO),
+        Ask("validate", "`rarms plan` tries which change would be enough", "plan", may_answer=NO),
+    ),
+    "a pair would fit": (
+        given(PAIR, logs(vision=60, speech=60)),
+        Ask(
+            "plan",
+            ("RARMS014", "may be enough. How much each partition needs there, "),
+            ("tune", "measure"),
+            may_answer=NO,
         ),
-        "measure vision --from 50% --to 50% --stop-partitions",
-        ("Mend what keeps them from it, then start them",),
-        ("rarms start speech vision",),
-        first=(do("simulate", "change", "speech", "--reserve", "20"),),
     ),
-    "the last applies of two hosts are of different plans": Situation(
-        (write(TWO_HOSTS), APPLY, edit("rarms.yaml", "45 %", "50 %"), do("apply", "--host", "fore", "--auto-approve")),
-        "undo --auto-approve",
-        ("Take one of them back: ",),
-        ("rarms undo --host aft", "rarms undo --host fore"),
+    "no pair may be combined": (
+        given(APART, logs(vision=60, speech=60)),
+        Ask("tune", "Relax an APT (", "select COMPONENT --at LEVEL"),
     ),
-    "what was stopped to measure is gone": Situation(
-        (
-            write(MANIFEST),
-            APPLY,
-            killed("measure", "vision", "--from", "50%", "--to", "50%", "--stop-partitions", at=30),
-            do("simulate", "change", "speech", "--remove"),
+    "the paper's procedure combined, and it is still too much": (
+        given(THREE, logs(speech=60, video=60)),
+        Ask(
+            "tune --strategy paper",
+            ("`rarms plan` tells more", "Go on: "),
+            ("tune --strategy paper --repeat", "tune", "plan"),
+            may_answer=NO,
         ),
-        "measure vision --from 50% --to 50% --stop-partitions",
-        ("Something else changes it too",),
-        ("rarms drift",),
+    ),
+    "nothing was tuned": (
+        given(PAIR, logs(vision=30, speech=30)),
+        Ask("explain vision", "has measured nothing", "tune", in_view=True),
+    ),
+    "a pair might be combined": (
+        given(PAIR, logs(vision=40, speech=45)),
+        Ask("explain vision", "`rarms tune` has measured nothing", "tune", in_view=True),
+    ),
+    "a component does not use its processors": (
+        given(WIDE.replace("samples: 60", "samples: 40")),
+        Ask("measure vision", "Leave `processors` out", "measure vision"),
+    ),
+    "fewer virtual processors may be enough": (
+        given(WIDE.replace("50 ms", "26 ms").replace("20 %", "30 %"), "measure vision"),
+        Ask(
+            "plan", ", and `rarms measure` tells: ", "measure", first=(edit("    processors: 2", "    processors: 1"),)
+        ),
+    ),
+    "a component cannot run on its host": (
+        given(PROGRAM),
+        Ask("measure vision", "on a real host: `rarms run COMPONENT` tries it", "run"),
+    ),
+    "a component has a task class": (
+        given(MANIFEST + "  drive: { criticality: 1, runs_on: host, task: Localization }\n"),
+        Ask("explain drive", "`rarms plan` shows its values", "plan", in_view=True),
+    ),
+    "late jobs may be later beside other partitions": (
+        given(LATE, "measure vision"),
+        Ask("plan", "whether it holds", "prove", first=("apply",)),
+    ),
+    "a threshold depends on its neighbours": (
+        given(LATE.replace("busy-loop", "bursts-20"), "measure vision"),
+        Ask("plan", "Prove it in the layout that is applied", "prove", first=("apply",)),
+    ),
+    "all loads are weak": (
+        given(MEASURED.replace("busy-loop", "bursts-20-half")),
+        Ask("measure vision", "Name `busy-loop` in `policy.interference`", "measure vision --interference busy-loop"),
+    ),
+    "the busy loop is weak itself": (
+        given(f"{MEASURED}interference: {{ busy-loop: {{ kind: busy_loop, threads: 1 }} }}\n"),
+        Ask(
+            "measure vision",
+            "Let `interference.busy-loop` be a busy loop without `threads`",
+            "measure vision --interference busy-loop",
+            may_answer=NO,
+        ),
+    ),
+    "a load was seen to leave processors idle": (
+        given(ALONE.replace("45 %", "measured"), "measure", weak_log),
+        Ask(
+            "plan",
+            "`busy-loop` has a thread for each of the 2 LP and was kept from running on them",
+            "measure --interference busy-loop --again",
+        ),
+    ),
+    "it is measured": (
+        given(MEASURED, logs(vision=45)),
+        Ask("report", "`rarms plan` shows what is to be done, `rarms apply` does it", ("plan", "apply"), in_view=True),
+        Ask("measure --interactive", "Leave --interactive out, and choose with", "select COMPONENT --at LEVEL"),
+    ),
+    "one of two components is measured": (
+        given(PAIR, "measure vision --from 40% --to 80% --step 40%"),
+        Ask(
+            "report",
+            ("not measured: run `rarms measure", "Nothing can be applied as it is"),
+            ("measure speech", "plan"),
+            may_answer=NO,
+            in_view=True,
+        ),
+    ),
+    "what was measured is not what the manifest says now": (
+        given(MEASURED, logs(vision=45), edit("work: 20 ms", "work: 21 ms")),
+        Ask("plan", "Or take the change back.", "measure vision"),
+    ),
+    "it was measured beside what runs on the host": (
+        given(
+            MANIFEST.replace("45 %", "10 %").replace("20 %", "10 %"),
+            "apply",
+            write(MEASURED),
+            "measure vision --on-busy-host --from 40% --to 60% --step 20%",
+        ),
+        Ask("plan", "Measure it once more with the host to itself", "measure vision --again", first=("stop",)),
+    ),
+    "a data log is damaged": (
+        given(MEASURED, logs(vision=45), write('{"a": 1}\n{"b": 1}\n', LOG)),
+        Ask("plan", "Bring it back from git, or remove it", "measure vision", first=(Path(LOG).unlink,)),
+    ),
+    "a log has no setting": (
+        given(MEASURED, logs(vision=45), empty_log),
+        Ask("plan", "Measure it: ", "measure vision"),
+    ),
+    "a snapshot cannot be read": (
+        given(MANIFEST, write("nothing", "host.json")),
+        Ask(
+            "plan --snapshot host.json",
+            "Make one with",
+            ("snapshot --host NAME --out FILE", "snapshot --script"),
+        ),
+    ),
+    "a script is none": (
+        given(MANIFEST, write("exit", "a.ps1")),
+        Ask("show --check a.ps1", "Give a script that", ("show --script --out FOLDER", "snapshot --script")),
     ),
 }
 
@@ -718,7 +529,7 @@ OTHER_TESTS = {
     "it asks the host's own journal": "tests/system/test_remote_host.py",  # the connection broke
     "Run the script there by hand and look": "tests/unit/cli/test_hyperv_snapshots.py",
     "Say how the host is reached": "tests/unit/cli/test_hyperv_snapshots.py",
-    "(`rarms show PLAN --script --guest {inside}": "tests/unit/cli/test_show_scripts.py",
+    "(`rarms show PLAN --script --guest ": "tests/unit/cli/test_show_scripts.py",
     "yourself: `rarms prove` runs it in its own partition": "tests/twin/test_measuring.py",
     "or let `rarms destroy --remove-disks` delete": "tests/cases/destroy-with-disks",
     "cpuset.cpus of its group was changed by hand": "tests/system/test_linux_advice.py",
@@ -728,10 +539,10 @@ OTHER_TESTS = {
     "`rarms tune` goes on with combining": "tests/system/test_interactive_session.py",
     "See what the other one did: ": "tests/contracts/test_remote_linux.py",
     # On Linux, or at another moment, what a situation says:
-    "See what is missing with `rarms plan`, and bring it": "nothing is applied that could be proven",
+    "See what is missing with `rarms plan`, and bring it": "nothing is applied",
     "Try it alone: `rarms run COMPONENT`": "a component cannot run on its host",
     "Look at the host again: `rarms plan`": "another tool changed a partition",
-    "`rarms plan` shows what is wanted": "a stopped partition would be proven",
+    "`rarms plan` shows what is wanted": "all partitions were stopped",
     "Measure the parts again (": "it was measured beside what runs on the host",
     "Nothing was shown to miss: more samples may tell": "nothing is measured",
     "If it was changing a host, run": "an apply was killed",
@@ -751,7 +562,6 @@ NOT_RECOMMENDED = (
     "what `rarms tune` measured cannot be told",
     "All together, as `rarms prove` measured them last:",
     "`rarms measure` stopped it and ended before it started it again",
-    "`rarms apply` does the plan's steps itself",
     "`rarms measure` creates and removes partitions with the names",
     "`rarms apply` starts scripts with a policy of their own and is not concerned",
     "nothing brings it back, `rarms undo` neither",
@@ -809,17 +619,15 @@ def text_of(node: ast.AST) -> str:
         case ast.Name(id=name) if isinstance(known := getattr(commands, name, None), commands.RecommendedCommand):
             return f"`{known.text}`"
         case ast.Call(func=ast.Name(id="command"), args=arguments, keywords=options):
-            words = [text_of(argument) for argument in arguments]
-            for option in options:
-                words.append(f"--{(option.arg or '').strip('_').replace('_', '-')}")
-                words += (
-                    []
-                    if isinstance(option.value, ast.Constant) and option.value.value is True
-                    else [text_of(option.value)]
-                )
-            return f"`rarms {' '.join(words)}`"
+            values = {str(option.arg): literal_or_text(option.value) for option in options}
+            verb, *more = map(text_of, arguments)
+            return f"`{commands.command(verb, *more, **values).text}`"
         case _:
             return f"{{{ast.unparse(node)}}}"
+
+
+def literal_or_text(node: ast.AST) -> str | int:
+    return node.value if isinstance(node, ast.Constant) and isinstance(node.value, int) else text_of(node)
 
 
 def recommending_texts() -> list[str]:
@@ -829,9 +637,14 @@ def recommending_texts() -> list[str]:
     return [text for module in modules for text in texts_of(module) if named.search(text)]
 
 
+def several(words: str | tuple[str, ...]) -> tuple[str, ...]:
+    """One as several."""
+    return (words,) if isinstance(words, str) else words
+
+
 def test_every_message_that_recommends_a_command_has_its_situation() -> None:
     """So that a new message brings its situation along."""
-    declared = [message for situation in SITUATIONS.values() for message in situation.messages]
+    declared = [words for _, *asks in SITUATIONS.values() for ask in asks for words in several(ask.says)]
     known = (*declared, *OTHER_TESTS, *NOT_RECOMMENDED)
     texts = [" ".join(text.split()) for text in recommending_texts()]
 
@@ -843,24 +656,27 @@ def test_every_message_that_recommends_a_command_has_its_situation() -> None:
     ] == []
 
 
-def recommended(text: str) -> tuple[str, ...]:
-    """The commands that a text recommends, as printed; a line's end in one is a blank."""
-    found = (" ".join(match.split()) for match in re.findall(r"`(rarms [a-z][^`]*)`", text))
-    return tuple(dict.fromkeys(command for command in found if "..." not in command))
+Files: TypeAlias = tuple[tuple[Path, bytes], ...]
+"""Every file below a folder, and what is in it."""
 
 
-PREPARED: dict[tuple[Callable[[], None], ...], tuple[tuple[Path, bytes], ...]] = {}
-"""By steps the files that they leave, below the folder."""
+def files_in(folder: Path) -> Files:
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return tuple((path.relative_to(folder), path.read_bytes()) for path in files)
 
 
-def prepare(steps: tuple[Callable[[], None], ...], folder: Path) -> None:
+PREPARED: dict[tuple[Step, ...], Files] = {}
+"""By steps what they leave."""
+
+
+def prepare(steps: tuple[Step, ...], folder: Path) -> None:
     """Do the steps in this empty folder; those that another situation began with, too, were done once for both."""
     if not steps:
         return
     if steps not in PREPARED:
         prepare(steps[:-1], folder)
         with chdir(folder):
-            steps[-1]()
+            do(steps[-1])
         PREPARED[steps] = files_in(folder)
         return
     for path, content in PREPARED[steps]:
@@ -868,19 +684,12 @@ def prepare(steps: tuple[Callable[[], None], ...], folder: Path) -> None:
         Path(folder, path).write_bytes(content)
 
 
-def files_in(folder: Path) -> tuple[tuple[Path, bytes], ...]:
-    """Every file below the folder, and what is in it."""
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
-    return tuple((path.relative_to(folder), path.read_bytes()) for path in files)
-
-
-def answered(situation: Situation, folder: Path) -> tuple[str, tuple[str, ...]]:
-    """Bring the situation about in this folder; what its command says, and the commands that this recommends."""
-    prepare(situation.steps, folder)
+def answer_to(ask: Ask, folder: Path) -> tuple[str, tuple[str, ...]]:
+    """What the command says in this folder, and the commands that this recommends."""
     with chdir(folder):
-        words = shlex.split(situation.words)
-        ran = rarms(*words, "--json", stdin="no\n", at_a_terminal=situation.asked)
-        shown = rarms(*words, *(["--text"] if words[0] == "report" else [])).out if situation.in_view else ""
+        words = shlex.split(ask.words)
+        ran = rarms(*words, "--json", stdin="no\n", at_a_terminal=ask.at_a_terminal)
+        shown = rarms(*words, *(["--text"] if words[0] == "report" else [])).out if ask.in_view else ""
     says = " ".join(re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", ran.out + ran.err + shown).split())
     return says, tuple(dict.fromkeys(commands_in(documents_in(ran.out))))
 
@@ -917,7 +726,7 @@ def id_of_vision() -> str:
     return str(found)
 
 
-DONE: set[tuple[str, tuple[tuple[Path, bytes], ...]]] = set()
+DONE: set[tuple[str, Files]] = set()
 """Commands that ended well, with the files that they began with: the same again would show nothing new."""
 
 
@@ -930,7 +739,7 @@ def run_it(command: str, folder: Path, may_answer: ExitCode = ExitCode.DONE) -> 
     with chdir(folder):
         words = [id_of_vision() if word == "ID" else word for word in words]
         if words[0] == "apply" and "a.plan" in words and not Path("a.plan").exists():
-            do("plan", "--out", "a.plan")()
+            do("plan --out a.plan")
         elif words[0] in ASKS and "--abandon" not in words:
             words.append("--auto-approve")
         elif words[0] == "prove" and "--without-load" not in words:
@@ -941,31 +750,43 @@ def run_it(command: str, folder: Path, may_answer: ExitCode = ExitCode.DONE) -> 
         DONE.add(begun)
 
 
-@pytest.mark.parametrize("situation", SITUATIONS.values(), ids=SITUATIONS.keys())
-def test_what_is_recommended_works_where_it_is_recommended(situation: Situation, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("steps", "ask"),
+    [
+        pytest.param(steps, ask, id=f"{name}: {ask.words}")
+        for name, (steps, *asks) in SITUATIONS.items()
+        for ask in asks
+    ],
+)
+def test_what_is_recommended_works_where_it_is_recommended(steps: tuple[Step, ...], ask: Ask, tmp_path: Path) -> None:
     origin = tmp_path / "origin"
     origin.mkdir()
+    prepare(steps, origin)
 
-    says, commands = answered(situation, origin)
+    says, commands = answer_to(ask, origin)
 
-    for message in situation.messages:
+    for message in several(ask.says):
         assert message in says
-    for wanted in situation.recommends:
-        assert any(command.startswith(wanted) for command in commands), (wanted, commands, says)
+    for wanted in several(ask.recommends):
+        assert any(command.startswith(f"rarms {wanted}") for command in commands), (wanted, commands, says)
     for number, command in enumerate(commands):
-        folder = tmp_path / f"copy-{number}"
-        copy_files(origin, folder)
+        folder = copy_files(origin, tmp_path / f"copy-{number}")
         with chdir(folder):
-            for step in situation.first:
-                step()
-        run_it(command, folder, situation.may_answer)
+            for step in ask.first:
+                do(step)
+        run_it(command, folder, ask.may_answer)
+
+
+def recommended(text: str) -> tuple[str, ...]:
+    """The commands that a text recommends, as printed; a line's end in one is a blank."""
+    found = (" ".join(match.split()) for match in re.findall(r"`(rarms [a-z][^`]*)`", text))
+    return tuple(dict.fromkeys(command for command in found if "..." not in command))
 
 
 def test_a_manifest_that_was_named_is_named_in_what_is_recommended(tmp_path: Path) -> None:
     folder = tmp_path / "my robot"
     folder.mkdir()
-    with chdir(folder):
-        write(MEASURED)()
+    prepare(given(MEASURED), folder)
     Path(tmp_path, "test.yaml").write_text("policy: { headroom: none }\n", encoding="utf-8")
 
     with chdir(tmp_path):
@@ -978,9 +799,8 @@ def test_a_manifest_that_was_named_is_named_in_what_is_recommended(tmp_path: Pat
 
 
 def test_a_machine_that_is_another_partition_is_released_as_recommended(tmp_path: Path) -> None:
+    prepare(given(MANIFEST, "apply"), tmp_path)
     with chdir(tmp_path):
-        write(MANIFEST)()
-        APPLY()
         unknown = rarms("import", "speech", "--id", "none", "--auto-approve")
         (machine,) = re.findall(r"vision ([0-9a-f-]{36})", unknown.err)
         taken = rarms("import", "speech", "--id", machine, "--auto-approve")
