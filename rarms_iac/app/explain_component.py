@@ -3,9 +3,10 @@
 Begin at `explain_component`; the values that it returns are in `explanation`.
 """
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 
+from rarms_iac.app.alternatives import elsewhere
 from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.explained_partition import ExplainedPartition, ExplainedPlace, explained_place, partition_to_explain
 from rarms_iac.app.explanation import ComponentExplanation, DataLogSummary, ExplainedIndex, Explanation, HostExplanation
@@ -16,14 +17,13 @@ from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import LogicalProcessors, in_processors
-from rarms_iac.model.system import Component, Measured, Threshold
+from rarms_iac.model.system import Component, Measured
 from rarms_iac.model.wording import suggestion
-from rarms_iac.planner.alternatives import ChosenPlace, elsewhere
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.problem import by_name
 from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, depends_on_a_log, names_of
 from rarms_iac.planner.totals import totals_by_host
-from rarms_iac.statistics.curves import Curve, highest_missed, holds
+from rarms_iac.statistics.curves import highest_missed, holds
 from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.datalog.log import DataLog
 from rarms_iac.storage.finding_pages import known_codes
@@ -79,9 +79,6 @@ def _explanation(partition: ExplainedPartition, place: ExplainedPlace, component
     group, host, layout = partition.group, place.host, partition.layout
     by_log, previous = depends_on_a_log(group), previous_tuning(partition.hosts.manifest, host)
     totals = None if layout is None else totals_by_host(partition.system, layout.partitions, partition.views)[host.name]
-    chosen = ChosenPlace(
-        partition=place.partition, layout=partition.layout, views=partition.views, stays=partition.why_bound
-    )
     own = group.request.cpu.reserve
     fixed_partition = "" if by_log or own is None or isinstance(own, Measured) else group.name
     fixed_members = [member.name for member in group.members if member.cpu.reserve is not None]
@@ -95,7 +92,7 @@ def _explanation(partition: ExplainedPartition, place: ExplainedPlace, component
         fixed_members=() if by_log or fixed_partition else tuple(fixed_members),
         previous=previous,
         compounds=tuple(previous.rejected(names_of(group.members))) if by_log else (),
-        elsewhere=elsewhere(group, chosen, partition.system, partition.reservations),
+        elsewhere=elsewhere(partition, place.partition),
     )
 
 
@@ -109,17 +106,17 @@ def _with_measurements(explanation: Explanation) -> Explanation:
     answer = partition.reservations.log(group.members, host)
     if not isinstance(answer, MeasuredTogether):
         return explanation
-    curves = tuple(_member_curves(group, answer))
+    curves = [answer.curves(member.name, index) for member in group.members for index in member.apt]
     least = partition.reservations.least(group.members, host)
     at = least if least is not None else max(answer.measured, default=0)
     return replace(
         explanation,
         data_log=_data_log_summary(partition.hosts.manifest, group, answer),
         least=least,
-        verdicts=tuple(_at_reserve(curves, at)),
-        one_less=() if least is None else tuple(_at_reserve(curves, least - 1)),
-        inconclusive=tuple(sorted({at for curve in curves for at in curve.curve.inconclusive})),
-        overloaded=tuple(sorted({at for curve in curves for at in curve.curve.overloaded})),
+        verdicts=tuple(_at_reserve(group, answer, at)),
+        one_less=() if least is None else tuple(_at_reserve(group, answer, least - 1)),
+        inconclusive=tuple(sorted({at for curve in curves for at in curve.inconclusive})),
+        overloaded=tuple(sorted({at for curve in curves for at in curve.overloaded})),
         remarks=tuple(remark.message for remark in answer.remarks),
     )
 
@@ -178,37 +175,21 @@ def _data_log_summary(manifest: Manifest, group: Group, log: MeasuredTogether) -
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _MemberCurve:
-    """One index of the APT of one member, with its curve."""
-
-    member: str
-    index: str
-    threshold: Threshold
-    curve: Curve
-
-
-def _member_curves(group: Group, log: MeasuredTogether) -> Iterator[_MemberCurve]:
+def _at_reserve(group: Group, log: MeasuredTogether, reserve: int) -> Iterator[ExplainedIndex]:
+    """What the curves have there, those that end elsewhere left out."""
     for member in group.members:
         for index, threshold in member.apt.items():
-            yield _MemberCurve(
-                member=member.name, index=index, threshold=threshold, curve=log.curves(member.name, index)
-            )
-
-
-def _at_reserve(curves: Iterable[_MemberCurve], reserve: int) -> Iterator[ExplainedIndex]:
-    """What the curves have there, those that end elsewhere left out."""
-    for each in curves:
-        point = each.curve.value_at(reserve)
-        if point is not None:
-            yield ExplainedIndex(
-                member=each.member,
-                index=each.index,
-                threshold=each.threshold,
-                reserve=reserve,
-                point=point,
-                estimate=each.curve.estimate_at(reserve),
-                met=holds(each.curve, each.threshold, reserve),
-                missed=reserve <= highest_missed([(each.curve, each.threshold)]),
-                inconclusive=reserve in each.curve.inconclusive,
-            )
+            curve = log.curves(member.name, index)
+            point = curve.value_at(reserve)
+            if point is not None:
+                yield ExplainedIndex(
+                    member=member.name,
+                    index=index,
+                    threshold=threshold,
+                    reserve=reserve,
+                    point=point,
+                    estimate=curve.estimate_at(reserve),
+                    met=holds(curve, threshold, reserve),
+                    missed=reserve <= highest_missed([(curve, threshold)]),
+                    inconclusive=reserve in curve.inconclusive,
+                )

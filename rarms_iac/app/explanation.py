@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from rarms_iac.app.alternatives import Elsewhere
 from rarms_iac.app.explained_partition import ExplainedPartition, ExplainedPlace
 from rarms_iac.app.previous_tuning import TUNE, PreviousTuning, RejectedCompound
 from rarms_iac.model.commands import PLAN, RecommendedCommand
@@ -15,7 +16,6 @@ from rarms_iac.model.quantities import LogicalProcessors
 from rarms_iac.model.state import PartitionSettings
 from rarms_iac.model.system import AtMost, Component, Threshold
 from rarms_iac.model.totals import HostTotals
-from rarms_iac.planner.alternatives import Elsewhere
 from rarms_iac.planner.reservations import depends_on_a_log
 from rarms_iac.statistics.curves import Point
 
