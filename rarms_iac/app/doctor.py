@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rarms_iac.app.hosts import Hosts, host_errors, observe_host
-from rarms_iac.app.wiring import read_script_output
 from rarms_iac.applying.doctor import examine
 from rarms_iac.applying.doctor.examination import Examination
 from rarms_iac.manifest.acceptance import apply_acceptances
@@ -104,9 +103,7 @@ def _examinations(hosts: Hosts) -> Iterator[Examination]:
 def _observe(hosts: Hosts, name: str) -> ObservedHost:
     snapshot = hosts.snapshots.hosts.get(name)
     if snapshot is not None:
-        observation = read_script_output(snapshot.data, name)
-        condition = observation.condition if observation else HostCondition()
-        return ObservedHost(state=snapshot.state, condition=condition, findings=snapshot.findings)
+        return ObservedHost(state=snapshot.state, condition=snapshot.condition, findings=snapshot.findings)
     host = hosts.open(name)
     if isinstance(host, ExaminableHost):
         with host_errors():

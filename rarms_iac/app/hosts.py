@@ -12,9 +12,9 @@ from types import MappingProxyType
 
 from rarms_iac.app.manifests import Manifest, load_manifest
 from rarms_iac.app.requests import DEFAULT_MANIFEST, HostSelection, ManifestSource, today_utc
-from rarms_iac.app.snapshots import Snapshot, Snapshots, add_guest_tasks, read_snapshots
+from rarms_iac.app.snapshots import Snapshots, add_guest_tasks, read_snapshots
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
-from rarms_iac.app.wiring import open_host, open_measuring_host, state_path
+from rarms_iac.app.wiring import Snapshot, open_host, open_measuring_host, state_path
 from rarms_iac.applying import refusals
 from rarms_iac.applying.run_steps import hold
 from rarms_iac.model.host import Host, ProviderKind

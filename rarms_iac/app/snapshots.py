@@ -6,28 +6,14 @@ from dataclasses import dataclass, replace
 from rarms_iac.app.files import read_input_file
 from rarms_iac.app.requests import SnapshotFile
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
-from rarms_iac.app.wiring import ScriptObservation, read_script_output
+from rarms_iac.app.wiring import Snapshot, read_script_output
 from rarms_iac.diff.readings import is_marked
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import State
 from rarms_iac.model.wording import quoted
-from rarms_iac.providers.interface import HostFailed
 from rarms_iac.storage.codec import NotDecodable
 from rarms_iac.storage.snapshot_file import MAX_BYTES, SnapshotUnreadable, read_snapshot
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Snapshot:
-    """A file that stands for a host."""
-
-    file: str
-    data: bytes
-    state: State
-    findings: tuple[Diagnostic, ...] = ()  # what the provider finds odd in it
-    unfinished: ScriptRun | None = None
-    unread: HostFailed | None = None  # what a plan rests on and was not read
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +23,7 @@ class GuestSnapshot:
     file: str
     host: str
     partition: str
-    observation: ScriptObservation
+    seen: Snapshot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,13 +62,13 @@ def read_snapshots(options: Sequence[SnapshotFile], hosts: Sequence[str], chosen
             if option.guest:
                 guests.append(_guest(option, observation))
                 continue
-            snapshot = _snapshot(option, data, observation)
+            snapshot = observation or _as_written(data)
         except (SnapshotUnreadable, NotDecodable) as error:
             raise snapshot_error(option.file, str(error)) from error
-        name = option.host or _host_of(snapshot, observation, hosts, chosen)
+        name = option.host or _host_of(option.file, snapshot, hosts, chosen)
         if name in snapshots:
             raise snapshot_error(option.file, f"{name} has another one already")
-        snapshots[name] = _with_host_name(snapshot, data, name)
+        snapshots[name] = read_script_output(data, name) or _of_host(snapshot, name)
     return Snapshots(hosts=snapshots, guests=tuple(guests))
 
 
@@ -110,57 +96,41 @@ def _with_guest(state: State, guest: GuestSnapshot, application: str) -> State:
     machines = [partition for partition in state.partitions if is_marked(partition, application, guest.partition)]
     if len(machines) != 1:
         raise snapshot_error(guest.file, f"{guest.host} has no partition {guest.partition} of {application}")
-    if guest.observation.computer.lower() == state.facts.computer_name.lower():
-        raise snapshot_error(
-            guest.file, f"it was taken on {guest.observation.computer}, the host itself, not in a guest"
-        )
-    inside = tuple(replace(task, inside=guest.partition, machine=machines[0].id) for task in guest.observation.tasks)
+    if guest.seen.computer.lower() == state.facts.computer_name.lower():
+        raise snapshot_error(guest.file, f"it was taken on {guest.seen.computer}, the host itself, not in a guest")
+    inside = tuple(replace(task, inside=guest.partition, machine=machines[0].id) for task in guest.seen.tasks)
     tasks = sorted((*state.tasks, *inside), key=lambda task: (task.inside, task.name.lower()))
     return replace(state, tasks=tuple(tasks))
 
 
-def _guest(option: SnapshotFile, observation: ScriptObservation | None) -> GuestSnapshot:
+def _guest(option: SnapshotFile, observation: Snapshot | None) -> GuestSnapshot:
     if observation is None:
         raise SnapshotUnreadable("it is not what observe.ps1 prints, and nothing else looks into a guest")
     if observation.unread_in_guest is not None:
         raise SnapshotUnreadable(observation.unread_in_guest.message)
     if not observation.tasks:
         raise SnapshotUnreadable("it shows no task classes, and every Windows has some: they were not read")
-    return GuestSnapshot(file=option.file, host=option.host, partition=option.guest, observation=observation)
+    return GuestSnapshot(file=option.file, host=option.host, partition=option.guest, seen=observation)
 
 
-def _snapshot(option: SnapshotFile, data: bytes, observation: ScriptObservation | None) -> Snapshot:
-    if observation is None:
-        return Snapshot(file=option.file, data=data, state=read_snapshot(data))
-    return Snapshot(
-        file=option.file,
-        data=data,
-        state=observation.state,
-        findings=observation.findings,
-        unfinished=observation.unfinished,
-        unread=observation.unread,
-    )
+def _as_written(data: bytes) -> Snapshot:
+    state = read_snapshot(data)
+    return Snapshot(computer=state.facts.name, state=state)
 
 
-def _with_host_name(snapshot: Snapshot, data: bytes, name: str) -> Snapshot:
-    """The snapshot of the host that it stands for; what is told of it names that host."""
-    observation = read_script_output(data, name)
-    state = replace(snapshot.state, facts=replace(snapshot.state.facts, name=name))
-    if observation is None:
-        return replace(snapshot, state=state)
-    return replace(snapshot, state=state, findings=observation.findings, unread=observation.unread)
+def _of_host(snapshot: Snapshot, name: str) -> Snapshot:
+    facts = replace(snapshot.state.facts, name=name)
+    return replace(snapshot, state=replace(snapshot.state, facts=facts))
 
 
-def _host_of(
-    snapshot: Snapshot, observation: ScriptObservation | None, hosts: Sequence[str], chosen: Sequence[str]
-) -> str:
+def _host_of(file: str, snapshot: Snapshot, hosts: Sequence[str], chosen: Sequence[str]) -> str:
     """The host that a file without a name stands for: the one it was taken of, or the only one."""
-    origin = observation.computer.lower() if observation else snapshot.state.facts.name
+    origin = snapshot.computer.lower()
     if origin in hosts:
         return origin
     if len(chosen) == 1:
         return chosen[0]
-    raise snapshot_error(snapshot.file, f"it was taken of {quoted(origin)}, which the manifest does not have")
+    raise snapshot_error(file, f"it was taken of {quoted(origin)}, which the manifest does not have")
 
 
 def snapshot_error(file: str, reason: str) -> UseCaseError:

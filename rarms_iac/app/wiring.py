@@ -170,20 +170,20 @@ def place_on(host: Host, partition: PartitionWork, application: str) -> ProcessP
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ScriptObservation:
-    """The output of `observe.ps1`, run on a host or inside a guest."""
+class Snapshot:
+    """What a file shows of a host, or of the Windows inside a guest: what `observe.ps1` printed, or a `State` alone."""
 
     computer: str
     state: State
-    tasks: tuple[TaskClass, ...]  # of the Windows it ran in
-    condition: HostCondition
-    findings: tuple[Diagnostic, ...]  # what the provider finds odd
-    unfinished: ScriptRun | None
-    unread: HostFailed | None  # what a plan rests on and was not read, of a host
-    unread_in_guest: HostFailed | None  # the same of the Windows inside a guest
+    tasks: tuple[TaskClass, ...] = ()  # of the Windows that the script ran in
+    condition: HostCondition = HostCondition()
+    findings: tuple[Diagnostic, ...] = ()  # what the provider finds odd
+    unfinished: ScriptRun | None = None
+    unread: HostFailed | None = None  # what a plan depends on and was not read, of a host
+    unread_in_guest: HostFailed | None = None  # the same of the Windows inside a guest
 
 
-def read_script_output(data: bytes, host: str) -> ScriptObservation | None:
+def read_script_output(data: bytes, host: str) -> Snapshot | None:
     """Read the output of `observe.ps1`, for a host of this name; None where the bytes are something else.
 
     Args:
@@ -208,7 +208,7 @@ def read_script_output(data: bytes, host: str) -> ScriptObservation | None:
         return None
     observation = observation_of(document)
     run = last_run_of(observation)
-    return ScriptObservation(
+    return Snapshot(
         computer=observation.computer,
         state=to_state(observation, host),
         tasks=tasks_of(observation),
