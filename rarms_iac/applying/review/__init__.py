@@ -24,7 +24,6 @@ def review_plan(request: PlanRequest, desired: Desired, plan: HostPlan) -> Itera
     yield from changes.review_guests_that_are_not_asked(desired, plan)
     yield from changes.review_memory(plan)
     yield from changes.review_raised_limits(request, desired)
-    yield from changes.review_widened_limits(plan)
     yield from host_effects.review_unmanaged_machines(request, desired, plan)
     yield from changes.review_removed_disks(request, desired, plan)
     yield from changes.review_remaining_disks(request, desired, plan)

@@ -24,7 +24,6 @@ from rarms_iac.planner.refusals import has_switch, takes_image
 RESTART = Finding.warning("RARMS041", "A change restarts or stops a partition")
 MEMORY_SHRINKS = Finding.warning("RARMS220", "A change takes memory from a partition")
 LIMIT_RAISED = Finding.warning("RARMS221", "A limit is below what the reserve needs")
-LIMIT_WIDENS = Finding.note("RARMS222", "A change widens a limit")
 DISKS_STAY = Finding.note("RARMS224", "A removed machine leaves its disks behind")
 NOT_UNDONE = Finding.warning("RARMS225", "A step cannot be taken back")
 NOT_ASKED = Finding.warning("RARMS255", "A guest is turned off without being asked to shut down")
@@ -212,26 +211,6 @@ def review_raised_limits(request: PlanRequest, desired: Desired) -> Iterator[Dia
                 address=f"partition/{partition.name}",
                 values={"partition": partition.name, "limit_percent": limit, "reserve_percent": reserve},
             )
-
-
-def review_widened_limits(plan: HostPlan) -> Iterator[Diagnostic]:
-    """A limit that is widened lets a partition take what others had."""
-    for change in plan.changes:
-        match change:
-            case Update(before=Partition(settings=old), after=Partition(settings=new)) if new.limit > old.limit:
-                yield LIMIT_WIDENS.at(
-                    change.reason.place,
-                    f'"{old.name}" may take {new.limit} % of each of its {new.processors} virtual processors, not '
-                    f"{old.limit} % of each: what is not reserved may go to it.",
-                    "Nothing, if it is meant. Reserves of others stay; what they got beyond may shrink.",
-                    address=str(change.address),
-                    values={
-                        "partition": old.name,
-                        "old_limit_percent": old.limit,
-                        "limit_percent": new.limit,
-                        "processors": new.processors,
-                    },
-                )
 
 
 def review_removed_disks(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:

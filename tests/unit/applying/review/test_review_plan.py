@@ -56,13 +56,6 @@ def test_a_plan_without_changes_has_no_findings() -> None:
     assert findings(machines=[partition(), STRANGER]) == []
 
 
-def test_a_limit_that_widens_is_told_and_one_that_narrows_is_not() -> None:
-    narrow, wide = partition(settings(limit=60)), partition(settings(limit=80))
-
-    assert told(findings(build.update(narrow, wide), machines=[narrow])) == [("RARMS222", "partition/vision")]
-    assert findings(build.update(wide, narrow), machines=[wide]) == []
-
-
 @pytest.mark.parametrize(
     ("limit", "expected"),
     [("30 %", [("RARMS221", "partition/both")]), ("40 %", []), (None, [])],
