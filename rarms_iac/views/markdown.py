@@ -32,9 +32,9 @@ def finding_parts(findings: Sequence[Diagnostic]) -> Iterator[str]:
     notes = grouped.pop(Severity.NOTE)
     problems = [line for lines in grouped.values() for line in lines]
     if problems:
-        yield "#### Findings\n\n" + "\n".join(fitting(problems, _FINDINGS, "more findings"))
+        yield "#### Findings\n\n" + "\n".join(fitting(problems, _FINDINGS, ITEM, "more findings"))
     if notes:
-        yield folded(counted(len(notes), "note"), fitting(notes, _NOTES, "more notes"))
+        yield folded(counted(len(notes), "note"), fitting(notes, _NOTES, ITEM, "more notes"))
 
 
 def _finding(finding: Diagnostic) -> str:
@@ -43,8 +43,12 @@ def _finding(finding: Diagnostic) -> str:
     return f"- **{finding.severity.value} {finding.code}** {safe(finding.summary)}{place}: {detail}"
 
 
-def fitting(lines: Sequence[str], room: int, more: str) -> list[str]:
-    """The first lines that have room, and how many there are more."""
+ROW, ITEM, LINE = "| | {} |", "- {}", "{}"
+"""How a line stands in a table, in a list and in a block of code."""
+
+
+def fitting(lines: Sequence[str], room: int, form: str, more: str) -> list[str]:
+    """The first lines that have room, and in the form of a line how many there are more."""
     used, shown = 0, []
     for line in lines:
         used += len(line) + 1
@@ -52,11 +56,7 @@ def fitting(lines: Sequence[str], room: int, more: str) -> list[str]:
             break
         shown.append(line)
     left_out = len(lines) - len(shown)
-    if not left_out:
-        return shown
-    row = lines[0].startswith("|")
-    note = f"{left_out} {more}: `rarms plan` shows all"
-    return [*shown, f"| | {note} |" if row else f"- {note}" if lines[0].startswith("-") else note]
+    return [*shown, form.format(f"{left_out} {more}: `rarms plan` shows all")] if left_out else shown
 
 
 def folded(title: str, lines: Iterable[str]) -> str:

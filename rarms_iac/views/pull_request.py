@@ -24,7 +24,7 @@ from rarms_iac.views.changes import SYMBOLS, attributes_of, describe_disruption
 from rarms_iac.views.console import UNLIMITED, render
 from rarms_iac.views.finding_forms import OutputFormat, findings_as, in_repository
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.markdown import code, finding_parts, fitting, folded, plain_line, safe
+from rarms_iac.views.markdown import ITEM, LINE, ROW, code, finding_parts, fitting, folded, plain_line, safe
 from rarms_iac.views.plan import plan_summary, plan_text
 from rarms_iac.views.scripts import difference_text
 
@@ -103,11 +103,8 @@ def failure_comment(manifest: str, findings: Sequence[Diagnostic]) -> str:
     return "\n\n".join([marker(manifest), head, *finding_parts(in_repository(findings))]) + "\n"
 
 
-_STAYS_OFF = "and stays off until it is started"
-
-
-def _downtimes(part: HostPlan) -> Iterator[tuple[str, str]]:
-    """Each partition that stops on a host, and for how long; a guest's own shutdown and start take what they take.
+def _downtimes(part: HostPlan) -> Iterator[tuple[str, str | None]]:
+    """Each partition that stops on a host, and for how long; None: it stays off until it is started.
 
     Steps are done one after another: between a stop and the start that belongs to it others may be stopped, too.
     """
@@ -119,7 +116,7 @@ def _downtimes(part: HostPlan) -> Iterator[tuple[str, str]]:
         starts = [n for n, each in enumerate(later) if isinstance(each.operation, StartPartition)]
         end = next((n for n in starts if later[n].address.partition == name), None)
         if end is None:
-            yield name, _STAYS_OFF
+            yield name, None
             continue
         graces = sum(each.operation.grace_ms for each in later[:end] if isinstance(each.operation, StopPartition))
         others = starts.index(end)
@@ -137,11 +134,11 @@ def _risks(review: PlanReview) -> Iterator[str]:
     lines = [*_without_risk(plan, changes), *changes]
     if review.headrooms:
         lines.append(f"- **Least headroom:** {_headroom(review.headrooms[0])}")
-    yield "#### Risk\n\n" + "\n".join(fitting(lines, _RISKS, "more"))
+    yield "#### Risk\n\n" + "\n".join(fitting(lines, _RISKS, ITEM, "more"))
     if len(review.headrooms) > 1:
         rows = [f"- {_headroom(headroom)}" for headroom in review.headrooms]
-        yield folded(f"Headroom of each APT ({len(rows)})", fitting(rows, _LOGS, "more"))
-    yield "#### Taking it back\n\n" + "\n".join(fitting(list(_undo(plan)), _LOGS, "more"))
+        yield folded(f"Headroom of each APT ({len(rows)})", fitting(rows, _LOGS, ITEM, "more"))
+    yield "#### Taking it back\n\n" + "\n".join(fitting(list(_undo(plan)), _LOGS, ITEM, "more"))
 
 
 def _without_risk(plan: Plan, changes: Sequence[str]) -> Iterator[str]:
@@ -158,7 +155,8 @@ def _stops(part: HostPlan) -> Iterator[str]:
     removed = {change.address.partition for change in part.changes if isinstance(change, Delete)}
     for partition, duration in _downtimes(part):
         if partition not in removed:
-            yield f"- **Stops:** {_name(partition, part)} on {safe(part.host.name)}, {duration}."
+            time = duration or "and stays off until it is started"
+            yield f"- **Stops:** {_name(partition, part)} on {safe(part.host.name)}, {time}."
 
 
 def _removals(part: HostPlan) -> Iterator[str]:
@@ -223,7 +221,7 @@ def _undo(plan: Plan) -> Iterator[str]:
     for step in lasting:
         level = "in part" if step.undo.level is UndoLevel.PARTIAL else "not at all"
         yield f"- {safe(str(step.address))}, {safe(step.title)}: {level}; {safe(step.undo.message)}"
-    again = [safe(name) for part in plan.hosts for name, duration in _downtimes(part) if duration != _STAYS_OFF]
+    again = [safe(name) for part in plan.hosts for name, duration in _downtimes(part) if duration is not None]
     if again:
         yield f"- The undo stops {in_a_row(again)} again, for as long as above."
 
@@ -235,7 +233,7 @@ def _table(plan: Plan) -> Iterator[str]:
             "| | partition | host | reserve before (of the host) | after | memory before | after | also |\n"
             "|---|---|---|--:|--:|--:|--:|---|"
         )
-        yield "#### Partitions before and after\n\n" + "\n".join([head, *fitting(rows, _TABLE, "more partitions")])
+        yield "#### Partitions before and after\n\n" + "\n".join([head, *fitting(rows, _TABLE, ROW, "more partitions")])
     others = [
         f"- `{SYMBOLS[change.action]}` {safe(str(change.address))} on {safe(part.host.name)}"
         for part in plan.hosts
@@ -243,7 +241,7 @@ def _table(plan: Plan) -> Iterator[str]:
         if not _settings_of(change)
     ]
     if others:
-        yield folded(f"{counted(len(others), 'other change')}", fitting(others, _LOGS, "more"))
+        yield folded(f"{counted(len(others), 'other change')}", fitting(others, _LOGS, ITEM, "more"))
 
 
 def _rows(part: HostPlan) -> Iterator[str]:
@@ -300,7 +298,7 @@ def _logs(review: PlanReview) -> Iterator[str]:
         head = "| data log | CR before (of each virtual processor) | after |\n|---|--:|--:|"
         uses = [[f"{use} %" if isinstance(use, int) else use for use in (log.before, log.after)] for log in review.logs]
         rows = [f"| {code(log.path)} | {' | '.join(use)} |" for log, use in zip(review.logs, uses, strict=True)]
-        yield "#### Data logs\n\n" + "\n".join([head, *fitting(rows, _LOGS, "more data logs")])
+        yield "#### Data logs\n\n" + "\n".join([head, *fitting(rows, _LOGS, ROW, "more data logs")])
 
 
 def _scripts(review: PlanReview) -> Iterator[str]:
@@ -310,7 +308,7 @@ def _scripts(review: PlanReview) -> Iterator[str]:
         lines += [plain_line(line, indent=True) for line in text.splitlines()]
     lines += [f"{plain_line(name)}: the base has no such script" for name in review.new_scripts]
     if lines:
-        yield folded("What changed in the scripts", ["```text", *fitting(lines, _SCRIPTS, "more lines"), "```"])
+        yield folded("What changed in the scripts", ["```text", *fitting(lines, _SCRIPTS, LINE, "more lines"), "```"])
     steps = [line for part in review.plan.hosts for line in _steps(part)]
     if steps:
         has_scripts = any(part.host.provider is not ProviderKind.LINUX for part in review.plan.hosts)
@@ -319,7 +317,7 @@ def _scripts(review: PlanReview) -> Iterator[str]:
             if review.without_base and has_scripts
             else []
         )
-        body = [*why, "```text", *fitting(steps, _STEPS, "more steps"), "```"]
+        body = [*why, "```text", *fitting(steps, _STEPS, LINE, "more steps"), "```"]
         number = sum(len(part.steps) for part in review.plan.hosts)
         yield folded(counted(number, "step") + ", in order", body)
 
