@@ -171,7 +171,7 @@ def _type(kind: Any, option: Option) -> "click.ParamType[Any]":
     if option.read is not None:
         return _ReadValue(option.read)
     if get_origin(kind) is Literal:
-        return click.Choice(get_args(kind))
+        return _WordChoice(get_args(kind))
     if issubclass(kind, StrEnum):
         return _EnumChoice(kind)
     if kind is int:
@@ -179,7 +179,19 @@ def _type(kind: Any, option: Option) -> "click.ParamType[Any]":
     return click.STRING
 
 
-class _EnumChoice(click.Choice[Any]):
+class _WordChoice(click.Choice[Any]):
+    """One of several words; a usage error lists them in a line."""
+
+    def get_missing_message(
+        self,
+        param: click.Parameter,  # noqa: ARG002 - click's
+        ctx: click.Context | None,  # noqa: ARG002 - likewise
+    ) -> str:
+        """Return what may be written in place of what is missing."""
+        return f"Choose from: {', '.join(self.choices)}."
+
+
+class _EnumChoice(_WordChoice):
     """A word that is the value of an enumeration's member."""
 
     def __init__(self, kind: type[StrEnum]) -> None:

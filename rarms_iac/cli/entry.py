@@ -87,10 +87,9 @@ def _code_of(session: Session, outcome: Outcome) -> ExitCode:
 
 
 def _usage_finding(error: click.UsageError) -> Diagnostic:
-    message = error.format_message().replace("\n\t", " ")  # click lists choices in lines of their own
     advice = error.advice if isinstance(error, WrongRequest) else ""
     is_named = error.ctx is not None and error.ctx.parent is not None
-    return usage_finding(message, advice, (error.ctx.info_name or "") if error.ctx and is_named else "")
+    return usage_finding(error.format_message(), advice, (error.ctx.info_name or "") if error.ctx and is_named else "")
 
 
 def _tell(

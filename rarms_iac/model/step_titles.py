@@ -44,7 +44,6 @@ def new_title(operation: Operation, to: PartitionSettings) -> str:
 
     Args:
         operation: on that machine.
-        to: its settings.
     """
     if not isinstance(operation, SetCpu):
         return str(operation)
@@ -110,7 +109,7 @@ def _reserve_change(old: PartitionSettings, to: PartitionSettings) -> str:
     percents = f"{old.reserve} -> {to.reserve} % of {_each(to)}"
     if old.processors != to.processors:
         percents = f"{old.reserve} % of {_each(old)} -> {to.reserve} % of {_each(to)}"
-    return f"reserve {_lp(old).removesuffix(' LP')} -> {_lp(to)} ({percents})"
+    return f"reserve {plain(Fraction(old.reserve * old.processors, 100))} -> {_lp(to)} ({percents})"
 
 
 def _lp(settings: PartitionSettings) -> str:

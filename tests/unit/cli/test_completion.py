@@ -93,3 +93,10 @@ def test_completing_a_command_imports_no_command() -> None:
     shown = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, env=asked)
 
     assert shown.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_shell_that_is_missing_is_answered_with_those_that_there_are() -> None:
+    answer = rarms("completion")
+
+    assert answer.code == 64
+    assert "Choose from: bash, zsh, fish, powershell." in " ".join(answer.err.split())
