@@ -80,12 +80,12 @@ def components_without_reservation(system: System, planned: PlannedTotals, host:
     Returns:
         Those that may run on this host, by name.
     """
-    placed = {partition.name for partition in planned.partitions}
+    planned_names = {partition.name for partition in planned.partitions}
     return tuple(
         sorted(
             member.name
             for group in groups_of(system)
-            if group.name not in placed
+            if group.name not in planned_names
             for member in group.members
             if member.may_run_on(host)
         )

@@ -189,24 +189,24 @@ def show_lp_percent(percent: int) -> str:
     return show_processors(Fraction(percent, 100))
 
 
-def show_bytes(value: int, *beside: int) -> str:
+def show_bytes(value: int, *others: int) -> str:
     """`512 MiB`, `3.5 GiB`: memory as it is shown, from 1 GiB on in GiB with one decimal; exact is `write_bytes`.
 
     Args:
         value: bytes.
-        beside: other amounts of the same sentence; of one that differs and would read alike, both get more decimals.
+        others: other amounts of the same sentence; of one that differs and would read alike, both get more decimals.
     """
     for unit in ("GiB", "MiB", "KiB"):
         whole = int(UNITS[Unit.MEMORY][unit])
         if value >= whole:
-            places = next(places for places in range(1, 10) if _is_told_apart(value, beside, whole, places))
+            places = next(places for places in range(1, 10) if _is_distinct(value, others, whole, places))
             return f"{_decimals(value, whole, places)} {unit}"
     return f"{value} B"
 
 
-def _is_told_apart(value: int, beside: Iterable[int], whole: int, places: int) -> bool:
+def _is_distinct(value: int, others: Iterable[int], whole: int, places: int) -> bool:
     shown = _decimals(value, whole, places)
-    return places == 9 or all(other == value or _decimals(other, whole, places) != shown for other in beside)
+    return places == 9 or all(other == value or _decimals(other, whole, places) != shown for other in others)
 
 
 def _decimals(value: int, whole: int, places: int) -> str:

@@ -30,7 +30,7 @@ from rarms_iac.views.reports.html import render_page
 from rarms_iac.views.reports.page import on_page
 from rarms_iac.views.reports.table import show_cell
 from rarms_iac.views.reports.tables import RESERVE, RESERVE_LP, levels_of_component
-from rarms_iac.views.status import describe_beside, describe_holders, describe_partition
+from rarms_iac.views.status import describe_holders, describe_other_claims, describe_partition
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -270,7 +270,7 @@ def _host_on_page(host: HostOverview, remark: str) -> HostOnPage:
     if host.free_lp < 0:
         free = f"{show_processors(-host.free_lp)} more than may be reserved"
     reserved = f"{show_processors(host.reserved_lp)} of {show_processors(totals.host_lp)} reserved"
-    sentence = ", ".join([reserved, *describe_beside(host.unmanaged_lp, totals.kept_lp), free])
+    sentence = ", ".join([reserved, *describe_other_claims(host.unmanaged_lp, totals.kept_lp), free])
     return HostOnPage(
         name=host.name,
         sentence=sentence,

@@ -344,10 +344,10 @@ def cut_row(row: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> Se
         The row; as it is where less than a third of the line is left for the last cell.
     """
     *others, last = row
-    beside = sum(
+    taken = sum(
         max(columns(each[number]) for each in (row, *rows) if number < len(each)) + 2 for number in range(len(others))
     )
-    space = width - beside
+    space = width - taken
     if columns(last) <= space or space < width // 3:
         return row
     while columns(last) > space - 3:

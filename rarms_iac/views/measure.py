@@ -31,7 +31,7 @@ from rarms_iac.model.wording import counted, in_a_row, list_names
 from rarms_iac.statistics.error_probability import describe_errors, describe_extreme
 from rarms_iac.statistics.verdicts import until_share
 from rarms_iac.views.console import LiveRows, paragraph, show_seconds, stack, table
-from rarms_iac.views.status import describe_beside
+from rarms_iac.views.status import describe_other_claims
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -158,9 +158,9 @@ def _reserved_on(host: str, outcome: MeasureOutcome) -> str:
     missing = outcome.without_reservation[host]
     verb = "has" if len(missing) == 1 else "have"
     without = f" without {list_names(missing)}, which {verb} no reservation" if missing else ""
-    beside = "".join(f", {text}" for text in describe_beside(totals.unmanaged_lp, totals.kept_lp))
+    claims = "".join(f", {text}" for text in describe_other_claims(totals.unmanaged_lp, totals.kept_lp))
     whole = show_processors(totals.host_lp)
-    return f"{show_processors(totals.reserved_lp)} of {whole} in all{note}{without}{beside}, by "
+    return f"{show_processors(totals.reserved_lp)} of {whole} in all{note}{without}{claims}, by "
 
 
 def _concluded_indexes(results: Sequence[ExperimentResult]) -> Iterator[MeasuredIndex]:

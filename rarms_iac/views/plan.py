@@ -103,7 +103,7 @@ def _words_of_file(plan: Plan, sources: Sources, *, verbose: bool) -> "Iterator[
         own += _reasons(part) if verbose else []
         own += _details(part) if verbose else []
         if part.host_totals is not None:
-            own.append(paragraph(_afterwards([*_idle(part.host_totals), *_totals_beside(part.host_totals)]), indent=2))
+            own.append(paragraph(_afterwards([*_idle(part.host_totals), *_other_totals(part.host_totals)]), indent=2))
         words += [f"Host {part.host.name}:", *own] if own else []
     if verbose and plan.placement is not None:
         words.append(paragraph(describe_placement(plan.placement)))
@@ -139,12 +139,12 @@ def _counts(plan: Plan) -> str:
 
 
 def _nothing(plan: Plan) -> str:
-    hosts, are, them = ("The host", "is", "it") if len(plan.hosts) == 1 else ("The hosts", "are", "them")
+    hosts, are, them = ("host", "is", "it") if len(plan.hosts) == 1 else ("hosts", "are", "them")
     match plan.purpose:
         case Purpose.APPLY:
-            return f"No changes. {hosts} {are} as the manifest wants {them}."
+            return f"No changes. The {hosts} {are} as the manifest wants {them}."
         case Purpose.DESTROY:
-            return f"No changes. Nothing on {hosts.lower()} is of this application."
+            return f"No changes. Nothing on the {hosts} is of this application."
         case Purpose.STOP:
             return "No changes. None of these partitions is wanted running."
         case Purpose.START:
@@ -166,7 +166,7 @@ def _planned_host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[Ren
         totals, promised = part.host_totals, part.host_totals.promised
         own = _reserved(totals, totals.reserved_lp, promised.memory, part.name)
         idle = [f"of these, {text}" for text in _idle(totals)]
-        yield paragraph(_afterwards([own, *idle, *_totals_beside(totals)]), indent=2)
+        yield paragraph(_afterwards([own, *idle, *_other_totals(totals)]), indent=2)
 
 
 def _read_host(part: HostPlan, _: Plan, *, verbose: bool) -> "Iterator[RenderableType]":
@@ -471,7 +471,7 @@ def _idle(totals: HostTotals) -> list[str]:
     return [f"{_amount(promised.idle_lp, promised.idle_memory)} by partitions that do not run"]
 
 
-def _totals_beside(totals: HostTotals) -> list[str]:
+def _other_totals(totals: HostTotals) -> list[str]:
     """What other machines and the host itself have, and what is free, which no change of the plan says."""
     promised, parts = totals.promised, list[str]()
     if promised.others_percent or promised.others_memory:

@@ -81,8 +81,8 @@ def _host_overview(host: HostOverview) -> "Iterator[RenderableType]":
     bar = _bar(float((totals.reserved_lp + totals.unmanaged_lp) / totals.host_lp))
     share = f"{show_processors(totals.reserved_lp)} of {show_processors(totals.host_lp)} reserved"
     yield styled((f"Host {host.name}", STRONG), f"  {bar}  {share}")
-    if beside := describe_beside(totals.unmanaged_lp, totals.kept_lp):
-        yield paragraph(f"{', '.join(beside)}, {show_processors(totals.free_lp)} free", indent=2)
+    if claims := describe_other_claims(totals.unmanaged_lp, totals.kept_lp):
+        yield paragraph(f"{', '.join(claims)}, {show_processors(totals.free_lp)} free", indent=2)
     if host.partitions:
         yield table(
             [_row(partition) for partition in sorted(host.partitions, key=lambda each: natural_order(each.name))],
@@ -98,7 +98,7 @@ def _host_overview(host: HostOverview) -> "Iterator[RenderableType]":
     yield ""
 
 
-def describe_beside(unmanaged_lp: Fraction, kept_lp: Fraction) -> list[str]:
+def describe_other_claims(unmanaged_lp: Fraction, kept_lp: Fraction) -> list[str]:
     """What is neither reserved by the application nor free: `0.3 LP by unmanaged machines`, `0.2 LP kept for the host`.
 
     Args:

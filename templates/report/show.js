@@ -126,7 +126,7 @@ export const showTotals = (page) => {
     const reserved = `${unknown.length > 0 ? "At least " : ""}${inProcessors(total)} of ${capacity.processors} LP reserved`;
     const otherwise = fixedOtherwise(capacity, page.cards).map((card) => card.name);
     const fixed = otherwise.length > 0 ? ` This counts ${otherwise.join(", ")} by the lines; the manifest fixes another reserve, which stays until it says measured.` : "";
-    textOf(sentence, `${reserved} (${shareOfHost(total / capacity.processors)} % of ${capacity.name})${capacity.beside}. ${message}.${fixed}`);
+    textOf(sentence, `${reserved} (${shareOfHost(total / capacity.processors)} % of ${capacity.name})${capacity.otherClaims}. ${message}.${fixed}`);
     sentence.classList.toggle("over-full", !fits);
     fit.querySelector(".used").setAttribute("width", Math.min(total / capacity.processors, 100).toFixed(3));
     fit.querySelector(".used").classList.toggle("over", !fits);

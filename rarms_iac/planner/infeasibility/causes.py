@@ -67,8 +67,8 @@ def moves_needed(start: Variant) -> Mapping[str, str]:
     answer = solve(problem)
     if not isinstance(answer, Layout):
         return {}
-    placed = {partition.name: partition.host for partition in answer.partitions}
-    moving = [item.name for item in problem.items if is_move(item, placed[item.name])]
+    host_of = {partition.name: partition.host for partition in answer.partitions}
+    moving = [item.name for item in problem.items if is_move(item, host_of[item.name])]
     for name in tuple(moving):
         others = [other for other in moving if other != name]
         items = [item if item.name in others else _staying(item) for item in problem.items]

@@ -15,7 +15,7 @@ from rarms_iac.model.quantities import plain, show_number
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.curves import least_reserve
 from rarms_iac.views.reports.scale import Scale, scale_of
-from rarms_iac.views.reports.sentences import beside_text
+from rarms_iac.views.reports.sentences import other_claims_text
 from rarms_iac.views.reports.table import Table, show_cell
 from rarms_iac.views.reports.tables import settings_of
 
@@ -211,7 +211,7 @@ def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
                 "capacity": float(100 * capacity.capacity_lp),
                 "other": float(100 * _uncounted_lp(capacity, counted)),
                 "processors": capacity.processors,
-                "beside": beside_text(capacity),
+                "otherClaims": other_claims_text(capacity),
                 "fixed": [[list(part.components), float(100 * part.reserved_lp)] for part in capacity.fixed],
             }
             for capacity in report.capacities

@@ -5,7 +5,7 @@ from fractions import Fraction
 from rarms_iac.app.report_model import HostStatus, PlatformCapacity, PlatformTuning
 from rarms_iac.model.commands import Wording, prose
 from rarms_iac.model.quantities import share_of_host, show_lp_percent, show_processors
-from rarms_iac.views.status import describe_beside
+from rarms_iac.views.status import describe_other_claims
 from rarms_iac.views.tune import describe_proof
 
 
@@ -29,12 +29,12 @@ def fit_text(fit: PlatformCapacity) -> str:
         room = f"Headroom of {hosts}: not known: {names} {'are' if len(fit.missing) > 1 else 'is'} not achieved"
     share = share_of_host(fit.reserved_lp, fit.processors, hosts)
     reserved = f"{least}{show_processors(fit.reserved_lp)} of {show_processors(fit.processors)} reserved"
-    return f"{reserved[:1].upper()}{reserved[1:]} ({share}){beside_text(fit)}. {room}."
+    return f"{reserved[:1].upper()}{reserved[1:]} ({share}){other_claims_text(fit)}. {room}."
 
 
-def beside_text(fit: PlatformCapacity) -> str:
+def other_claims_text(fit: PlatformCapacity) -> str:
     """`, 0.2 LP kept for the host`: what is neither reserved by the application nor headroom."""
-    return "".join(f", {text}" for text in describe_beside(fit.unmanaged_lp, fit.kept_lp))
+    return "".join(f", {text}" for text in describe_other_claims(fit.unmanaged_lp, fit.kept_lp))
 
 
 def tuning_text(tuning: PlatformTuning) -> str:
