@@ -228,16 +228,17 @@ def _public_functions(scope: ast.Module | ast.ClassDef, in_protocols: frozenset[
 
 
 def _missing_sections(function: ast.FunctionDef) -> Iterator[str]:
-    """The sections that its docstring lacks; ruff (D417) sees to it that `Args` names every parameter.
+    """The sections that its docstring lacks.
 
-    A type of the package says what a value of it is; a number or a text of the language does not: its unit, order and
-    shape stand in the docstring. A summary that begins with `Return` or `Whether` tells what comes back.
+    A type of the package says what a value of it is, and `Args` may leave it out; a number or a text of the language
+    does not: its unit, order and shape stand there. A summary that begins with `Return` or `Whether` tells what comes
+    back.
     """
     text = ast.get_docstring(function) or ""
     arguments = function.args
     parameters = [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs]
     takes = [each for each in parameters if each.arg not in {"self", "cls"} and not each.arg.startswith("_")]
-    if any(_is_plain(each.annotation) for each in takes) and "Args:" not in text:
+    if any(_is_plain(each.annotation) and f"    {each.arg}:" not in text for each in takes):
         yield "Args"
     is_told = "Returns:" in text or "Yields:" in text or text.startswith(("Return", "Whether"))
     if _is_plain(function.returns) and not is_told:
@@ -260,7 +261,7 @@ def _raises_something(node: ast.AST) -> bool:
 
 
 def _names_of_prose(trees: Iterable[ast.Module]) -> frozenset[str]:
-    """Names of sentences: those of `PROSE`, fields of a type of sentences, and functions that return one."""
+    """Names of sentences: those of `PROSE`, fields of a type of sentences, and functions that end in one."""
     found = set(PROSE)
     for tree in trees:
         for node in ast.walk(tree):
@@ -271,6 +272,10 @@ def _names_of_prose(trees: Iterable[ast.Module]) -> frozenset[str]:
                     )
                     found |= {field.target.id for field in fields if isinstance(field.target, ast.Name)}
                 case ast.FunctionDef(name=name, returns=returns) if _is_of_prose(returns) or _is_shown(returns):
+                    found.add(name)
+                case ast.FunctionDef(name=name, body=[*_, ast.Return(value=ast.expr() as value)]) if _is_prose(
+                    value, PROSE
+                ):
                     found.add(name)
                 case _:
                     pass

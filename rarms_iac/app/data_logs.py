@@ -219,7 +219,6 @@ def curves_of(group: Group, log: MeasuredTogether) -> Iterator[tuple[Curve, Thre
     """Find what a log says of each threshold of a partition.
 
     Args:
-        group: The partition.
         log: Of its members together.
 
     Yields:

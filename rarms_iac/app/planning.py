@@ -86,7 +86,6 @@ def plan_from_states(hosts: Hosts, request: PlanRequest, states: Mapping[str, St
     """Make the plan for hosts that were looked at.
 
     Args:
-        hosts: the manifest.
         request: what the plan is for.
         states: what the hosts look like, by name; data logs are held against it.
 

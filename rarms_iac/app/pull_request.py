@@ -66,7 +66,6 @@ def review_for_pull_request(hosts: Hosts, made: Plan, limits: PlanLimits, base: 
 
     Args:
         hosts: as the plan was made with.
-        made: the plan.
         limits: how far it may go.
         base: the folder of a checkout before the change, seen from here as the manifest's path is; None: there is none.
 

@@ -75,7 +75,6 @@ class SampleReporter:
         Args:
             component: the component's name.
             number: which of its samples this is, from 1.
-            sample: the sample.
         """
 
     def ended(self, result: ComponentRunResult, last_words: str) -> None:

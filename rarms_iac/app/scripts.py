@@ -86,7 +86,6 @@ def plan_scripts(plan: Plan, form: ScriptForm = ScriptForm.MODULE) -> tuple[Plan
     """Make every script of the plan; for simulated hosts, what a Hyper-V host would get of the same steps.
 
     Args:
-        plan: the plan.
         form: of the scripts; a plan file holds those of the module form.
 
     Returns:
@@ -318,7 +317,6 @@ def scripts_since(plan: Plan, runs: Mapping[str, Journal | ScriptRun | None]) ->
     """Make the plan's own scripts, each with the difference to what was applied last.
 
     Args:
-        plan: the plan.
         runs: by host, the last run there.
 
     Returns:

@@ -271,7 +271,6 @@ def neither_off_nor_running(address: Address, state: RunState, place: Place | No
     """The finding about a partition that is neither off nor running.
 
     Args:
-        address: the partition.
         state: what it is doing.
         place: the manifest line that asks for it.
 

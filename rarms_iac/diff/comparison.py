@@ -62,7 +62,6 @@ def managed_machines(
     """Find the machines with this application's mark and give each the name that the manifest's moves give it.
 
     Args:
-        observed: the host.
         application: whose marks count.
         wanted: names of the desired partitions; a move happens only onto one of them.
         rules: the manifest's moves, and the lines that ask for them.

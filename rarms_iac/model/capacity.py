@@ -62,7 +62,6 @@ def core_sharing(facts: HostFacts, threads_per_core: int | None = None) -> CoreS
     server that does not tell its scheduler is taken to have the one that its Windows comes with (windows.md 2).
 
     Args:
-        facts: the host.
         threads_per_core: the machine's HwThreadCountPerCore, 0: as the host; None: it is made now.
 
     Returns:

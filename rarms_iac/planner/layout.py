@@ -47,7 +47,6 @@ def plan_layout(
     A partition that is on a host stays there, unless removal is allowed; a finding says what a move would gain.
 
     Args:
-        system: the manifest.
         reservations: where reservations come from.
         hosts: the hosts that were observed, by name; of the others the manifest alone counts.
         places: lines of the manifest, for the findings.
@@ -91,7 +90,6 @@ def causes_as_findings(
 
     Args:
         answer: the causes; one without advice of its own is advised the ways out.
-        system: the manifest.
         places: lines of the manifest.
         advice_without_room: what to do where hosts have too little, before any way out; empty: nothing.
 

@@ -28,7 +28,6 @@ def neighbour_findings(answer: Layout, problem: Problem, places: Places) -> Iter
     """Report the thresholds that other partitions of the same host decide.
 
     Args:
-        answer: the layout.
         problem: what it answers, with where reservations come from.
         places: lines of the manifest.
 

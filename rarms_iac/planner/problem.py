@@ -120,7 +120,6 @@ def problem_of(
     A partition is sized once for all hosts on which it gets the same.
 
     Args:
-        system: the manifest.
         reservations: where reservations come from.
         views: the hosts that were observed, by name; the others count as the manifest has them.
         may_move: whether a partition may leave the host that it is on; if not, it is only offered that host.

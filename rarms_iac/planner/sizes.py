@@ -82,7 +82,6 @@ def size_without_reserve(group: Group, host: Host) -> PlacedPartition | Cause:
 
     Args:
         group: its members, and what the manifest says of it.
-        host: the host.
 
     Returns:
         As `size`, with nothing reserved.

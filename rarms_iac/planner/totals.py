@@ -22,7 +22,6 @@ def planned_totals(system: System, reservations: ReservationSource, views: Mappi
     """Place each partition once, as a plan would, and add up what each host promises.
 
     Args:
-        system: the manifest.
         reservations: where reservations come from; a partition whose reservation is not known does not count.
         views: the hosts that were looked at, by name; of the others the manifest alone counts.
 
@@ -39,7 +38,6 @@ def totals_by_host(
     """Add up what each host of the manifest promises to the partitions that are placed there, and to others.
 
     Args:
-        system: the manifest.
         partitions: each once.
         views: the hosts that were looked at, by name.
 

@@ -165,7 +165,6 @@ def advice_on(error: OSError, otherwise: str) -> str:
     """Say what to do about a file that could not be read or written.
 
     Args:
-        error: the failure.
         otherwise: the advice where neither rights nor what the name stands for are the reason.
 
     Returns:

@@ -47,7 +47,6 @@ def answer_levels(source: ManifestSource, body: LevelsBody) -> LevelsAnswer:
     """Show what levels change together, or write all of them.
 
     Args:
-        source: the manifest.
         body: the levels, and whether they are written.
 
     Returns:

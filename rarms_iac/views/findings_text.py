@@ -118,7 +118,6 @@ def excerpt_text(diagnostic: Diagnostic, sources: Sources) -> str:
     """The line of the file that a finding points at, with carets below the spot; empty where none is shown.
 
     Args:
-        diagnostic: the finding.
         sources: as of `findings_text`.
     """
     lines = {file: source_lines(sources[file]) for file in _files([diagnostic]) if file in sources}

@@ -31,9 +31,6 @@ class Objective:
     def weights(self, cois: Sequence[Coi]) -> list[int]:
         """Give each CoI a number for what it costs that it shares a partition.
 
-        Args:
-            cois: the CoIs.
-
         Returns:
             A number for each CoI, in their order, which may be large. Sums of these numbers compare as the sorted lists
                 of the members' criticalities do, the most critical first.

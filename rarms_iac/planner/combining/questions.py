@@ -123,7 +123,6 @@ def next_decision(tuning: Tuning, answers: Sequence[Answer]) -> Decision:
     least is known.
 
     Args:
-        tuning: the problem.
         answers: all so far, in any order.
 
     Returns:
@@ -230,7 +229,6 @@ def search(
     search that was stopped asks the same questions again, and no answer contradicts what is known.
 
     Args:
-        tuning: the problem.
         inquiry: who answers, who is told, and who may decline a combination.
         answers: what was answered in an earlier run of this search, in order.
         recorded: what else was measured of compounds. It is used only when the search would otherwise end, and then

@@ -43,9 +43,6 @@ Known = TypeVar("Known", Host, HostFacts)
 def reserve_relaxations(group: Group) -> Iterator[RelaxationRange]:
     """The reserves that the manifest fixes for a partition: its own, or its members', the least critical first.
 
-    Args:
-        group: a partition.
-
     Yields:
         A relaxation for each fixed reserve, in steps as the amount is written: per cent of a host, or hundredths of an
             LP.
@@ -77,7 +74,6 @@ def apt_relaxations(group: Group, problem: Problem) -> Iterator[RelaxationRange]
     """The APTs of a partition together, down to the lowest CR that was measured; none where its reserve is fixed.
 
     Args:
-        group: a partition.
         problem: what has no layout.
 
     Yields:
@@ -94,7 +90,6 @@ def is_lowest_measured(group: Group, problem: Problem) -> bool:
     """Tell whether a partition's APTs hold at the lowest CR of its data log, so that less may be enough.
 
     Args:
-        group: a partition.
         problem: what has no layout.
     """
     measured = _measured(group, problem)
@@ -150,7 +145,6 @@ def narrowing_relaxations(group: Group, problem: Problem) -> Iterator[Relaxation
     """Fewer virtual processors for a component that was measured alone and does not use all that it has.
 
     Args:
-        group: a partition.
         problem: what has no layout.
 
     Yields:

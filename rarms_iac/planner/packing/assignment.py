@@ -31,7 +31,6 @@ class Assignment:
 
         Args:
             items: The partitions, each with the claims that its hosts can keep while nothing else is there.
-            bins: The hosts.
         """
         self.items, self.bins = items, bins
         self.pairs = [

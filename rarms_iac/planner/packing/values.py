@@ -90,9 +90,6 @@ def free_in(host: Bin) -> Load:
 def free_on(bins: Iterable[Bin]) -> Load:
     """Add up what hosts have left to promise; where too much is promised on one, the others do not make up for it.
 
-    Args:
-        bins: the hosts.
-
     Returns:
         Per cent of one logical processor, and bytes.
     """
@@ -104,7 +101,6 @@ def claims_by_host(items: Iterable[Item], bins: Sequence[Bin], host_of: Mapping[
     """Return all that each host would have to promise, other machines included.
 
     Args:
-        items: the partitions.
         bins: all hosts.
         host_of: the host of each partition, by names.
 
@@ -121,7 +117,6 @@ def hosts_can_hold(items: Sequence[Item], bins: Sequence[Bin], host_of: Mapping[
     """Check that every host that is used can keep its promises; None: of some host it is not known.
 
     Args:
-        items: The partitions.
         bins: All hosts.
         host_of: The host of each partition, by names.
 
@@ -143,7 +138,6 @@ def objective_of(items: Iterable[Item], host_of: Mapping[str, str]) -> Objective
     """Return what the packing reserves in all and how many partitions it moves.
 
     Args:
-        items: the partitions.
         host_of: the host of each, by names.
 
     Returns:

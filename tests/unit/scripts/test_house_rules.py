@@ -41,6 +41,9 @@ def hint_of(remark: Remark) -> Prose | None: ...
 
 def plan_text(plan: Plan) -> "RenderableType": ...
 
+def amount(settings: Settings) -> str:
+    return show_processors(settings.reserve)
+
 def shown(remark: Remark, given: Wording) -> bool:
     said = remark.detail
     try:
@@ -56,6 +59,7 @@ def shown(remark: Remark, given: Wording) -> bool:
     [
         'remark.hint.startswith("Run")',
         '"plan" in str(hint_of(remark))',
+        'amount(settings).removesuffix(" LP")',
         'given.split("; ")',
         'said.endswith(".")',
         'words.replace("at", "")',
@@ -156,3 +160,13 @@ def test_a_number_has_a_contract_and_a_type_of_the_package_says_its_own(
 
     found = [breach.rpartition(": ")[2] for breach in breaches_in(tmp_path) if "app/host.py" in breach]
     assert found == missing
+
+
+@pytest.mark.parametrize(("named", "missing"), [("timeout", []), ("host", ["its docstring has no Args"])])
+def test_what_no_type_says_of_a_parameter_the_docstring_does(tmp_path: Path, named: str, missing: list[str]) -> None:
+    (tmp_path / "app").mkdir()
+    docstring = f'"""Return it.\n\n    Args:\n        {named}: in seconds.\n    """'
+    function = f"def wait(host: Host, timeout: int) -> Host:\n    {docstring}\n"
+    (tmp_path / "app" / "host.py").write_text(function, encoding="utf-8")
+
+    assert [breach.rpartition(": ")[2] for breach in breaches_in(tmp_path) if "app/host.py" in breach] == missing
