@@ -115,13 +115,14 @@ def look_for_drift(hosts: Hosts) -> DriftReport:
     # Nothing is held back, so that every difference has the change that shows it attribute by attribute.
     plan = make_plan(replace(request, max_disruption=Disruption.REMOVAL), states).plan
     parts = {part.host.name: part for part in plan.hosts} if plan else {}
+    owned = {name: state.of(system.application.name) for name, state in states.items()}
     return DriftReport(
         application=system.application.name,
         hosts=tuple(
             HostDrift(
                 name=name,
                 facts=states[name].facts,
-                is_written=_is_written(states[name].of(system.application.name)),
+                is_written=bool(owned[name].partitions or owned[name].tasks or owned[name].responsiveness),
                 drifted=tuple(_with_change(resource, parts.get(name)) for resource in drifted),
             )
             for name, drifted in drifts.items()
@@ -130,10 +131,6 @@ def look_for_drift(hosts: Hosts) -> DriftReport:
         problems=problems if has_errors(problems) else (),
         unfinished={name: run.started.plan for name, run in runs.items() if run is not None and run.unfinished},
     )
-
-
-def _is_written(own: State) -> bool:
-    return bool(own.partitions or own.tasks or own.responsiveness)
 
 
 def _with_change(resource: ResourceDrift, part: HostPlan | None) -> ResourceDrift:

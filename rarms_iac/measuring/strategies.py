@@ -78,11 +78,8 @@ class Searching:
         if least is None or (isinstance(decision, Sufficient) and decision.reserve == least):
             return decision
         if least not in finished:
-            return self._measure(least)
+            return Measure(reserve=least, until_clear=True, within_until=self.goal.ends_at_until)
         return sufficient(trials, least)
-
-    def _measure(self, reserve: ReservePercent) -> Measure:
-        return Measure(reserve=reserve, until_clear=True, within_until=self.goal.ends_at_until)
 
     def _within_most(self, decision: SearchDecision, trials: Sequence[SearchTrial]) -> SearchDecision:
         if not isinstance(decision, Measure):

@@ -1,6 +1,6 @@
 """`rarms history`: what was done to the hosts, the last run first."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.status import History
@@ -33,10 +33,12 @@ def history_rows(runs: Sequence[PastRun]) -> Sequence[tuple[str, ...]]:
     Args:
         runs: of a host, the oldest first.
     """
-    return [
-        (run.started_at, _describe_kind(run), run.plan, _whose(run), run.started_by, _ending(run, later))
-        for run, later in _with_later(runs)
-    ]
+    rows = []
+    for number, run in enumerate(runs, start=1):
+        whose = f"{run.application} on {run.robot}" if run.robot else run.application
+        ending = _ending(run, runs[number:])
+        rows.append((run.started_at, _describe_kind(run), run.plan, whose, run.started_by, ending))
+    return rows[::-1]
 
 
 def _describe_kind(run: PastRun) -> str:
@@ -48,16 +50,6 @@ def _describe_kind(run: PastRun) -> str:
             return "start after measuring"
         case _:
             return run.run.value
-
-
-def _whose(run: PastRun) -> str:
-    return f"{run.application} on {run.robot}" if run.robot else run.application
-
-
-def _with_later(runs: Sequence[PastRun]) -> Iterator[tuple[PastRun, Sequence[PastRun]]]:
-    """The runs, the last one first, each with those after it."""
-    for number in reversed(range(len(runs))):
-        yield runs[number], runs[number + 1 :]
 
 
 def _ending(run: PastRun, later: Sequence[PastRun] = ()) -> str:

@@ -249,7 +249,8 @@ class MeasuringProgress(MeasuringReporter):
         series = {series.component: series for series in setting.series}
         several = len(experiment.members) > 1
         values = "; ".join(
-            f"{_owner(index, several=several)}{show_index(index)}" for index in measured_indexes(setting, experiment)
+            f"{index.component} {show_index(index)}" if several else show_index(index)
+            for index in measured_indexes(setting, experiment)
         )
         took = show_seconds(now - self._began)
         done = f"{samples_of(series)}, {values or 'measured'}, in {took}{_describe_remaining(remaining)}"
@@ -327,7 +328,3 @@ def _subject(experiment: Experiment) -> str:
 
 def _setting(experiment: Experiment, reserve: int) -> str:
     return show_processors(guaranteed(reserve, experiment.setup.processors))
-
-
-def _owner(index: MeasuredIndex, *, several: bool) -> str:
-    return f"{index.component} " if several else ""

@@ -33,11 +33,8 @@ def write_content(content: Content) -> bytes:
         f'"{registry}":{canonical(content.registries[registry])}' for registry in sorted(content.registries)
     )
     members = {**others, "machines": f"{{{machines}}}", "registries": f"{{{registries}}}"}
-    text = ",".join(f'"{name}":{member}' for name, member in sorted(members.items()))
-    return _file(f"{{{text}}}")
-
-
-def _file(text: str) -> bytes:
+    inside = ",".join(f'"{name}":{member}' for name, member in sorted(members.items()))
+    text = f"{{{inside}}}"
     return f'{{"format":"{FORMAT}","checksum":"{_checksum(text)}","content":{text}{_TAIL}'.encode("ascii")
 
 
