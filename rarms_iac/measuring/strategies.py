@@ -10,6 +10,7 @@ from rarms_iac.measuring.search.trials import (
     SearchMethod,
     SearchTrial,
     is_finished,
+    may_be_shown,
     not_sufficient,
     sufficient,
     trials_of,
@@ -71,7 +72,11 @@ class Searching:
     def decide(self, settings: Sequence[Setting]) -> SearchDecision:
         finished = {setting.reserve for setting in settings if is_finished(setting, self.goal)}
         trials = [trial for trial in trials_of(settings, self.goal) if trial.reserve in finished]
-        decision = self._within_most(self.decide_search(trials, self.goal), trials)
+        decision = self.decide_search(trials, self.goal)
+        can_pass = may_be_shown(trials, self.goal) or any(trial.passed for trial in trials)
+        if isinstance(decision, Measure) and not can_pass:
+            decision = self._measure(100)  # all that is left to tell is whether the whole host misses
+        decision = self._within_most(decision, trials)
         if isinstance(decision, Measure):
             return decision
         least = least_reserve(curves_of(settings, self.goal.runs, self.goal.apts))

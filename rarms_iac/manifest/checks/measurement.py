@@ -168,9 +168,11 @@ def miss_rate_without_deadline(component: Component) -> Iterator[Violation]:
 
 @check(TOO_FEW_SAMPLES)
 def samples_not_to_be_had(system: System) -> Iterator[Violation]:
-    """Thresholds that need more samples than `run.until` or a setting's budget allow; `until` beyond the budget."""
+    """Thresholds of measured reserves that need more samples than `run.until` or the budget allow; a longer `until`."""
     budget = system.policy.measuring.setting
     for component in system.components.values():
+        if component.cpu.reserve is not Measured.MEASURED:
+            continue
         run, here = run_of(component), ("components", component.name)
         between = _least_between(component)
         needs = {index: samples_needed(index, threshold) for index, threshold in component.apt.items()}

@@ -20,12 +20,12 @@ from rarms_iac.model.outcomes import (
     WithinNoise,
 )
 from rarms_iac.model.quantities import ReservePercent
-from rarms_iac.model.run import Periodic, Run
+from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount
 from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.curves import curves_of, holds, least_reserve
-from rarms_iac.statistics.error_probability import FIRST_LOOK
+from rarms_iac.statistics.error_probability import FIRST_LOOK, samples_needed
 from rarms_iac.statistics.estimates import estimate
 from rarms_iac.statistics.overload import grows_without_end
 from rarms_iac.statistics.verdicts import judge_early, judge_look, samples_to_clear, until_share
@@ -211,6 +211,37 @@ def _most_samples(series: Series, setting: Setting, goal: Goal) -> float:
     if goal.ends_at_until or series.elapsed_ms <= 0.0:
         return inf
     return len(series.samples) * (1.0 + max(0.0, goal.budget.at(setting.reserve) - setting.host_ms) / series.elapsed_ms)
+
+
+def may_be_shown(history: Sequence[SearchTrial], goal: Goal) -> bool:
+    """Tell whether a setting may hold the samples by which thresholds are shown to be met, at whichever CR.
+
+    Args:
+        history: the settings so far; each shows what a job consumes.
+        goal: what is searched.
+
+    Returns:
+        False: no setting can pass within its budget, since jobs come no faster than they are due, or than all of P1's
+            processors serve them.
+    """
+    return goal.ends_at_until or all(
+        samples_needed(index, threshold) <= _most_samples_at_any_reserve(member, history, goal)
+        for member in goal.members
+        for index, threshold in member.apt.items()
+    )
+
+
+def _most_samples_at_any_reserve(member: Member, history: Sequence[SearchTrial], goal: Goal) -> float:
+    until, arrival, lasts_ms = member.run.until, member.run.arrival, goal.budget.most_ms
+    own = [series for trial in history for series in trial.setting.series if series.component == member.name]
+    known = [len(series.samples) for series in own]
+    served_ms = [(series.cpu_ms or 0.0) / goal.processors / max(1, len(series.samples)) for series in own]
+    between_ms = float(arrival.period) if isinstance(arrival, Periodic) else min(served_ms, default=0.0)
+    if isinstance(until, Elapsed):
+        lasts_ms = max(lasts_ms, float(until.time))
+    elif isinstance(until, SampleCount):
+        known.append(until.samples)
+    return min(MOST_SAMPLES, max(known, default=0) + (lasts_ms / between_ms if between_ms else inf))
 
 
 def _is_begun(series: Series, run: Run, goal: Goal) -> bool:

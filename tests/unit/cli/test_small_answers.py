@@ -107,7 +107,9 @@ def test_a_rounded_reserve_is_told_where_reserves_are_planned(tmp_path: Path) ->
 
 def test_how_many_samples_a_threshold_needs_is_told_by_validate_and_by_no_plan(tmp_path: Path) -> None:
     assert rarms("init", str(tmp_path), "--name", "robot").code == 0
-    few = "components: { control: { run: { command: [control], until: { samples: 20 } } } }\n"
+    few = (
+        "components: { control: { cpu: { reserve: measured }, run: { command: [control], until: { samples: 20 } } } }\n"
+    )
     (tmp_path / "more.yaml").write_text(few, encoding="utf-8")
     with chdir(tmp_path):
         told = {

@@ -10,6 +10,7 @@ from rarms_iac.measuring.methods import Search, strategy_of
 from rarms_iac.measuring.search.bracketing import MOST, WIDTH
 from rarms_iac.measuring.search.crossings import crossings_of
 from rarms_iac.measuring.search.trials import Goal, Member, trials_of
+from rarms_iac.measuring.setup import Budget
 from rarms_iac.model.outcomes import Conclusion, Measure, NotAchievable, NotResolved, Sufficient
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.setting import Setting
@@ -85,6 +86,21 @@ def test_settings_that_were_asked_for_before_do_not_lead_a_search_astray(before:
     assert len(done) - len(before) < MOST
     assert isinstance(step, Sufficient)
     assert least <= step.reserve < least + WIDTH
+
+
+@pytest.mark.parametrize("strategy", ["default", "bisection"])
+@pytest.mark.parametrize(("every", "asked"), [(None, 2), ("100 ms", 1)])
+@pytest.mark.parametrize(("level", "end"), [(90.0, NotResolved), (200.0, NotAchievable)])
+def test_where_no_budget_holds_the_samples_that_a_threshold_needs_only_all_of_the_host_is_asked(
+    strategy: str, every: str | None, asked: int, level: float, end: type[NotResolved | NotAchievable]
+) -> None:
+    """A p99.9 needs 8,363 samples; jobs of 90 ms on two processors give 667 in 30 s beside the 2,400 that there are."""
+    member = Member(name="coi", apt={"p99.9_response_time": at_most(100)}, run=a_run(every=every))
+    goal = Goal(members=(member,), processors=2, budget=Budget(most_ms=30_000))
+
+    reserves, ended = measured(strategy, goal, [level] * 100, cpu_ms=90.0)
+
+    assert (len(reserves), reserves[-1], type(ended)) == (asked, 100, end)
 
 
 @settings(max_examples=examples(8), deadline=None)
