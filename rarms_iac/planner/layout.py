@@ -102,14 +102,20 @@ def causes_as_findings(
         yield planning_findings.KINDS[cause.code].at(
             _place(cause, system, places),
             f"{cause.message}{unproven}",
-            (advice_without_room if cause.code in room else "") or cause.advice or _advice(answer.relaxations),
+            (advice_without_room if cause.code in room else "")
+            or cause.advice
+            or describe_ways_out(answer.relaxations),
             address=cause.address,
-            values={**cause.values, **_relaxed_levels(answer.relaxations), "proven": answer.proven},
+            values={**cause.values, **relaxed_levels(answer.relaxations), "proven": answer.proven},
         )
 
 
-def _relaxed_levels(ways: Sequence[Relaxation]) -> Facts:
-    """The APTs that the ways out relax, each as its way, component, index and level, in four rows of equal length."""
+def relaxed_levels(ways: Sequence[Relaxation]) -> Facts:
+    """Return the APTs that ways out relax, each as its way, component, index and level, in four rows of equal length.
+
+    Args:
+        ways: as of `describe_ways_out`.
+    """
     levels = [(number, level) for number, way in enumerate(ways, 1) for level in way.levels]
     if not levels:
         return {}
@@ -121,7 +127,12 @@ def _relaxed_levels(ways: Sequence[Relaxation]) -> Facts:
     }
 
 
-def _advice(ways: Sequence[Relaxation]) -> Wording:
+def describe_ways_out(ways: Sequence[Relaxation]) -> Wording:
+    """Say what would fit, and what may.
+
+    Args:
+        ways: out of a layout that does not fit; none: none was found.
+    """
     if not ways:
         return "No change that was tried makes it fit: remove a component, or add a host."
     certain = [way for way in ways if way.kind is RelaxationKind.CERTAIN]

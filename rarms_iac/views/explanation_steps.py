@@ -148,7 +148,7 @@ def _bound(index: ExplainedIndex) -> str:
 
 
 def _value(index: ExplainedIndex, value: float) -> str:
-    return show_value(index_named(index.index), value)
+    return show_value(index_named(index.index), value, index.threshold.value)
 
 
 def _fixed_by(explanation: Explanation) -> str:

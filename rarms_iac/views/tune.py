@@ -102,7 +102,11 @@ def _sentences(result: TuningResult) -> Sequence[str]:
 
 def describe_proof(run: TuningRun) -> Sequence[str]:
     """Say whether another layout may be better, and what that rests on."""
-    proved = [f"No other combination of these components reserves less, assuming that {ASSUMED}."] if run.proved else []
+    proved = (
+        [f"No other layout of these components is better by `policy.minimise`, assuming that {ASSUMED}."]
+        if run.proved
+        else []
+    )
     return [*proved, *describe_doubts(run)]
 
 

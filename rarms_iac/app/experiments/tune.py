@@ -21,7 +21,7 @@ from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.model.commands import PLAN, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.layout import Layout
+from rarms_iac.model.layout import Infeasible, Layout, Relaxation, RelaxationKind
 from rarms_iac.model.quantities import show_lp_percent
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import in_a_row
@@ -29,7 +29,7 @@ from rarms_iac.planner import planning_findings
 from rarms_iac.planner.combining.oracle import Always, Coi, Consent, PlannerReporter, SilentReporter, total
 from rarms_iac.planner.combining.paper import SUCCESSFUL, UNABLE, Inquiry
 from rarms_iac.planner.groups import most_critical_first
-from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.layout import describe_ways_out, plan_layout, relaxed_levels
 from rarms_iac.planner.problem import host_view
 from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun, TuningStrategy, UnprovedNeed
 
@@ -198,29 +198,35 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
     elif end.ending == "unable":
         reserved, capacity = map(show_lp_percent, (end.before, end.subject.capacity))
         message = f"{reserved} must be reserved, the capacity is {capacity}, and no combination that was allowed fits."
-        limits = _limits_on_combining(end.subject)
-        advice = prose(
-            "Relax an APT (",
-            command("select", "COMPONENT", at="LEVEL"),
-            f"){f', lift {limits}' if limits else ''} or add a logical processor.",
-        )
+        ways, limits = _ways_without_combining(end.subject, places), _limits_on_combining(end.subject)
+        advice = prose(describe_ways_out(ways), f"\nOr lift {limits} and tune again." if limits else "")
         if not end.subject.cois:
             message = "The manifest fixes all reserves, they do not fit, and nothing can be combined."
-            advice = prose(
-                "Lower a reserve (", PLAN, " names ways out), or have it measured: `cpu: { reserve: measured }`."
-            )
+            advice = prose(advice, "\nOr have a reserve measured: `cpu: { reserve: measured }`.")
         yield planning_findings.UNABLE.at(
             places.key("hosts", end.subject.host.name),
             message,
             advice,
             address=f"host/{end.subject.host.name}",
-            values={"reserved_lp": end.before / 100, "capacity_lp": end.subject.capacity / 100},
+            values={
+                "reserved_lp": end.before / 100,
+                "capacity_lp": end.subject.capacity / 100,
+                **relaxed_levels(ways),
+            },
         )
     yield from _doubtful_compounds(end)
 
 
+def _ways_without_combining(subject: TuningSubject, places: Places) -> Sequence[Relaxation]:
+    """Find what else would make everything fit, levels of APTs among it."""
+    problem = subject.problem
+    answer = plan_layout(problem.system, problem.reservations, problem.views, places).answer
+    ways = answer.relaxations if isinstance(answer, Infeasible) else ()
+    return [way for way in ways if way.kind is not RelaxationKind.COMBINING]
+
+
 def _limits_on_combining(subject: TuningSubject) -> str:
-    """Name the manifest's fields that keep components from a partition with others: `an `apart` or `dedicated`,`."""
+    """Name the manifest's fields that keep components from a partition with others: `an `apart` or `dedicated`."""
     members = [subject.system.components[name] for coi in subject.cois for name in coi.members]
     fields = {
         "`apart`": any(member.apart for member in members),
@@ -228,7 +234,7 @@ def _limits_on_combining(subject: TuningSubject) -> str:
         "`protect`": any(request.protect for request in subject.system.partitions.values()),
     }
     named = [name for name, is_set in fields.items() if is_set]
-    return f"{in_a_row(named, 'or')}," if named else ""
+    return in_a_row(named, "or") if named else ""
 
 
 def _doubtful_compounds(end: TuningConclusion) -> Iterator[Diagnostic]:
@@ -337,7 +343,7 @@ def _tuned_partition(end: TuningConclusion, coi: Coi) -> TunedPartition:
     return TunedPartition(
         name=coi.name,
         components=tuple(component.name for component in most_critical_first(components[name] for name in coi.members)),
-        processors=coi.processors,
+        processors=coi.taken_processors,
         reserve=coi.reserve,
         parts=total(end.parts_of(coi)) if coi in end.compounds else None,
     )

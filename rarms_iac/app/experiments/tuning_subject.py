@@ -201,7 +201,13 @@ def subject_of_tuning(hosts: Hosts, host: Host, states: Mapping[str, State]) -> 
             hosts.manifest.sources,
         )
     groups = [group for group in problem.groups if _can_be_tuned(group, problem, host)]
-    cois = tuple(coi_as_measured(group, problem.claims[group.name][host.name], reservations, host) for group in groups)
+    view = problem.views.get(host.name, HostView())
+    cois = tuple(
+        coi_as_measured(
+            group, problem.claims[group.name][host.name], reservations, host, sharing=view.sharing(group.name)
+        )
+        for group in groups
+    )
     tuned = {coi.name for coi in cois}
     chosen = [host_bin for host_bin in problem.bins if host_bin.name in hosts.chosen]
     return TuningSubject(

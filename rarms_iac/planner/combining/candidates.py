@@ -118,7 +118,7 @@ def candidates_of(cois: Sequence[Coi], may_share: Sharing, *, most: int, largest
     for mask in _cliques(ordered, may_share, largest):
         members = tuple(coi for at, coi in enumerate(ordered) if mask >> at & 1)
         coi = compound_of(members)
-        highest = min(most, (total(members) - 1) // coi.processors)
+        highest = min(most, (total(members) - 1) // coi.taken_processors)
         if coi.reserve <= highest:
             found[mask] = Candidate(mask=mask, coi=coi, highest=highest)
     return Candidates(cois=ordered, by_mask=dict(sorted(found.items())))
@@ -147,10 +147,10 @@ def compound_of(members: Sequence[Coi]) -> Coi:
         A CoI with the name of its most critical part, the processors of its parts together, and as reserve the lower
             bound that `at_least` gives for its neediest part.
     """
-    processors = processors_of(members)
     names = tuple(sorted(name for member in members for name in member.members))
-    least = at_least(max(member.at_least for member in members), processors)
-    return replace(leader(members), members=names, processors=processors, reserve=least, missed=None)
+    compound = replace(leader(members), members=names, processors=processors_of(members), missed=None)
+    least = at_least(max(member.at_least for member in members), compound.processors)
+    return replace(compound, reserve=least)
 
 
 def _cliques(cois: Sequence[Coi], may_share: Sharing, largest: int | None) -> Iterator[Mask]:
@@ -202,7 +202,7 @@ def informed(candidates: Candidates, answers: Iterable[Answer]) -> Candidates:
         if members in by_members
     }
     known = {mask: answered.get(mask, candidate) for mask, candidate in candidates.by_mask.items()}
-    floors = [(mask, candidate.coi.cost) for mask, candidate in answered.items() if candidate.failed is not None]
+    floors = [(mask, candidate.coi.at_least) for mask, candidate in answered.items() if candidate.failed is not None]
     raised = {mask: _raised(candidate, floors) for mask, candidate in known.items()}
     return replace(candidates, by_mask=raised, contradictions=tuple(_contradictions(candidates, own, answered, floors)))
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from rarms_iac.model.claims import Claim
+from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
 from rarms_iac.model.host import Host
 from rarms_iac.model.processor_number import together
 from rarms_iac.planner.groups import Group
@@ -25,22 +25,28 @@ class Coi:
     members: Members
     criticality: int  # the highest of its members'
     processors: int  # VPs of its partition
+    sharing: CoreSharing = ANY_THREAD  # how these take logical ones
     host_lp: int = 0  # LPs of the host that it is measured on: a compound has its parts' VPs together, at most so many
     reserve: int  # whole per cent of each of them
     missed: int | None = None  # the highest CR at which it was shown to miss an APT; None: right below its reserve
 
     @property
     def at_least(self) -> int:
-        """What it needs at least, in per cent of one logical processor.
+        """What its virtual processors need at least, in per cent of one logical processor.
 
         Its reserve is on the safe side of what was measured, so the true need may be lower.
         """
-        return self.cost if self.missed is None else min(self.cost, self.processors * (self.missed + 1))
+        return self.processors * (self.reserve if self.missed is None else min(self.reserve, self.missed + 1))
+
+    @property
+    def taken_processors(self) -> int:
+        """Logical processors that its virtual ones take."""
+        return self.sharing.claim(self.processors, self.reserve, 0).processors
 
     @property
     def cost(self) -> int:
         """The reservation in per cent of one logical processor."""
-        return self.processors * self.reserve
+        return self.taken_processors * self.reserve
 
 
 def processors_of(parts: Sequence[Coi]) -> int:
@@ -208,7 +214,9 @@ class Always:
         return True
 
 
-def coi_as_measured(group: Group, claim: Claim, reservations: ReservationSource, host: Host) -> Coi:
+def coi_as_measured(
+    group: Group, claim: Claim, reservations: ReservationSource, host: Host, sharing: CoreSharing = ANY_THREAD
+) -> Coi:
     """Make the CoI of a partition, with the highest CR at which its data log shows it to miss an APT.
 
     Where the manifest fixes a larger reservation than the log asks for, the fixed value stays and `missed` is None.
@@ -218,6 +226,7 @@ def coi_as_measured(group: Group, claim: Claim, reservations: ReservationSource,
         claim: what the partition reserves on this host.
         reservations: the data logs, or what the manifest fixes.
         host: the host that the logs must hold for.
+        sharing: how the partition takes its cores.
 
     Returns:
         The CoI; its `missed` is in whole per cent of each of its processors.
@@ -226,7 +235,8 @@ def coi_as_measured(group: Group, claim: Claim, reservations: ReservationSource,
         name=group.name,
         members=names_of(group.members),
         criticality=group.criticality,
-        processors=claim.processors,
+        processors=claim.processors - claim.idle,
+        sharing=sharing,
         reserve=claim.reserve,
         host_lp=host.logical_processors,
     )
@@ -235,7 +245,7 @@ def coi_as_measured(group: Group, claim: Claim, reservations: ReservationSource,
     log, least = reservations.log(group.members, host), reservations.least(group.members, host)
     if not isinstance(log, MeasuredTogether) or least is None:
         return coi
-    if (log.processors, least) != (claim.processors, claim.reserve):
+    if (log.processors, least) != (coi.processors, coi.reserve):
         return coi
     apts = [
         (log.curves(member.name, index), threshold)

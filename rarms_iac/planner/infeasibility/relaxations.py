@@ -20,6 +20,7 @@ from rarms_iac.model.quantities import (
     ShareOfHost,
     guaranteed,
     show_amount,
+    show_lp_percent,
     show_processors,
     write_bytes,
 )
@@ -281,17 +282,18 @@ def pair_relaxations(problem: Problem, partitions: Collection[str]) -> Iterator[
 
 def _pair_relaxation(minor: Group, leader: Group, hosts: Sequence[str], problem: Problem) -> RelaxationRange:
     host = problem.system.hosts[hosts[0]]
+    view = problem.views.get(host.name, HostView())
     parts = [
-        coi_as_measured(group, problem.claims[group.name][host.name], problem.reservations, host)
+        coi_as_measured(
+            group, problem.claims[group.name][host.name], problem.reservations, host, sharing=view.sharing(group.name)
+        )
         for group in (minor, leader)
     ]
     compound, members, source = compound_of(parts), (*minor.members, *leader.members), problem.reservations
     missed = source.missed_together(names_of(members), host) if isinstance(source, MeasuredReservations) else 0
     least = max(compound.reserve, 1 + floor(100 * missed / compound.processors))
-    reserves = range(least, (total(parts) - 1) // compound.processors + 1)
-
-    def amount_of(reserve: int) -> str:
-        return show_processors(guaranteed(reserve, compound.processors))
+    reserves = range(least, (total(parts) - 1) // compound.taken_processors + 1)
+    too_little = f", miss with {show_processors(missed)} together" if missed else ""
 
     def edits_at(reserve: int) -> Edits:
         amount = ProcessorTime(guaranteed(reserve, compound.processors))
@@ -307,8 +309,8 @@ def _pair_relaxation(minor: Group, leader: Group, hosts: Sequence[str], problem:
 
         return (
             Edit(
-                f"{minor.name} and {leader.name} together need {amount_of(reserves[0])} to "
-                f"{amount_of(reserves[-1])} on {in_a_row(hosts, 'or')}, and up to {amount_of(reserve)} fits",
+                f"{minor.name} and {leader.name} reserve {show_lp_percent(total(parts))} apart on "
+                f"{in_a_row(hosts, 'or')}{too_little}, and up to {show_processors(amount.processors)} together fits",
                 apply,
             ),
         )

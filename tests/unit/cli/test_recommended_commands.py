@@ -378,7 +378,6 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "fixed reserves exceed the host": (
         given(MANIFEST.replace("45 %", "90 %")),
-        Ask("tune", "Lower a reserve (`rarms plan` names ways out)", "plan", may_answer=NO),
         Ask("validate", "`rarms plan` tries which change would be enough", "plan", may_answer=NO),
     ),
     "a pair would fit": (
@@ -389,10 +388,6 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
             ("tune", "measure"),
             may_answer=NO,
         ),
-    ),
-    "no pair may be combined": (
-        given(APART, logs(vision=60, speech=60)),
-        Ask("tune", "Relax an APT (", "select COMPONENT --at LEVEL"),
     ),
     "the paper's procedure combined, and it is still too much": (
         given(THREE, logs(speech=60, video=60)),

@@ -59,7 +59,7 @@ def test_the_claim_is_the_same_everywhere(proved: bool, claim: str) -> None:
     assert json.loads(answer)["run"]["claim"] == claim
     assert [row[-2:] for row in rows] == [(44, ""), (44, claim)]
     text = render(tuned_text(ended))
-    assert ("No other combination of these components reserves less" in text) is proved
+    assert ("No other layout of these components is better by `policy.minimise`" in text) is proved
 
 
 def test_every_answer_is_a_line_in_a_pipe_and_a_row_of_the_table_on_a_terminal() -> None:

@@ -102,7 +102,7 @@ def test_it_does_not_fit_is_tuned_and_fits(here: Path) -> None:
     trail = trail_in(here / "tuned.xlsx")
     assert len(trail) == len(found["trail"])
     in_all_reports(trail)
-    assert "No other combination of these components reserves less" in " ".join(tuned.out.split())
+    assert "No other layout of these components is better by `policy.minimise`" in " ".join(tuned.out.split())
     assert "?" not in tuned.err, "nothing that looks like a question is told where no user is asked"
     assert "paths+video at " in declined.err
     second = json.loads(again.out)["run"]
@@ -161,7 +161,7 @@ def test_a_log_that_was_not_asked_for_may_void_the_proof(here: Path) -> None:
     assert ran.code == 0
     assert "paths+vision at 5 % of its VPs: all met" in ran.err
     assert "RARMS306" in ran.err
-    assert "No other combination" not in ran.out
+    assert "No other layout" not in ran.out
 
 
 def test_the_papers_procedure_says_its_message_and_walks_by_ten(here: Path) -> None:
@@ -177,11 +177,15 @@ def test_the_papers_procedure_says_its_message_and_walks_by_ten(here: Path) -> N
 def test_where_nothing_may_be_combined_the_answer_is_no(here: Path) -> None:
     alone = MANIFEST.replace("    criticality:", "    dedicated: true\n    criticality:")
     (here / "rarms.yaml").write_text(alone, encoding="utf-8", newline="\n")
+    lower = rarms("measure", "--from", "20%", "--to", "40%", "--samples", "60")
+    assert lower.code == 0, lower.err
 
     for strategy in ("default", "paper"):
         ran = rarms("tune", "--strategy", strategy)
         assert ran.code == 4
         assert "RARMS305" in ran.err
+        assert re.search(r"mean_response_time at most \S+ ms instead of \S+ ms", ran.err), "a level with which all fits"
+        assert "Or lift `dedicated` and tune again." in ran.err
         assert "Unable to reduce total CPU reservation by combining CoIs" in ran.out
     assert (here / "rarms.yaml").read_text(encoding="utf-8") == alone
 

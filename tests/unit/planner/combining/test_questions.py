@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
+from rarms_iac.model.claims import CoreSharing
 from rarms_iac.model.system import Minimise
 from rarms_iac.planner.combining.candidates import candidates_of, graph_of, informed
 from rarms_iac.planner.combining.layouts import Objective
@@ -336,3 +337,15 @@ def test_the_candidate_graph_has_compounds_with_their_intervals() -> None:
     assert graph.nodes["a"] == {"compound": False, "low": 40, "high": 40}
     assert (graph.nodes["a+b"]["low"], graph.nodes["a+b"]["high"]) == (40, 69)
     assert sorted(graph.predecessors("a+b+c")) == ["a", "b", "c"]
+
+
+def test_components_of_one_thread_can_share_a_core_that_each_takes_for_itself() -> None:
+    one, other = (
+        replace(coi, sharing=CoreSharing(threads=2, used=2), host_lp=8, missed=29) for coi in cois(one=40, other=40)
+    )
+
+    (both,) = candidates_of([one, other], anyone, most=100).by_mask.values()
+
+    assert (one.processors, one.cost, one.at_least) == (1, 80, 30)
+    assert (both.coi.processors, both.coi.taken_processors) == (2, 2)
+    assert (both.low, both.highest) == (13, 79), "30 % of one of two processors, less 2; and less than 160 % on two"

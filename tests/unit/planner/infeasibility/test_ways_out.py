@@ -109,8 +109,8 @@ def test_the_pair_to_combine_is_of_the_least_critical_and_only_may_help() -> Non
     logs: Logs = {(name,): a_log({39: 200, 40: 90}, name) for name in ("path", "speech", "vision")}
 
     assert pair_in(system, logs) == (
-        "Combining may be enough, and `rarms tune` measures it: path and speech together need 0.76 LP to "
-        "1.58 LP on onboard, and up to 1.2 LP fits."
+        "Combining may be enough, and `rarms tune` measures it: path and speech reserve 1.6 LP apart "
+        "on onboard, and up to 1.2 LP together fits."
     )
     for reserve, does in (("60 %", True), ("61 %", False)):
         both = PartitionRequest(name="path", components=("path", "speech"), cpu=a_cpu(reserve=reserve))
@@ -129,7 +129,7 @@ def test_of_several_hosts_the_pair_is_combined_where_both_may_run() -> None:
     offered = pair_in(a_system(hosts=hosts, components=components), logs)
 
     assert offered is not None
-    assert "arm and base together need 1.16 LP to 2.38 LP on rear, and" in offered
+    assert "arm and base reserve 2.4 LP apart on rear, and up to" in offered
 
 
 def test_a_pair_that_must_be_apart_or_is_not_measured_is_not_offered() -> None:
@@ -138,7 +138,7 @@ def test_a_pair_that_must_be_apart_or_is_not_measured_is_not_offered() -> None:
     apart = replace(system.components["path"], apart=("speech",))
     offered = pair_in(replace(system, components={**system.components, "path": apart}), logs)
     assert offered is not None
-    assert "path and vision together need" in offered
+    assert "path and vision reserve 1.6 LP apart" in offered
 
     fixed = [a_component(name, reserve="40 %") for name in ("path", "speech", "vision")]
     assert pair_in(a_system(components=fixed), {}) is None, "what is fixed adds up, with any sharing"
@@ -251,7 +251,7 @@ def test_the_advice_says_which_help_and_which_may() -> None:
 
     pair, more = str(offered.advice).splitlines()
     assert pair.startswith(
-        "Combining may be enough, and `rarms tune` measures it: path and speech together need 0.76 LP"
+        "Combining may be enough, and `rarms tune` measures it: path and speech reserve 1.6 LP apart"
     )
     assert more.startswith("One more logical processor on onboard, with `processors: 2` for path, speech and vision")
 

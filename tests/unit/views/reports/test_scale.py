@@ -74,6 +74,16 @@ def test_three_digits_count_and_tenths_and_no_exponent_is_written(value: float, 
     assert show_number(value) == text
 
 
+def test_a_number_never_reads_as_another_one_beside_it() -> None:
+    assert [show_number(value, 300.0) for value in (299.96, 300.04, 300.0, 300.0004, 298.0)] == [
+        "299.96",
+        "300.04",
+        "300",
+        "300.0004",
+        "298",
+    ]
+
+
 @given(st.floats(min_value=1e-9, max_value=1e9))
 def test_a_round_number_is_not_above_and_not_far_below(value: float) -> None:
     mantissa, exponent = round_down(value)
