@@ -351,6 +351,7 @@ def outcomes_of(wanted: Sequence[Family], folder: Path, half: str, layouts: int)
             written.writelines(f"{json.dumps(asdict(outcome))}\n" for outcome in new)
             written.flush()
             for outcome in (*old, *new):
+                print(f"layout {outcome.seed} beside {outcome.family}: {outcome.ending}", flush=True)
                 if (family := tuple(outcome.family.split("+"))) in found:
                     found[family].append(outcome)
             if all(sum(each.ending != "no plan" for each in outcomes) >= layouts for outcomes in found.values()):

@@ -1,54 +1,44 @@
-"""How far the answers of one component lie apart over twelve seeds: 0.5 ms of work and 40 ms of waiting, a flat curve.
+"""How far the answers of one component lie apart over seeds: where the curve is flat, only samples help.
 
-`python -m laboratory.benchmarks.spread` measures it by the default strategy beside a busy loop on the simulated one.
+`python -m laboratory.benchmarks.spread`: 0.5 ms of work and 40 ms of waiting beside a busy loop on the simulated host,
+twelve seeds for each threshold.
 """
 
 import sys
 import tempfile
 from pathlib import Path
-from typing import cast
 
-from laboratory.benchmarks.measuring import Recorded
+import rarms_iac as rarms
 from laboratory.benchmarks.timing import Figure, report
-from rarms_iac.measuring.loop import measure_settings
-from rarms_iac.measuring.methods import Search, strategy_of
-from rarms_iac.measuring.partitions import host_resources
-from rarms_iac.measuring.reporter import MeasuringReporter
-from rarms_iac.measuring.setting_run import MeasuringContext
-from rarms_iac.measuring.settings_log import SettingsLog
-from rarms_iac.measuring.setup import experiment_of
-from rarms_iac.measuring.strategies import goal_of
-from rarms_iac.model.outcomes import Sufficient
-from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
-from rarms_iac.providers.simulated.scheduling.simulation import simulate
-from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most
+from rarms_iac.app.experiments.measure_request import MeasureRequest
 
 SEEDS = range(1, 13)
 MOST_APART = 3
 THRESHOLDS = {"p90_response_time": 65, "mean_response_time": 45}  # ms; the mean truly takes 40.5
 
+MANIFEST = """\
+schema: rarms/v1
+application: {{ name: spread }}
+hosts:
+  onboard: {{ logical_processors: 2, memory: 4 GiB }}
+policy: {{ interference: busy-loop }}
+components:
+  coi:
+    criticality: 1
+    apt: {{ {index}: {{ at_most: {limit} ms }} }}
+    processors: 1
+    memory: 512 MiB
+    simulation: {{ work: 0.5 ms, blocked: 40 ms }}
+"""
+
 
 def answer(index: str, seed: int) -> int | None:
     """The reservation found with a seed, in per cent; None: there is no answer."""
-    apt = {index: at_most(THRESHOLDS[index])}
-    component = a_component(
-        "coi", apt=apt, run=a_run(), processors=1, simulation=a_simulation(work="0.5 ms", blocked="40 ms")
-    )
-    system = a_system(components=[component])
-    experiment = experiment_of(system, system.hosts["onboard"], ("coi",), "busy-loop")
     with tempfile.TemporaryDirectory() as folder:
-        host = SimulatedMeasuringHost(a_host(), Path(folder) / "host.json", simulate)
-        with host.lock("benchmark"):
-            context = MeasuringContext(
-                host=host,
-                resources=lambda: host_resources(a_host(), host.observe(), "robot"),
-                seed=seed,
-                reporter=MeasuringReporter(),
-                should_stop=lambda: False,
-            )
-            strategy = strategy_of(Search(), goal_of(experiment), 100)
-            ended = measure_settings(experiment, strategy, cast("SettingsLog", Recorded()), context)
-    return ended.conclusion.reserve if isinstance(ended.conclusion, Sufficient) else None
+        manifest = Path(folder) / "rarms.yaml"
+        manifest.write_text(MANIFEST.format(index=index, limit=THRESHOLDS[index]), encoding="utf-8")
+        [result] = rarms.measure(rarms.load(str(manifest)), MeasureRequest(seed=seed)).experiments
+    return result.reserve
 
 
 def figures() -> list[Figure]:
