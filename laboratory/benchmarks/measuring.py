@@ -32,9 +32,9 @@ from rarms_iac.app.experiments.several_loads import decisive
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.measuring.partitions import MeasuringResources, highest_reserve, host_resources, reserve_for_load
 from rarms_iac.measuring.setup import Experiment, experiments_of
+from rarms_iac.model.environment_setup import P1, P2, P2_WEIGHT
 from rarms_iac.model.indexes import index_named, percentile_of
 from rarms_iac.model.loads import DEFAULT_LOADS
-from rarms_iac.model.measurement import P1, P2, P2_WEIGHT
 from rarms_iac.model.outcomes import NotAchievable, WithinNoise
 from rarms_iac.model.series import MOST_SAMPLES, Sample, Series, columns_of
 from rarms_iac.model.system import Threshold, run_of

@@ -65,7 +65,6 @@ PAIR = f"""{MEASURED[: MEASURED.index("  speech")]}\
 THREE = PAIR.replace("reserve: measured", "reserve: 95 %", 1) + PAIR[PAIR.index("  speech") :].replace(
     "speech", "video"
 )
-APART = PAIR.replace("    memory", "    apart: [vision]\n    memory", 2).replace("    apart", "#", 1)
 LATE = MEASURED.replace("mean_response_time", "p95_response_time").replace("50 ms", "90 ms").replace("60 }", "400 }")
 PROGRAM = ALONE.replace("command: [vision]", "command: [python3, -c, pass]").replace("samples: 60", "samples: 2")
 PROGRAM = PROGRAM[: PROGRAM.index("    simulation")]
