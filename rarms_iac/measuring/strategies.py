@@ -75,7 +75,7 @@ class Searching:
         decision = self.decide_search(trials, self.goal)
         can_pass = may_be_shown(trials, self.goal) or any(trial.passed for trial in trials)
         if isinstance(decision, Measure) and not can_pass:
-            decision = self._measure(100)  # all that is left to tell is whether the whole host misses
+            decision = Measure(reserve=100, until_clear=True)  # does the whole host miss? Nothing else can be told
         decision = self._within_most(decision, trials)
         if isinstance(decision, Measure):
             return decision
