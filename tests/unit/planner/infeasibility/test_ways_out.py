@@ -45,11 +45,13 @@ def fits(system: System, logs: Logs) -> bool:
     return isinstance(planned(system, logs).answer, Layout)
 
 
-LOGS: Logs = {
-    ("path",): a_log({10: 200, 20: 90}, "path"),
-    ("speech",): a_log({30: 140, 40: 90}, "speech"),
-    ("vision",): a_log({30: 210, 50: 90}, "vision"),
-}
+def logs_of(**means: dict[int, float]) -> Logs:
+    """The logs of these components: by reserve, what their jobs take on the average."""
+    return {(name,): a_log(curve, name) for name, curve in means.items()}
+
+
+LOGS = logs_of(path={10: 200, 20: 90}, speech={30: 140, 40: 90}, vision={30: 210, 50: 90})
+EACH_40 = logs_of(path={39: 200, 40: 90}, speech={39: 200, 40: 90}, vision={39: 200, 40: 90})
 
 
 def test_an_apt_is_relaxed_by_as_little_as_makes_it_fit() -> None:
@@ -69,11 +71,7 @@ def test_an_apt_is_relaxed_by_as_little_as_makes_it_fit() -> None:
 
 def test_where_no_apt_alone_is_enough_several_are_relaxed_together() -> None:
     system = a_robot()
-    logs: Logs = {
-        ("path",): a_log({25: 110, 30: 90}, "path"),
-        ("speech",): a_log({35: 110, 40: 90}, "speech"),
-        ("vision",): a_log({39: 110, 44: 90}, "vision"),
-    }
+    logs = logs_of(path={25: 110, 30: 90}, speech={35: 110, 40: 90}, vision={39: 110, 44: 90})
 
     (offered,) = [way for way in ways(system, logs) if LINE.search(in_a_list(way.changes))]
 
@@ -87,9 +85,9 @@ def test_where_no_apt_alone_is_enough_several_are_relaxed_together() -> None:
 
 
 def test_nothing_is_offered_below_what_was_measured() -> None:
-    logs: Logs = {("path",): a_log({60: 90}, "path"), ("vision",): a_log({55: 200, 60: 90}, "vision")}
+    logs = logs_of(path={60: 90}, vision={55: 200, 60: 90})
 
-    offered = ways(a_robot(("path", "vision")), {**logs, ("vision",): a_log({60: 90}, "vision")})
+    offered = ways(a_robot(("path", "vision")), logs_of(path={60: 90}, vision={60: 90}))
     assert not [way for way in offered if LINE.search(in_a_list(way.changes))]
     assert str(describe_possibility(offered[0])) == (
         "No lower setting of path and vision was measured: `rarms measure` may find that less is enough."
@@ -106,15 +104,14 @@ def pair_in(system: System, logs: Logs) -> str | None:
 
 def test_the_pair_to_combine_is_of_the_least_critical_and_only_may_help() -> None:
     system = a_robot()
-    logs: Logs = {(name,): a_log({39: 200, 40: 90}, name) for name in ("path", "speech", "vision")}
 
-    assert pair_in(system, logs) == (
+    assert pair_in(system, EACH_40) == (
         "Combining may be enough, and `rarms tune` measures it: path and speech reserve 1.6 LP apart "
         "on onboard, and up to 1.2 LP together fits."
     )
     for reserve, does in (("60 %", True), ("61 %", False)):
         both = PartitionRequest(name="path", components=("path", "speech"), cpu=a_cpu(reserve=reserve))
-        assert fits(replace(system, partitions={"path": both}), logs) is does
+        assert fits(replace(system, partitions={"path": both}), EACH_40) is does
 
 
 def test_of_several_hosts_the_pair_is_combined_where_both_may_run() -> None:
@@ -124,7 +121,7 @@ def test_of_several_hosts_the_pair_is_combined_where_both_may_run() -> None:
         a_component("base", criticality=2, reserve="measured", apt=APT, hosts=["rear"]),
         a_component("camera", criticality=3, reserve="measured", apt=APT),
     ]
-    logs: Logs = {(name,): a_log({59: 200, 60: 90}, name) for name in ("arm", "base", "camera")}
+    logs = logs_of(arm={59: 200, 60: 90}, base={59: 200, 60: 90}, camera={59: 200, 60: 90})
 
     offered = pair_in(a_system(hosts=hosts, components=components), logs)
 
@@ -134,9 +131,8 @@ def test_of_several_hosts_the_pair_is_combined_where_both_may_run() -> None:
 
 def test_a_pair_that_must_be_apart_or_is_not_measured_is_not_offered() -> None:
     system = a_robot()
-    logs: Logs = {(name,): a_log({39: 200, 40: 90}, name) for name in ("path", "speech", "vision")}
     apart = replace(system.components["path"], apart=("speech",))
-    offered = pair_in(replace(system, components={**system.components, "path": apart}), logs)
+    offered = pair_in(replace(system, components={**system.components, "path": apart}), EACH_40)
     assert offered is not None
     assert "path and vision reserve 1.6 LP apart" in offered
 
@@ -150,7 +146,7 @@ def test_more_processors_are_promised_only_where_nothing_was_measured_on_fewer()
     assert more in [in_a_list(way.changes) for way in ways(fixed, {}) if way.kind is RelaxationKind.CERTAIN]
 
     mixed = a_system(components=[*fixed.components.values(), a_component("path", reserve="measured", apt=APT)])
-    found = ways(mixed, {("path",): a_log({5: 200, 10: 90}, "path")})
+    found = ways(mixed, logs_of(path={5: 200, 10: 90}))
 
     (perhaps,) = [way for way in found if more in in_a_list(way.changes)]
     assert perhaps.kind is RelaxationKind.MORE_PROCESSORS
@@ -245,9 +241,8 @@ def test_hosts_of_one_platform_stay_alike() -> None:
 
 
 def test_the_advice_says_which_help_and_which_may() -> None:
-    logs: Logs = {(name,): a_log({39: 200, 40: 90}, name) for name in ("path", "speech", "vision")}
 
-    (offered,) = [diagnostic for diagnostic in planned(a_robot(), logs).findings if diagnostic.code == "RARMS014"]
+    (offered,) = [diagnostic for diagnostic in planned(a_robot(), EACH_40).findings if diagnostic.code == "RARMS014"]
 
     pair, more = str(offered.advice).splitlines()
     assert pair.startswith(
@@ -259,11 +254,7 @@ def test_the_advice_says_which_help_and_which_may() -> None:
 def test_several_ways_out_are_a_list_and_apts_that_belong_together_are_one_of_them() -> None:
     system = a_robot()
     more = a_component("dock", criticality=9, reserve="8 %", memory="64 MiB")
-    logs: Logs = {
-        ("path",): a_log({24: 110, 27: 90}, "path"),
-        ("speech",): a_log({29: 110, 32: 90}, "speech"),
-        ("vision",): a_log({36: 110, 39: 90}, "vision"),
-    }
+    logs = logs_of(path={24: 110, 27: 90}, speech={29: 110, 32: 90}, vision={36: 110, 39: 90})
 
     system = replace(system, components={**system.components, "dock": more})
     (offered,) = [diagnostic for diagnostic in planned(system, logs).findings if diagnostic.code == "RARMS014"]
@@ -279,9 +270,10 @@ def test_with_hosts_of_two_platforms_tuning_is_offered_with_its_host() -> None:
     other = replace(a_host("rack", logical_processors=16), platform="server")
     placed = {name: replace(each, hosts=("onboard",)) for name, each in system.components.items()}
     two = replace(system, components=placed, hosts={**system.hosts, "rack": other})
-    logs: Logs = {(name,): a_log({39: 200, 40: 90}, name) for name in ("path", "speech", "vision")}
 
-    assert (pair_in(two, logs) or "").startswith("Combining may be enough, and `rarms tune --host onboard` measures it")
+    assert (pair_in(two, EACH_40) or "").startswith(
+        "Combining may be enough, and `rarms tune --host onboard` measures it"
+    )
 
 
 def test_less_than_half_of_a_rate_that_was_asked_for_is_no_way_out() -> None:
