@@ -9,7 +9,6 @@ from tempfile import TemporaryDirectory
 
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.make_plan import PlanningResult, make_plan
-from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.run_report import RunReport, RunReporter
 from rarms_iac.applying.undo import undo
 from rarms_iac.model.operations import CreatePartition, RenamePartition, SetCpu, StartPartition
@@ -17,7 +16,8 @@ from rarms_iac.model.plan import Plan, Scope
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
 from rarms_iac.providers.simulated.provider import SimulatedHostProvider
-from tests.builders import ORIGIN, PathPlaces
+from tests.builders import ORIGIN
+from tests.planning import a_request
 from tests.strategies import Strangers
 
 TODAY = date(2026, 11, 21)
@@ -60,10 +60,7 @@ class Lab:
         return {name: host.observe() for name, host in self.hosts.items()}
 
     def prepare(self, **asked: object) -> PlanningResult:
-        request = PlanRequest(
-            system=self.system, places=PathPlaces(), manifest="rarms.yaml", manifest_digest="0", today=TODAY
-        )
-        return make_plan(replace(request, **asked), self.observe())  # type: ignore[arg-type]  # fields, said by tests
+        return make_plan(a_request(self.system, today=TODAY, **asked), self.observe())
 
     def plan(self, **asked: object) -> Plan:
         prepared = self.prepare(**asked)

@@ -52,8 +52,8 @@ def route(system: System, observed: State, limit: Disruption = Disruption.REMOVA
     return Route(desired, context, budget, difference, held, order(plan_changes(held.allowed, context), budget))
 
 
-def a_request(system: System, limit: Disruption | None = None) -> PlanRequest:
-    return PlanRequest(
+def a_request(system: System, limit: Disruption | None = None, /, **asked: object) -> PlanRequest:
+    request = PlanRequest(
         system=system,
         places=PLACES,
         manifest="rarms.yaml",
@@ -61,3 +61,4 @@ def a_request(system: System, limit: Disruption | None = None) -> PlanRequest:
         today=date(2026, 1, 1),
         max_disruption=limit,
     )
+    return replace(request, **asked)  # type: ignore[arg-type]  # fields, said by tests

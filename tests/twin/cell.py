@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from datetime import date
 
 from rarms_iac.applying.make_plan import PlanningResult, make_plan
-from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.scripts import scripts_of as rendered
 from rarms_iac.model.diagnostics import Places
 from rarms_iac.model.plan import Plan
@@ -17,6 +16,7 @@ from rarms_iac.powershell.inspection.parts import NEW_MODULE
 from rarms_iac.powershell.render import script_name
 from rarms_iac.powershell.templates import MODULE_FOLDER, ScriptForm, shipped_module
 from tests.builders import PathPlaces
+from tests.planning import a_request
 from tests.twin.host import WindowsHost
 from tests.twin.observing import state_of
 from tests.twin.run import Ran, put, run
@@ -41,11 +41,8 @@ class Cell:
         return state_of(self.host, self.name)
 
     def prepare(self, **asked: object) -> PlanningResult:
-        request = PlanRequest(
-            system=self.system, places=self.places, manifest="rarms.yaml", manifest_digest="0" * 64, today=TODAY
-        )
-        state = self.observe()
-        return make_plan(replace(request, **asked), {self.name: state})  # type: ignore[arg-type]  # fields, said by tests
+        request = a_request(self.system, places=self.places, today=TODAY, **asked)
+        return make_plan(request, {self.name: self.observe()})
 
     def plan(self, **asked: object) -> Plan:
         prepared = self.prepare(**asked)
