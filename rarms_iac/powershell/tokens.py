@@ -4,6 +4,7 @@ It finds string literals, comments and structure, and nothing else: it stands be
 takes four of the five single-quote characters for ordinary ones. What it cannot read is `NotTokens`, never a guess.
 """
 
+import re
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -14,7 +15,15 @@ NEWLINES = "\r\n"
 _SPACES = " \t\v\f\u0085\u00a0\u1680\u2000\u2001\u2002\u2003\u2004\u2005\u2006\u2007\u2008\u2009\u200a"
 _SPACES += "\u2028\u2029\u202f\u205f\u3000"
 _STRUCTURE = "(){}[];,|&"
-_ENDS_WORD = _SPACES + NEWLINES + _STRUCTURE + SINGLE_QUOTES + DOUBLE_QUOTES
+_ENDS_WORD = re.escape(_SPACES + NEWLINES + _STRUCTURE + SINGLE_QUOTES + DOUBLE_QUOTES)
+
+# NOTE: patterns and no loops over characters: every script is read so whenever it is shown or run.
+_GAP = re.compile(rf"(?:[{_SPACES}]++|`(?:\r\n|[\r\n]))*+")
+_LINE = re.compile(r"[^\r\n]*+")
+_VERBATIM = re.compile(rf"[{SINGLE_QUOTES}]((?:[^{SINGLE_QUOTES}]++|[{SINGLE_QUOTES}]{{2}})*+)[{SINGLE_QUOTES}]")
+_DOUBLED = re.compile(rf"[{SINGLE_QUOTES}]([{SINGLE_QUOTES}])")
+_EXPANDABLE = re.compile(rf"(?:[^`${DOUBLE_QUOTES}]++|`.|\$(?!\()|[{DOUBLE_QUOTES}]{{2}})*+", re.DOTALL)
+_WORD = re.compile(rf"(?:[^`${_ENDS_WORD}]++|`.|\$\{{[^}}]*+\}}|\$(?!\{{))*+`?", re.DOTALL)
 
 
 class NotTokens(ValueError):
@@ -54,16 +63,17 @@ def tokens(script: str) -> tuple[Token, ...]:
         NotTokens: a string or a comment does not end.
     """
     result: list[Token] = []
-    at = 0
+    at = _end_of(_GAP, script, 0)
     while at < len(script):
-        if script[at] in _SPACES:
-            at += 1
-        elif script[at] == "`" and script[at + 1 : at + 2] in tuple(NEWLINES):
-            at += 3 if script[at + 1 : at + 3] == "\r\n" else 2
-        else:
-            result.append(_token(script, at))
-            at = result[-1].end
+        result.append(_token(script, at))
+        at = _end_of(_GAP, script, result[-1].end)
     return tuple(result)
+
+
+def _end_of(pattern: re.Pattern[str], script: str, at: int) -> int:
+    """Behind what the pattern matches from there on, which may be nothing."""
+    match = pattern.match(script, at)
+    return match.end() if match else at
 
 
 def _token(script: str, at: int) -> Token:
@@ -71,7 +81,7 @@ def _token(script: str, at: int) -> Token:
     if character in NEWLINES:
         return _made(script, TokenKind.NEWLINE, at, at + (2 if two == "\r\n" else 1))
     if character == "#":
-        return _made(script, TokenKind.COMMENT, at, _line_end(script, at))
+        return _made(script, TokenKind.COMMENT, at, _end_of(_LINE, script, at))
     if two == "<#":
         return _made(script, TokenKind.COMMENT, at, _after(script, "#>", at, "a comment"))
     if character == "@" and (here := _here_string(script, at)):
@@ -89,12 +99,6 @@ def _made(script: str, kind: TokenKind, offset: int, end: int) -> Token:
     return Token(kind=kind, offset=offset, end=end, text=script[offset:end])
 
 
-def _line_end(script: str, at: int) -> int:
-    while at < len(script) and script[at] not in NEWLINES:
-        at += 1
-    return at
-
-
 def _after(script: str, closing: str, at: int, subject: str) -> int:
     offset = script.find(closing, at + 2)
     if offset < 0:
@@ -104,35 +108,20 @@ def _after(script: str, closing: str, at: int, subject: str) -> int:
 
 def _verbatim(script: str, start: int) -> Token:
     """A single-quoted string: any of the five closes it, two in a row are the second of them."""
-    text: list[str] = []
-    at = start + 1
-    while at < len(script):
-        if script[at] not in SINGLE_QUOTES:
-            text.append(script[at])
-            at += 1
-        elif script[at + 1 : at + 2] and script[at + 1] in SINGLE_QUOTES:
-            text.append(script[at + 1])
-            at += 2
-        else:
-            return Token(kind=TokenKind.STRING, offset=start, end=at + 1, text="".join(text))
-    raise NotTokens("a string", start)
+    match = _VERBATIM.match(script, start)
+    if match is None:
+        raise NotTokens("a string", start)
+    return Token(kind=TokenKind.STRING, offset=start, end=match.end(), text=_DOUBLED.sub(r"\1", match[1]))
 
 
 def _expandable_end(script: str, start: int) -> int:
     """Behind a double-quoted string, with the `$( )` inside, which may hold strings of their own."""
-    at = start + 1
-    while at < len(script):
-        if script[at] == "`":
-            at += 2
-        elif script[at : at + 2] == "$(":
-            at = _closing(script, at + 2, start)
-        elif script[at] not in DOUBLE_QUOTES:
-            at += 1
-        elif script[at + 1 : at + 2] and script[at + 1] in DOUBLE_QUOTES:
-            at += 2
-        else:
-            return at + 1
-    raise NotTokens("a string", start)
+    at = _end_of(_EXPANDABLE, script, start + 1)
+    while script.startswith("$(", at):
+        at = _end_of(_EXPANDABLE, script, _closing(script, at + 2, start))
+    if at >= len(script) or script[at] not in DOUBLE_QUOTES:
+        raise NotTokens("a string", start)
+    return at + 1
 
 
 def _closing(script: str, at: int, start: int) -> int:
@@ -154,7 +143,7 @@ def _closing(script: str, at: int, start: int) -> int:
 def _here_string(script: str, start: int) -> Token | None:
     """A here-string: its head ends the line, its foot begins one, and nothing inside is special."""
     quotes = next((kind for kind in (SINGLE_QUOTES, DOUBLE_QUOTES) if script[start + 1 : start + 2] in tuple(kind)), "")
-    head = _line_end(script, start)
+    head = _end_of(_LINE, script, start)
     if not quotes or script[start + 2 : head].strip(_SPACES):
         return None
     body = head + (2 if script[head : head + 2] == "\r\n" else 1)
@@ -163,7 +152,7 @@ def _here_string(script: str, start: int) -> Token | None:
         if script[line] in quotes and script[line + 1 : line + 2] == "@":
             kind = TokenKind.STRING if quotes == SINGLE_QUOTES else TokenKind.EXPANDABLE
             return Token(kind=kind, offset=start, end=line + 2, text=_without_last_newline(script[body:line]))
-        line = _line_end(script, line)
+        line = _end_of(_LINE, script, line)
         line += 2 if script[line : line + 2] == "\r\n" else 1
     raise NotTokens("a here-string", start)
 
@@ -173,12 +162,7 @@ def _without_last_newline(text: str) -> str:
 
 
 def _word_end(script: str, start: int) -> int:
-    at = start
-    while at < len(script) and script[at] not in _ENDS_WORD:
-        if script[at : at + 2] == "${":
-            at = _after(script, "}", at, "a variable's name")
-        elif script[at] == "`":
-            at += 2
-        else:
-            at += 1
-    return min(max(at, start + 1), len(script))
+    end = _end_of(_WORD, script, start)
+    if script.startswith("${", end):
+        raise NotTokens("a variable's name", end)
+    return max(end, start + 1)
