@@ -10,6 +10,7 @@ import json
 import os
 from dataclasses import dataclass
 from datetime import date
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -50,8 +51,9 @@ def command_of(folder: Path) -> list[str]:
     return (folder / "COMMAND").read_text(encoding="utf-8").split()
 
 
+@cache
 def made(folder: Path, seen: bytes | None = None) -> Made:
-    """The plan and the files; of another observation of the host where one is given."""
+    """The plan and the files; of another observation of the host where one is given. Made once a process."""
     with TemporaryDirectory() as name, contextlib.chdir(name):
         here = Path(name)
         for file in INPUTS:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 
+from rarms_iac.powershell.templates import MODULE_BEGIN, MODULE_END
 from rarms_iac.powershell.tree import parse_strictly
 from tests.twin.expressions import binding_of, parameters_of
 from tests.twin.scopes import Binding, Body, Function, Parameter, Scope
@@ -26,8 +27,8 @@ def compiled(script: bytes) -> Function:
     return Function(name="", parameters=parameters, body=body, binding=binding)
 
 
-_EDGE = r"(?=# --- runtime: )|(?<=-\r\n)(?=# --- part )|(?<=-\r\n)(?=Invoke-(?:Run|Measuring) )"
-"""Between what is fixed in scripts and what follows it: the tree of the whole is those of its pieces, one by one."""
+_EDGE = rf"(?={MODULE_BEGIN})|(?<={MODULE_END}\r\n)"
+"""Around what gives a script its module: the tree of the whole is those of its pieces, one by one."""
 
 
 @lru_cache(maxsize=64)
