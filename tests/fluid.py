@@ -4,8 +4,12 @@ For tests that are about measuring and not about scheduling: the answers are kno
 """
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from random import Random
 
+import pytest
+
+from rarms_iac.providers.simulated.scheduling import simulation
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 
 
@@ -25,3 +29,11 @@ def fluid(machine: ModelMachine, seed: int) -> Iterator[JobDone]:
         clocks[name] = (now + response, cpu + work, demand, share)
         within = demand.success_within_ms
         yield JobDone(name, now, response, within is None or response <= within, cpu + work)
+
+
+@contextmanager
+def without_scheduler() -> Iterator[None]:
+    """Inside, simulated hosts of commands run the fluid model: for tests of files, questions and what is shown."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(simulation, "simulate", fluid)
+        yield

@@ -24,6 +24,7 @@ from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.storage.digest import digest
 from tests.effort import LONG, Attempt, examples, tried
 from tests.files import copy_files
+from tests.fluid import without_scheduler
 from tests.measured_cell import DATA_LOG, HOST, JOURNAL, PLAN, READERS, make_cell
 from tests.unit.cli.running import Ran, rarms
 
@@ -48,8 +49,9 @@ ODD_VALUES: list[Any] = [
 
 
 @pytest.fixture(scope="module")
-def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return make_cell(tmp_path_factory.mktemp("cell") / "files")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    with without_scheduler():
+        yield make_cell(tmp_path_factory.mktemp("cell") / "files")
 
 
 def paths_in(value: Any) -> Iterator[tuple[Any, ...]]:

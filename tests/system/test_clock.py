@@ -1,6 +1,7 @@
 """A wall clock that goes back, before each command or at each reading: every command ends as under a right one."""
 
 import time
+from collections.abc import Iterator
 from contextlib import chdir
 from datetime import datetime, timedelta, tzinfo
 from pathlib import Path
@@ -13,6 +14,7 @@ from rarms_iac.storage import disk
 from tests.crashing import CrashingDisk
 from tests.disturbing import End, look
 from tests.effort import LONG, Attempt, tried
+from tests.fluid import without_scheduler
 from tests.measured_cell import MANIFEST
 from tests.unit.cli.running import rarms
 
@@ -48,13 +50,14 @@ class Falling(datetime):
 
 
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> type[Falling]:
+def clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[type[Falling]]:
     for module in READERS:
         monkeypatch.setattr(module, "datetime", Falling)
     ns = time.time_ns
     monkeypatch.setattr(time, "time_ns", lambda: ns() - int(Falling.back.total_seconds() * 1e9))
     Falling.back = Falling.step = timedelta(days=0)
-    return Falling
+    with without_scheduler():
+        yield Falling
 
 
 def walk(folder: Path, step: timedelta) -> tuple[list[int], End]:

@@ -13,6 +13,7 @@ from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.datalog.log import DataLog
 from tests.crashing import Crash, CrashingDisk, When
 from tests.effort import LONG
+from tests.fluid import without_scheduler
 from tests.unit.cli.running import Ran, rarms
 
 MANIFEST = """\
@@ -52,7 +53,7 @@ TWICE = [*ONCE, (60, 2), (70, 2)]
 def here(tmp_path: Path) -> Iterator[Path]:
     """A folder with a robot whose two components are measured, which is where we are."""
     (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
-    with chdir(tmp_path):
+    with chdir(tmp_path), without_scheduler():
         assert rarms(*SWEPT).code == 0
         yield tmp_path
 

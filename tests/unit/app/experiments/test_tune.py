@@ -15,6 +15,7 @@ from rarms_iac.storage.datalog.files import configuration_path
 from rarms_iac.storage.snapshot_file import read_snapshot
 from tests.builders_measured import a_setting
 from tests.files import copy_files
+from tests.fluid import without_scheduler
 from tests.measuring import leave_log, steady
 from tests.unit.cli.running import rarms
 from tests.unit.views.test_json import check
@@ -64,7 +65,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a robot whose components were measured one by one, and do not fit."""
     folder = tmp_path_factory.mktemp("robot")
     (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
-    with chdir(folder):
+    with chdir(folder), without_scheduler():
         ran = rarms("measure", "--samples", "400")
     assert ran.code == 0, ran.err
     return folder
@@ -74,7 +75,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def here(measured: Path, tmp_path: Path) -> Iterator[Path]:
     """A copy of that folder, which is where we are."""
     copy_files(measured, tmp_path / "robot")
-    with chdir(tmp_path / "robot"):
+    with chdir(tmp_path / "robot"), without_scheduler():
         yield tmp_path / "robot"
 
 
