@@ -12,7 +12,7 @@ from rarms_iac.measuring.search.crossings import crossings_of
 from rarms_iac.measuring.search.trials import Goal, Member, trials_of
 from rarms_iac.measuring.setup import Budget
 from rarms_iac.model.outcomes import Conclusion, Measure, NotAchievable, NotResolved, Sufficient
-from rarms_iac.model.series import Sample, Series
+from rarms_iac.model.series import Sample, Series, columns_of
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Threshold
 from tests.builders import a_run, at_least, at_most
@@ -38,7 +38,8 @@ def a_setting(reserve: int, level: float, cpu_ms: float | None) -> Setting:
         Sample(began_ms=level * number, response_ms=time, successful=True) for number, time in enumerate(times)
     )
     cpu = None if cpu_ms is None else JOBS * cpu_ms
-    series = Series(component="coi", samples=jobs, elapsed_ms=level * JOBS, cpu_ms=cpu)
+    # As columns, as a log gives them: what is worked out of them is kept.
+    series = Series(component="coi", samples=columns_of(jobs), elapsed_ms=level * JOBS, cpu_ms=cpu)
     return Setting(reserve=reserve, series=(series,), seed=1)
 
 
