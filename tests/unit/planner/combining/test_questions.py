@@ -340,12 +340,12 @@ def test_the_candidate_graph_has_compounds_with_their_intervals() -> None:
 
 
 def test_components_of_one_thread_can_share_a_core_that_each_takes_for_itself() -> None:
-    one, other = (
-        replace(coi, sharing=CoreSharing(threads=2, used=2), host_lp=8, missed=29) for coi in cois(one=40, other=40)
+    arm, base = (
+        replace(coi, sharing=CoreSharing(threads=2, used=2), host_lp=8, missed=29) for coi in cois(arm=40, base=40)
     )
 
-    (both,) = candidates_of([one, other], anyone, most=100).by_mask.values()
+    (both,) = candidates_of([arm, base], anyone, most=100).by_mask.values()
 
-    assert (one.processors, one.cost, one.at_least) == (1, 80, 30)
+    assert (arm.processors, arm.cost, arm.at_least) == (1, 80, 30)
     assert (both.coi.processors, both.coi.taken_processors) == (2, 2)
     assert (both.low, both.highest) == (13, 79), "30 % of one of two processors, less 2; and less than 160 % on two"
