@@ -40,7 +40,7 @@ from rarms_iac.model.series import MOST_SAMPLES, Sample, Series, columns_of
 from rarms_iac.model.system import Threshold, run_of
 from rarms_iac.providers.simulated.measuring import demand_of, model_load
 from rarms_iac.providers.simulated.scheduling.machine import QUIET_INTERRUPTS, ModelMachine, VirtualMachine
-from rarms_iac.providers.simulated.scheduling.simulation import simulate
+from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
 from rarms_iac.statistics.distributions import share_interval
 from rarms_iac.statistics.error_probability import ERROR, samples_needed
 from rarms_iac.statistics.samples import response_times
@@ -256,7 +256,7 @@ def long_run(machine: ModelMachine, name: str, jobs: int) -> Series:
     """Run a component for so many jobs in all, over many starts of its load."""
     samples, starts = list[Sample](), list[int]()
     now = began = since = counted = 0.0
-    running = simulate(machine, TRUE_SEED)
+    running = SchedulerSimulation(machine, TRUE_SEED)
     for job in running:
         now = max(now, job.began + job.response)
         if now - began < SETTLED_MS:

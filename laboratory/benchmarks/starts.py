@@ -18,7 +18,7 @@ from rarms_iac.model.outcomes import Met
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import Threshold
 from rarms_iac.providers.simulated.scheduling.machine import WINDOW_MS, JobDemand, ModelMachine, VirtualMachine
-from rarms_iac.providers.simulated.scheduling.simulation import simulate
+from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
 from rarms_iac.statistics.error_probability import ERROR, PERIODIC_STARTS
 from rarms_iac.statistics.setting_time import RESTART_WINDOWS
 from rarms_iac.statistics.verdicts import judge_look
@@ -50,7 +50,7 @@ def away_by_window(seed: int) -> dict[int, float]:
     p1 = VirtualMachine(name="P1", vps=1, reserve=reserve, components=(demand,))
     beside = chance.choice((100 - reserve, 100 - reserve / 2))  # the most on Hyper-V, and all that P1 leaves
     p2 = VirtualMachine(name="P2", vps=2, reserve=beside, weight=10_000, loads=(BusyLoop(),))
-    machine = simulate(ModelMachine(lps=2, machines=(p1, p2), interrupts=1.0), seed)
+    machine = SchedulerSimulation(ModelMachine(lps=2, machines=(p1, p2), interrupts=1.0), seed)
     windows: dict[int, list[float]] = defaultdict(list)
     now, began, starts = 0.0, 0.0, 0
     for job in machine:

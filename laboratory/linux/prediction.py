@@ -29,7 +29,7 @@ from rarms_iac.model.loads import BusyLoop
 from rarms_iac.model.run import Elapsed, Field, Run, Samples
 from rarms_iac.model.system import Component
 from rarms_iac.providers.simulated.scheduling.machine import WINDOW_MS, JobDemand, ModelMachine, VirtualMachine
-from rarms_iac.providers.simulated.scheduling.simulation import simulate
+from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
 from tests.builders import a_component, a_run, milliseconds
 
 PROGRAM = """\
@@ -150,7 +150,7 @@ def foretold(demand: Demand, limit: float, processors: int, *, in_class: bool = 
         p1 = VirtualMachine(name="P1", vps=threads, reserve=reserve, components=(job,))
         p2 = VirtualMachine(name="P2", vps=processors, reserve=p2_reserve, weight=P2_WEIGHT, loads=(BusyLoop(),))
         window = WINDOW_MS if in_class else TICK_MS
-        jobs = simulate(ModelMachine(lps=processors, machines=(p1, p2), window_ms=window), seed=1)
+        jobs = SchedulerSimulation(ModelMachine(lps=processors, machines=(p1, p2), window_ms=window), seed=1)
         return statistics.fmean(job.response for job in islice(jobs, WARM_UP, WARM_UP + JOBS)) <= limit
 
     each = least(1, 100, is_enough)

@@ -25,7 +25,7 @@ from rarms_iac.providers.simulated.scheduling.machine import (
     TracePiece,
     VirtualMachine,
 )
-from rarms_iac.providers.simulated.scheduling.simulation import simulate
+from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
 from rarms_iac.storage.shipped import shipped
 
 FDP, SRP, VSP, PPP = "face-detection", "speech-recognition", "video-streaming", "path-planning"
@@ -86,7 +86,7 @@ def bench(demand: JobDemand, reserves: tuple[float, float], load: ModelLoad | No
 
 def mean_response(machine: ModelMachine, jobs: int, seeds: Sequence[int]) -> float:
     """Over the first jobs of each seed."""
-    return mean(job.response for seed in seeds for job in islice(simulate(machine, seed), jobs))
+    return mean(job.response for seed in seeds for job in islice(SchedulerSimulation(machine, seed), jobs))
 
 
 def figure_1(jobs: int, seeds: Sequence[int], reserves: Sequence[int] = RESERVES) -> dict[int, float]:
@@ -138,14 +138,18 @@ def _together(browsers: int, until_ms: float, seeds: Sequence[int]) -> dict[str,
     machine, asked = _one_system(browsers), demands()
     inside = replace(machine.machines[0], components=tuple(asked[name] for name in (FDP, SRP, VSP, PPP)))
     filled = replace(machine, machines=(inside,))
-    jobs = [job for seed in seeds for job in simulate(filled, seed, until_ms=until_ms)]
+    jobs = [job for seed in seeds for job in SchedulerSimulation(filled, seed, until_ms=until_ms)]
     return {name: mean(job.response for job in jobs if job.component == name) for name in (FDP, SRP, VSP, PPP)}
 
 
 def _jobs(demand: JobDemand, browsers: int, until_ms: float, seeds: Sequence[int]) -> list[JobDone]:
     machine = _one_system(browsers)
     inside = replace(machine.machines[0], components=(demand,))
-    return [job for seed in seeds for job in simulate(replace(machine, machines=(inside,)), seed, until_ms=until_ms)]
+    return [
+        job
+        for seed in seeds
+        for job in SchedulerSimulation(replace(machine, machines=(inside,)), seed, until_ms=until_ms)
+    ]
 
 
 def _utilisation(browsers: int, until_ms: float, seeds: Sequence[int]) -> float:
@@ -157,7 +161,7 @@ def _utilisation(browsers: int, until_ms: float, seeds: Sequence[int]) -> float:
             busy += piece.ended - piece.began
 
     for seed in seeds:
-        for _ in simulate(_one_system(browsers), seed, until_ms=until_ms, trace=count):
+        for _ in SchedulerSimulation(_one_system(browsers), seed, until_ms=until_ms, trace=count):
             pass
     return 100.0 * busy / (LPS * until_ms * len(seeds))
 

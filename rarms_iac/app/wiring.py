@@ -128,9 +128,9 @@ def open_measuring_host(system: System, name: str, folder: Path, state_path: str
     match host.provider:
         case ProviderKind.SIMULATED:
             from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
-            from rarms_iac.providers.simulated.scheduling.simulation import simulate
+            from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
 
-            return SimulatedMeasuringHost(host, folder / state_path, simulate)
+            return SimulatedMeasuringHost(host, folder / state_path, SchedulerSimulation)
         case ProviderKind.LINUX if host.connect is None:
             from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
 

@@ -27,7 +27,7 @@ from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
 from rarms_iac.providers.interface import HostRefused
 from rarms_iac.providers.measuring import MeasuringHost, Obstacle, PartitionWork, Work
 from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
-from rarms_iac.providers.simulated.scheduling.simulation import simulate
+from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
 from tests.builders import a_component, a_host, a_run, a_simulation, memory, milliseconds
 from tests.contracts.benches import forget_groups, groups_of, slice_of
 from tests.needs import CHECKOUT
@@ -50,7 +50,7 @@ while True:
 
 
 def simulated(folder: Path) -> MeasuringHost:
-    return SimulatedMeasuringHost(a_host(), folder / "onboard.json", simulate)
+    return SimulatedMeasuringHost(a_host(), folder / "onboard.json", SchedulerSimulation)
 
 
 def linux(folder: Path) -> MeasuringHost:
@@ -335,7 +335,7 @@ def test_what_does_not_run_cannot_be_worked_in(host: MeasuringHost) -> None:
 
 def test_the_same_work_with_the_same_seed_shows_the_same_samples_on_a_simulated_host(tmp_path: Path) -> None:
     def run(seed: int) -> list[tuple[str, Sample]]:
-        host = SimulatedMeasuringHost(a_host(), tmp_path / "onboard.json", simulate)
+        host = SimulatedMeasuringHost(a_host(), tmp_path / "onboard.json", SchedulerSimulation)
         with ready(host):
             return seen(host, some_work(EYES, EARS, seed=seed, eyes=SampleCount(samples=20)))
 
@@ -346,7 +346,7 @@ def test_the_same_work_with_the_same_seed_shows_the_same_samples_on_a_simulated_
 
 
 def test_a_simulated_component_needs_a_demand(tmp_path: Path) -> None:
-    host = SimulatedMeasuringHost(a_host(), tmp_path / "onboard.json", simulate)
+    host = SimulatedMeasuringHost(a_host(), tmp_path / "onboard.json", SchedulerSimulation)
     work = some_work(a_component("nobody", simulation=None), nobody=SampleCount(samples=2))
     with ready(host), pytest.raises(HostRefused, match="does not say what it demands"), host.run(work):
         raise AssertionError("it has no demand")
@@ -354,7 +354,7 @@ def test_a_simulated_component_needs_a_demand(tmp_path: Path) -> None:
 
 def test_a_simulated_job_that_takes_longer_than_its_timeout_is_a_failed_sample(tmp_path: Path) -> None:
     slow = a_component("slow", run=a_run(timeout="10 ms"), simulation=a_simulation(work="50 ms"))
-    host = SimulatedMeasuringHost(a_host(), tmp_path / "onboard.json", simulate)
+    host = SimulatedMeasuringHost(a_host(), tmp_path / "onboard.json", SchedulerSimulation)
     with ready(host):
         ((name, sample),) = seen(host, some_work(slow, slow=SampleCount(samples=1)))
 

@@ -19,7 +19,7 @@ from rarms_iac.providers.simulated.scheduling.machine import (
     TracePiece,
     VirtualMachine,
 )
-from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation, simulate
+from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
 from tests.effort import examples
 
 UNTIL_MS = 160.0
@@ -84,7 +84,7 @@ class Ran:
 
 def run(machine: ModelMachine, until_ms: float = UNTIL_MS, seed: int = 1) -> Ran:
     pieces: list[TracePiece] = []
-    simulation = simulate(machine, seed, until_ms=until_ms, trace=pieces.append)
+    simulation = SchedulerSimulation(machine, seed, until_ms=until_ms, trace=pieces.append)
     return Ran(simulation, pieces, sum(1 for _ in simulation))
 
 
@@ -137,7 +137,7 @@ def test_a_job_is_paid_in_full_and_only_once(work: float, threads: int, reserve:
         ),
     )
 
-    jobs = list(simulate(machine, 1, until_ms=UNTIL_MS))
+    jobs = list(SchedulerSimulation(machine, 1, until_ms=UNTIL_MS))
 
     assert all(abs(job.cpu - work * number) < GRAIN for number, job in enumerate(jobs, start=1))
 

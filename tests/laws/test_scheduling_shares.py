@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rarms_iac.model.loads import BusyLoop
 from rarms_iac.providers.simulated.scheduling.machine import ModelMachine, TracePiece, VirtualMachine
 from rarms_iac.providers.simulated.scheduling.processors import Entitlement, usable_weights
-from rarms_iac.providers.simulated.scheduling.simulation import simulate
+from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
 from tests.effort import examples
 from tests.laws.test_scheduling_laws import machines
 
@@ -35,7 +35,7 @@ def got(machine: ModelMachine) -> dict[str, float]:
     def count(piece: TracePiece) -> None:
         ran[piece.ran.split(".")[0]] += (piece.ended - piece.began) / UNTIL_MS
 
-    list(simulate(machine, 1, until_ms=UNTIL_MS, trace=count))
+    list(SchedulerSimulation(machine, 1, until_ms=UNTIL_MS, trace=count))
     return ran
 
 
@@ -107,7 +107,7 @@ def test_the_order_in_which_partitions_are_listed_changes_nothing(machine: Model
     shuffle.shuffle(listed)
     other = ModelMachine(lps=machine.lps, machines=tuple(listed), interrupts=machine.interrupts)
 
-    assert list(simulate(machine, 1, until_ms=400.0)) == list(simulate(other, 1, until_ms=400.0))
+    assert list(SchedulerSimulation(machine, 1, until_ms=400.0)) == list(SchedulerSimulation(other, 1, until_ms=400.0))
 
 
 entitlements = st.builds(

@@ -7,7 +7,7 @@ import pytest
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Sweep
 from rarms_iac.model.outcomes import Sufficient
-from rarms_iac.providers.simulated.scheduling.simulation import simulate as scheduled
+from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
 from rarms_iac.statistics.error_probability import PERIODIC_STARTS
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.unit.measuring.bench import Bench
@@ -30,7 +30,7 @@ def test_a_setting_of_a_search_has_thirty_starts_of_periodic_jobs_beside_a_load_
     tmp_path: Path,
 ) -> None:
     bench = Bench(tmp_path, an_experiment("busy-loop"))
-    ended = bench.measure(bench.search("default"), simulate=scheduled)
+    ended = bench.measure(bench.search("default"), simulate=SchedulerSimulation)
 
     assert isinstance(ended.conclusion, Sufficient)
     for setting in bench.book().settings():
@@ -46,13 +46,13 @@ def test_a_setting_of_a_search_has_thirty_starts_of_periodic_jobs_beside_a_load_
 @pytest.mark.parametrize("load", ["busy-loop", "bursts-20"])
 def test_a_sweep_starts_its_load_once(tmp_path: Path, load: str) -> None:
     bench = Bench(tmp_path, an_experiment(load))
-    ended = bench.measure(Sweep(reserves=(60,)), simulate=scheduled)
+    ended = bench.measure(Sweep(reserves=(60,)), simulate=SchedulerSimulation)
 
     assert [series.starts for setting in ended.settings for series in setting.series] == [()]
 
 
 def test_bursts_draw_their_gaps_and_start_once(tmp_path: Path) -> None:
     bench = Bench(tmp_path, an_experiment("bursts-20"))
-    ended = bench.measure(bench.search("default"), simulate=scheduled)
+    ended = bench.measure(bench.search("default"), simulate=SchedulerSimulation)
 
     assert {series.starts for setting in ended.settings for series in setting.series} == {()}

@@ -18,7 +18,7 @@ from rarms_iac.model.outcomes import Missed, Sufficient, Unsteady
 from rarms_iac.model.setting import Setting
 from rarms_iac.providers.simulated.measuring import Simulate
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
-from rarms_iac.providers.simulated.scheduling.simulation import simulate as scheduled
+from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
 from rarms_iac.statistics.curves import curves_of, least_reserve
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.fluid import fluid
@@ -116,7 +116,7 @@ def test_quick_jobs_that_have_a_processor_for_themselves_at_first_are_not_believ
     experiment = an_experiment("3 ms", "0 %", 4)
     log = tmp_path / "settled"
     log.mkdir()
-    ended = searched(experiment, log, scheduler=scheduled)
+    ended = searched(experiment, log, scheduler=SchedulerSimulation)
 
     assert isinstance(ended.conclusion, Sufficient)
     assert ended.conclusion.reserve >= 35

@@ -16,6 +16,7 @@ class OperatingSystem:
     def __init__(self, machine: VirtualMachine, hypervisor: HypervisorScheduler) -> None:
         shares = (machine.reserve / 100.0, machine.limit / 100.0)
         self._hypervisor = hypervisor
+        self.agenda = hypervisor.agenda
         self._ready: list[tuple[int, int, Thread]] = []
         self._asked = 0
         self.contended = False

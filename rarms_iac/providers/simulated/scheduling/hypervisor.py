@@ -33,7 +33,7 @@ class HypervisorScheduler:
     """Places VPs on LPs; tells the guest (`finished`, `quantum_over`) when a thread's work or turn is over."""
 
     def __init__(self, agenda: Agenda, lps: int, window_ms: float, trace: Callable[[TracePiece], None] | None) -> None:
-        self._agenda = agenda
+        self.agenda = agenda
         self._window = window_ms
         self._trace = trace
         self._taken = self._read_at = self._reserve_clock = 0.0
@@ -108,7 +108,7 @@ class HypervisorScheduler:
 
     def settle(self, lp: LogicalProcessor) -> None:
         """Accounts for what the LP did since it was last settled."""
-        now = self._agenda.now
+        now = self.agenda.now
         elapsed = now - lp.since
         if elapsed <= 0.0:
             return
@@ -125,7 +125,7 @@ class HypervisorScheduler:
 
     def _clock(self) -> float:
         """The reserve clock: it stands still while interrupts take the LPs, so that reserves share what they leave."""
-        now = self._agenda.now
+        now = self.agenda.now
         if now != self._read_at:  # interrupts that begin or end now have taken nothing yet, or are in `_taken`
             taken = self._taken
             for lp in self.lps:
@@ -136,7 +136,7 @@ class HypervisorScheduler:
 
     def settle_all(self) -> None:
         """Accounts for everything up to now."""
-        now = self._agenda.now
+        now = self.agenda.now
         for lp in self.lps:
             if lp.since < now:
                 self.settle(lp)
@@ -189,7 +189,7 @@ class HypervisorScheduler:
                 self._queue(vp)
 
     def _left_of_limit(self, vp: VirtualProcessor) -> float:
-        vp.refill(int((self._agenda.now + INSTANT) / self._window), self._window)
+        vp.refill(int((self.agenda.now + INSTANT) / self._window), self._window)
         return vp.limit_left
 
     def _first_waiting(self) -> tuple[VirtualProcessor, int] | None:
@@ -219,7 +219,7 @@ class HypervisorScheduler:
             self._queue(other)
         self._waiting.remove(vp)
         # Who runs on its claim has no slice of what is left over: that is for the least served when the claim ends.
-        lp.slice_until = self._agenda.now + (SLICE_MS if urgency == NOTHING else 0.0)
+        lp.slice_until = self.agenda.now + (SLICE_MS if urgency == NOTHING else 0.0)
         vp.waiting = False
         vp.turn += 1
         vp.lp = vp.home = lp
@@ -234,7 +234,7 @@ class HypervisorScheduler:
         free = [lp for lp in self.lps if lp.vp is None]
         if free:
             return min(free, key=lambda lp: (bool(lp.taken), lp is not vp.home))
-        now = self._agenda.now if urgency == NOTHING else inf
+        now = self.agenda.now if urgency == NOTHING else inf
         weakest, lowest, strength = None, LATE + 1, 0.0
         for lp in self.lps:
             other = lp.vp
@@ -256,12 +256,12 @@ class HypervisorScheduler:
     def _arm(self, lp: LogicalProcessor) -> None:
         """Asks for the next moment at which something may change on this LP by itself."""
         delay = lp.taken_left if lp.taken else self._undisturbed(lp)
-        at = self._agenda.now + max(delay, 0.0)
+        at = self.agenda.now + max(delay, 0.0)
         if at != lp.armed_at:
             lp.turn += 1
             lp.armed_at = at
             if at != inf:
-                self._agenda.at(at, lp, lp.due)
+                self.agenda.at(at, lp, lp.due)
 
     def _undisturbed(self, lp: LogicalProcessor) -> float:
         vp = lp.vp
@@ -272,7 +272,7 @@ class HypervisorScheduler:
             delay = min(delay, vp.thread.quantum)
         if self._waiting:
             if vp.claim <= INSTANT:
-                now = self._agenda.now
+                now = self.agenda.now
                 if lp.slice_until <= now + INSTANT:
                     lp.slice_until = now + SLICE_MS
                 delay = min(delay, lp.slice_until - now)
@@ -283,7 +283,7 @@ class HypervisorScheduler:
         return delay
 
     def _to_next_window(self) -> float:
-        now = self._agenda.now
+        now = self.agenda.now
         return (int((now + INSTANT) / self._window) + 1) * self._window - now
 
     def _lp_due(self, lp: LogicalProcessor) -> None:
@@ -330,4 +330,4 @@ class HypervisorScheduler:
         if vp.limit < 1.0 and self._left_of_limit(vp) <= INSTANT:
             delay = min(delay, self._to_next_window())
         if delay != inf:
-            self._agenda.after(delay, vp, vp.due)
+            self.agenda.after(delay, vp, vp.due)

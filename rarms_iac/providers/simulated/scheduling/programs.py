@@ -14,7 +14,6 @@ from rarms_iac.providers.simulated.scheduling.processors import (
     INSTANT,
     Account,
     Action,
-    Agenda,
     LogicalProcessor,
     Owner,
     Thread,
@@ -111,7 +110,6 @@ class ComponentProgram(Owner):
         self,
         demand: JobDemand,
         system: OperatingSystem,
-        agenda: Agenda,
         random: Random,
         tell: Callable[[JobDone], None],
         use: ProcessorUse,
@@ -121,7 +119,7 @@ class ComponentProgram(Owner):
         self._use = use
         self._demand = demand
         self._system = system
-        self._agenda = agenda
+        self._agenda = system.agenda
         self._tell = tell
         self._variation = Variation(random, demand.varies)
         self._threads = [Thread(demand.priority, self.account, self._thread_done) for _ in range(demand.threads)]
@@ -234,7 +232,8 @@ class Devices:
 class GuestScreen:
     """The one screen of a guest: who draws on it locks it, the others wait in the order in which they came."""
 
-    def __init__(self) -> None:
+    def __init__(self, absent: float) -> None:
+        self.absent = absent  # as of `absent_share`
         self._waiting: deque[Action] = deque()
         self._locked = False
 
@@ -257,19 +256,10 @@ class GuestScreen:
 class BrowserProgram(Owner):
     """Decodes and draws frames, 25 a second if it can; a frame that comes late is not made up for."""
 
-    def __init__(
-        self,
-        system: OperatingSystem,
-        agenda: Agenda,
-        random: Random,
-        devices: Devices,
-        screen: GuestScreen | None,
-        absent: float,
-    ) -> None:
+    def __init__(self, system: OperatingSystem, random: Random, devices: Devices, screen: GuestScreen | None) -> None:
         super().__init__()
-        self._absent = absent
         self._system = system
-        self._agenda = agenda
+        self._agenda = system.agenda
         self._random = random
         self._devices = devices
         self._screen = screen
@@ -294,7 +284,8 @@ class BrowserProgram(Owner):
             self._screen.lock(self._draw)
 
     def _draw(self) -> None:
-        reads = self._random.random() < READS_A_FRAME * self._absent
+        assert self._screen is not None
+        reads = self._random.random() < READS_A_FRAME * self._screen.absent
         self._agenda.after(self._variation.of(DISK_READ_MS) if reads else 0.0, self, self._paged_in)
 
     def _paged_in(self) -> None:
@@ -315,11 +306,11 @@ class BrowserProgram(Owner):
 class BurstProgram(Owner):
     """Threads that wake together; the gap to their next burst begins when the last of them is done."""
 
-    def __init__(self, load: BurstLoads, threads: int, system: OperatingSystem, agenda: Agenda, random: Random) -> None:
+    def __init__(self, load: BurstLoads, threads: int, system: OperatingSystem, random: Random) -> None:
         super().__init__()
         self._load = load
         self._system = system
-        self._agenda = agenda
+        self._agenda = system.agenda
         self._random = random
         self._threads = [Thread(ORDINARY, Account(), self._thread_done) for _ in range(threads)]
         self._busy = 0
@@ -345,14 +336,12 @@ class BurstProgram(Owner):
 class InterruptSource(Owner):
     """ISRs and DPCs that take a given share of one LP, in pieces that come at random."""
 
-    def __init__(
-        self, lp: LogicalProcessor, share: float, hypervisor: HypervisorScheduler, agenda: Agenda, random: Random
-    ) -> None:
+    def __init__(self, lp: LogicalProcessor, share: float, hypervisor: HypervisorScheduler, random: Random) -> None:
         super().__init__()
         self._lp = lp
         self._gap = PIECE_MS * (1.0 / share - 1.0)
         self._hypervisor = hypervisor
-        self._agenda = agenda
+        self._agenda = hypervisor.agenda
         self._random = random
 
     def start(self) -> None:
@@ -366,10 +355,10 @@ class InterruptSource(Owner):
 class BusyLoopProgram(Owner):
     """A thread that never waits, but for when its load begins anew."""
 
-    def __init__(self, system: OperatingSystem, agenda: Agenda) -> None:
+    def __init__(self, system: OperatingSystem) -> None:
         super().__init__()
         self._system = system
-        self._agenda = agenda
+        self._agenda = system.agenda
         self._thread = Thread(ORDINARY, Account(), lambda: None)
         self._thread.remaining = inf
 

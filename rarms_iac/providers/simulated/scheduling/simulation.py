@@ -1,4 +1,4 @@
-"""Runs a machine: `simulate(machine, seed)` yields jobs as they end."""
+"""Runs a machine: it yields jobs as they end."""
 
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -62,7 +62,7 @@ class SchedulerSimulation:
         if machine.interrupts:
             for lp in self._hypervisor.lps:
                 random = self._random(f"interrupts/{lp.number}")
-                InterruptSource(lp, machine.interrupts / 100.0, self._hypervisor, self._agenda, random).start()
+                InterruptSource(lp, machine.interrupts / 100.0, self._hypervisor, random).start()
         self._hypervisor.decide()
 
     def consumed_ms(self, component: str) -> float:
@@ -107,17 +107,16 @@ class SchedulerSimulation:
         use = self._use[machine.name] = ProcessorUse()
         for demand in machine.components:
             random = self._random(f"component/{demand.component}")
-            component = ComponentProgram(demand, system, self._agenda, random, self._done.append, use)
+            component = ComponentProgram(demand, system, random, self._done.append, use)
             self._components[demand.component] = component
             component.start()
         playing = sum(load.instances for load in machine.loads if isinstance(load, Browser))
-        absent = absent_share(playing, machine.memory_mib)
-        screen = GuestScreen() if machine.partitioned else None
+        screen = GuestScreen(absent_share(playing, machine.memory_mib)) if machine.partitioned else None
         for number, load in enumerate(machine.loads):
-            self._start_load(load, machine, system, (f"{machine.name}/{number}", screen, absent))
+            self._start_load(load, machine, system, f"{machine.name}/{number}", screen)
 
     def _start_busy_loops(self, count: int, system: OperatingSystem) -> None:
-        loops = [BusyLoopProgram(system, self._agenda) for _ in range(count)]
+        loops = [BusyLoopProgram(system) for _ in range(count)]
         self._busy_loops += loops
         for loop in loops:
             loop.start()
@@ -127,25 +126,18 @@ class SchedulerSimulation:
         load: ModelLoad,
         machine: VirtualMachine,
         system: OperatingSystem,
-        place: tuple[str, GuestScreen | None, float],
+        name: str,
+        screen: GuestScreen | None,
     ) -> None:
-        name, screen, absent = place
         match load:
             case BusyLoop(threads=threads):
                 self._start_busy_loops(machine.vps if threads is None else threads, system)
             case BurstLoads(threads=threads):
                 count = machine.vps if threads is None else threads
-                BurstProgram(load, count, system, self._agenda, self._random(f"bursts/{name}")).start()
+                BurstProgram(load, count, system, self._random(f"bursts/{name}")).start()
             case Browser(instances=instances):
                 for number in range(instances):
                     random = self._random(f"browser/{name}/{number}")
-                    BrowserProgram(system, self._agenda, random, self._devices, screen, absent).start()
+                    BrowserProgram(system, random, self._devices, screen).start()
             case _:
                 assert_never(load)
-
-
-def simulate(
-    machine: ModelMachine, seed: int, *, until_ms: float = inf, trace: Callable[[TracePiece], None] | None = None
-) -> SchedulerSimulation:
-    """Starts the machine at time 0; see `SchedulerSimulation`. `trace` gets what every LP did, piece by piece."""
-    return SchedulerSimulation(machine, seed, until_ms=until_ms, trace=trace)

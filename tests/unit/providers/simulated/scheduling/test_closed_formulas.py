@@ -7,14 +7,14 @@ import pytest
 from rarms_iac.model.loads import BusyLoop
 from rarms_iac.providers.simulated.scheduling.guest import QUANTUM_MS
 from rarms_iac.providers.simulated.scheduling.machine import JobDemand, ModelMachine, VirtualMachine
-from rarms_iac.providers.simulated.scheduling.simulation import simulate
+from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
 
 
 def test_two_equal_threads_of_one_system_take_turns() -> None:
     job = JobDemand(component="job", work_ms=100)
     system = VirtualMachine(name="os", vps=1, components=(job,), loads=(BusyLoop(threads=1),))
 
-    jobs = list(islice(simulate(ModelMachine(lps=1, machines=(system,)), 1), 40))
+    jobs = list(islice(SchedulerSimulation(ModelMachine(lps=1, machines=(system,)), 1), 40))
 
     assert (jobs[-1].began + jobs[-1].response) / 40 == pytest.approx(200, rel=0.02)
 
@@ -24,7 +24,7 @@ def test_a_thread_that_wakes_has_a_whole_turn() -> None:
     shy = JobDemand(component="shy", work_ms=20, blocked_ms=30)
     system = VirtualMachine(name="os", vps=1, components=(shy,), loads=(BusyLoop(threads=1),))
 
-    responses = [job.response for job in islice(simulate(ModelMachine(lps=1, machines=(system,)), 1), 40)]
+    responses = [job.response for job in islice(SchedulerSimulation(ModelMachine(lps=1, machines=(system,)), 1), 40)]
 
     assert all(50.0 <= response <= 50.0 + QUANTUM_MS for response in responses)
 
@@ -34,7 +34,7 @@ def test_a_thread_that_does_not_wait_goes_on_with_its_turn() -> None:
     steady = JobDemand(component="steady", work_ms=20)
     system = VirtualMachine(name="os", vps=1, components=(steady,), loads=(BusyLoop(threads=1),))
 
-    *_, last = islice(simulate(ModelMachine(lps=1, machines=(system,)), 1), 200)
+    *_, last = islice(SchedulerSimulation(ModelMachine(lps=1, machines=(system,)), 1), 200)
 
     assert (last.began + last.response) / 200 == pytest.approx(40.0, rel=0.02)
 
@@ -43,7 +43,7 @@ def test_a_higher_thread_never_waits_for_a_lower_one() -> None:
     urgent = JobDemand(component="urgent", work_ms=20, blocked_ms=5, priority=30)
     system = VirtualMachine(name="os", vps=1, components=(urgent,), loads=(BusyLoop(threads=3),))
 
-    jobs = list(islice(simulate(ModelMachine(lps=1, machines=(system,)), 1), 10))
+    jobs = list(islice(SchedulerSimulation(ModelMachine(lps=1, machines=(system,)), 1), 10))
 
     assert {round(job.response, 6) for job in jobs} == {25.0}
 
@@ -52,7 +52,7 @@ def test_interrupts_take_their_share_from_the_highest_thread_too() -> None:
     job = JobDemand(component="job", work_ms=30, priority=31)
     system = VirtualMachine(name="os", vps=1, reserve=100, components=(job,))
 
-    jobs = list(islice(simulate(ModelMachine(lps=1, machines=(system,), interrupts=25), 1), 200))
+    jobs = list(islice(SchedulerSimulation(ModelMachine(lps=1, machines=(system,), interrupts=25), 1), 200))
 
     assert (jobs[-1].began + jobs[-1].response) / 200 == pytest.approx(40, rel=0.03)
 

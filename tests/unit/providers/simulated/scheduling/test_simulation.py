@@ -14,7 +14,7 @@ from rarms_iac.providers.simulated.scheduling.machine import (
     TracePiece,
     VirtualMachine,
 )
-from rarms_iac.providers.simulated.scheduling.simulation import simulate
+from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
 
 
 def face_detection(varies: float = 0) -> JobDemand:
@@ -36,7 +36,7 @@ def bench(demand: JobDemand, reserve: float, *, lps: int = 2) -> ModelMachine:
 
 
 def first(machine: ModelMachine, count: int, seed: int = 1) -> list[JobDone]:
-    return list(islice(simulate(machine, seed), count))
+    return list(islice(SchedulerSimulation(machine, seed), count))
 
 
 def test_alone_a_job_takes_its_blocked_time_and_its_work() -> None:
@@ -85,7 +85,7 @@ def test_a_job_that_takes_too_long_is_ended_and_uses_nothing_more() -> None:
     late = JobDemand(component="late", work_ms=60, period_ms=50, timeout_ms=20, priority=20)
     behind = JobDemand(component="behind", work_ms=30)
     machine = ModelMachine(lps=1, machines=(VirtualMachine(name="P1", vps=1, components=(late, behind)),))
-    simulation = simulate(machine, 1, until_ms=10_000)
+    simulation = SchedulerSimulation(machine, 1, until_ms=10_000)
 
     jobs = list(simulation)
     ended = [job for job in jobs if job.component == "late"]
@@ -104,7 +104,7 @@ def test_a_job_is_ended_also_while_it_waits_or_has_no_processor() -> None:
     starved = JobDemand(component="starved", work_ms=5, timeout_ms=10, priority=1)
     first_of_all = VirtualMachine(name="P1", vps=1, components=(waits, starved), loads=(BusyLoop(threads=1),))
 
-    simulation = simulate(ModelMachine(lps=1, machines=(first_of_all,)), 1, until_ms=100)
+    simulation = SchedulerSimulation(ModelMachine(lps=1, machines=(first_of_all,)), 1, until_ms=100)
     jobs = list(simulation)
 
     assert [job.component for job in jobs].count("waits") == 10
@@ -128,7 +128,7 @@ def test_parallel_work_is_done_on_all_vps_at_once() -> None:
 
 
 def test_it_ends_when_asked_and_tells_what_was_consumed() -> None:
-    simulation = simulate(bench(face_detection(), 50), 1, until_ms=1000)
+    simulation = SchedulerSimulation(bench(face_detection(), 50), 1, until_ms=1000)
 
     jobs = list(simulation)
 
@@ -145,7 +145,7 @@ def bursts(lps: int = 2) -> ModelMachine:
 def busy_pieces(machine: ModelMachine, lp: int, until_ms: float = 5000.0) -> list[TracePiece]:
     """When the LP ran something."""
     pieces: list[TracePiece] = []
-    list(simulate(machine, 1, until_ms=until_ms, trace=pieces.append))
+    list(SchedulerSimulation(machine, 1, until_ms=until_ms, trace=pieces.append))
     return [piece for piece in pieces if piece.lp == lp and piece.ran != IDLE]
 
 
@@ -172,7 +172,7 @@ def test_a_burst_is_processor_time_however_long_that_takes() -> None:
     other = VirtualMachine(name="P1", vps=1, reserve=70, loads=(BusyLoop(),))
     machine = ModelMachine(lps=1, machines=(other, VirtualMachine(name="P2", vps=1, reserve=30, loads=(load,))))
     pieces: list[TracePiece] = []
-    list(simulate(machine, 1, until_ms=30_000.0, trace=pieces.append))
+    list(SchedulerSimulation(machine, 1, until_ms=30_000.0, trace=pieces.append))
 
     consumed = sum(piece.ended - piece.began for piece in pieces if piece.ran == "P2.0")
     assert 0.27 < consumed / 30_000.0 < 0.31, "20 ms at 30 % take up to 67 ms, less what was saved in the gap"
@@ -183,7 +183,7 @@ def test_a_load_that_begins_anew_gives_p1_nothing_that_it_does_not_reserve() -> 
     demand = JobDemand(component="coi", work_ms=5.0)
     p1 = VirtualMachine(name="P1", vps=1, reserve=10, components=(demand,))
     p2 = VirtualMachine(name="P2", vps=4, reserve=90, weight=10_000, loads=(BusyLoop(),))
-    machine = simulate(ModelMachine(lps=4, machines=(p1, p2)), 1)
+    machine = SchedulerSimulation(ModelMachine(lps=4, machines=(p1, p2)), 1)
     began, counted, seen = 0.0, 0, 0.0
     for job in machine:
         now = job.began + job.response
