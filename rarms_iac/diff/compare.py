@@ -44,8 +44,8 @@ def compare(
     wanted = {partition.settings.name: partition for partition in desired.partitions}
     managed = managed_machines(observed, application, wanted, rules)
     parts = (
-        partition_changes(wanted, managed, observed, application, context, rules),
-        task_changes(desired, managed, observed, application, rules),
+        partition_changes(wanted, managed, observed, context, rules),
+        task_changes(desired, managed, observed, rules),
         responsiveness_changes(desired.responsiveness, observed.responsiveness, application, rules),
     )
     changes = [change for part in parts for change in part.changes]

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from rarms_iac.diff.comparison import ManagedMachines, ManifestRules, PartialDifference
 from rarms_iac.diff.disruption import can_change_now, changed_facets, disruption_of_update, stops, why_memory_needs_off
-from rarms_iac.model.changes import Address, Create, Delete, Reason, Update
+from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Update
 from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
@@ -43,7 +43,6 @@ def partition_changes(
     wanted: Mapping[str, Partition],
     managed: ManagedMachines,
     observed: State,
-    application: str,
     context: HostContext,
     rules: ManifestRules,
 ) -> PartialDifference:
@@ -53,7 +52,6 @@ def partition_changes(
         wanted: the desired partitions by name.
         managed: the machines that carry the application's mark.
         observed: the host, with all its machines.
-        application: the application whose marks count.
         context: what a change of this host depends on.
         rules: what the manifest says beside the desired partitions.
 
@@ -62,86 +60,70 @@ def partition_changes(
             the way.
     """
     difference = PartialDifference()
-    in_the_way = list(_machines_in_the_way(wanted, managed, observed, application, rules))
+    in_the_way = list(_machines_in_the_way(wanted, managed, observed, rules))
     difference.findings += [*managed.findings, *foreign_marks(observed), *in_the_way]
     blocked = {diagnostic.address for diagnostic in in_the_way}
     for name in sorted({*wanted, *managed.machines}):
-        if f"partition/{name}" not in blocked:
-            _compare_partition(difference, name, wanted.get(name), managed.machines.get(name), context, rules)
+        if f"partition/{name}" in blocked:
+            continue
+        found = _partition_change(name, wanted.get(name), managed.machines.get(name), context, rules)
+        if isinstance(found, Diagnostic):
+            difference.findings.append(found)
+        elif found is not None:
+            difference.changes.append(found)
+        elif name in rules.unused:
+            difference.unused.append(name)
+        else:
+            difference.unchanged += 1
     return difference
 
 
-def _compare_partition(
-    difference: PartialDifference,
-    name: str,
-    after: Partition | None,
-    before: Partition | None,
-    context: HostContext,
-    rules: ManifestRules,
-) -> None:
+def _partition_change(
+    name: str, after: Partition | None, before: Partition | None, context: HostContext, rules: ManifestRules
+) -> Change | Diagnostic | None:
+    """The change of a partition, or why it cannot be made; None: nothing has to be changed."""
     address = Address(partition=name, machine=before.id if before else "")
     if before is None:
         assert after is not None
-        reason = Reason(message="it is not there", place=rules.locate(address))
-        difference.changes.append(Create(address=address, after=after, reason=reason))
-    elif after is None:
-        _delete(difference, address, before, context, rules)
-    elif not _is_unchanged(before, after):
-        _update(difference, address, before, after, context, rules)
-    elif name in rules.unused:
-        difference.unused.append(name)
-    else:
-        difference.unchanged += 1
+        return Create(
+            address=address, after=after, reason=Reason(message="it is not there", place=rules.locate(address))
+        )
+    if after is None:
+        return _deletion(address, before, context, rules)
+    return None if _is_unchanged(before, after) else _update(address, before, after, context, rules)
 
 
-def _delete(
-    difference: PartialDifference,
-    address: Address,
-    before: Partition,
-    context: HostContext,
-    rules: ManifestRules,
-) -> None:
+def _deletion(address: Address, before: Partition, context: HostContext, rules: ManifestRules) -> Delete | Diagnostic:
     place, is_unnamed = rules.locate(address), address.partition in rules.unnamed
     if is_unnamed and before.mark is not None and before.mark.protected:
-        difference.findings.append(_protected_before(address.partition))
-    elif address.partition in rules.protected:
-        difference.findings.append(_protected(address.partition, "it would be removed", place))
-    elif before.state in {RunState.BUSY, RunState.CRITICAL}:
-        difference.findings.append(neither_off_nor_running(address, before.state, place))
-    else:
-        why = "the manifest no longer names it" if is_unnamed else "it is not wanted on this host"
-        loses_nothing = is_unnamed and before.id in context.restorable
-        disruption = Disruption.PARTITION_STOP if loses_nothing else Disruption.REMOVAL
-        reason = Reason(message=why, place=place)
-        difference.changes.append(Delete(address=address, before=before, reason=reason, disruption=disruption))
+        return _protected_before(address.partition)
+    if address.partition in rules.protected:
+        return _protected(address.partition, "it would be removed", place)
+    if before.state in {RunState.BUSY, RunState.CRITICAL}:
+        return neither_off_nor_running(address, before.state, place)
+    why = "the manifest no longer names it" if is_unnamed else "it is not wanted on this host"
+    loses_nothing = is_unnamed and before.id in context.restorable
+    disruption = Disruption.PARTITION_STOP if loses_nothing else Disruption.REMOVAL
+    return Delete(address=address, before=before, reason=Reason(message=why, place=place), disruption=disruption)
 
 
 def _update(
-    difference: PartialDifference,
-    address: Address,
-    before: Partition,
-    after: Partition,
-    context: HostContext,
-    rules: ManifestRules,
-) -> None:
+    address: Address, before: Partition, after: Partition, context: HostContext, rules: ManifestRules
+) -> Update | Diagnostic:
     name, place = address.partition, rules.locate(address)
     disruption = disruption_of_update(before, after.settings, context)
     if disruption is Disruption.REMOVAL and name in rules.protected:
-        difference.findings.append(_protected(name, "another generation means to make it again", place))
-        return
+        return _protected(name, "another generation means to make it again", place)
     if not can_change_now(before, after.settings, context):
-        difference.findings.append(neither_off_nor_running(address, before.state, place))
-        return
+        return neither_off_nor_running(address, before.state, place)
     unused = name in rules.unused
     why = "the manifest no longer names it" if unused else _describe_difference(before, after, context)
-    difference.changes.append(
-        Update(
-            address=address,
-            before=before,
-            after=replace(after, id=before.id, other_notes=before.other_notes),
-            reason=Reason(message=why, place=place),
-            disruption=disruption,
-        )
+    return Update(
+        address=address,
+        before=before,
+        after=replace(after, id=before.id, other_notes=before.other_notes),
+        reason=Reason(message=why, place=place),
+        disruption=disruption,
     )
 
 
@@ -200,16 +182,12 @@ def foreign_marks(observed: State) -> Iterator[Diagnostic]:
 
 
 def _machines_in_the_way(
-    wanted: Mapping[str, Partition],
-    managed: ManagedMachines,
-    observed: State,
-    application: str,
-    rules: ManifestRules,
+    wanted: Mapping[str, Partition], managed: ManagedMachines, observed: State, rules: ManifestRules
 ) -> Iterator[Diagnostic]:
     """Machines of others that have the name of a wanted partition."""
     for partition in observed.partitions:
         name = partition.settings.name
-        is_managed = partition.mark is not None and partition.mark.application == application
+        is_managed = partition.mark is not None and partition.mark.application == managed.application
         if is_managed or name not in wanted:
             continue
         holder = managed.machines.get(name)

@@ -22,16 +22,13 @@ RESPONSIVENESS_UNDECIDED = Finding.error("RARMS228", "SystemResponsiveness of th
 _PATTERN = re.compile(r"[*?\[\]`]")
 
 
-def task_changes(
-    desired: State, managed: ManagedMachines, observed: State, application: str, rules: ManifestRules
-) -> PartialDifference:
+def task_changes(desired: State, managed: ManagedMachines, observed: State, rules: ManifestRules) -> PartialDifference:
     """The changes of task classes of the host and of managed guests; those of other guests are not looked at.
 
     Args:
         desired: what the manifest wants of this host.
         managed: the machines that carry the application's mark.
         observed: what is there.
-        application: the application whose records count.
         rules: which shipped classes may be replaced, and where the manifest says so.
 
     Returns:
@@ -53,8 +50,8 @@ def task_changes(
         elif not key[0] or key[0] in used:
             before, after = present.get(key), wanted.get(key)
             if after is not None:
-                _compare_wanted(difference, before, after, application, rules)
-            elif before is not None and _is_managed(before, application):
+                _compare_wanted(difference, before, after, managed.application, rules)
+            elif before is not None and _is_managed(before, managed.application):
                 _remove(difference, before, key[0])
     return difference
 

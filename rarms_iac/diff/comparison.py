@@ -51,6 +51,7 @@ class PartialDifference:
 class ManagedMachines:
     """The machines that carry this application's mark, after the manifest's moves."""
 
+    application: str
     machines: Mapping[str, Partition]  # by the partition name that each is to have
     new_names: Mapping[str, str]  # by the name that each has now
     findings: tuple[Diagnostic, ...]  # moves that cannot be done
@@ -73,6 +74,7 @@ def managed_machines(
     marked = {partition.mark.name: partition for partition in observed.of(application).partitions if partition.mark}
     names = renaming(marked, wanted, rules.moved)
     return ManagedMachines(
+        application=application,
         machines={names.new[name]: partition for name, partition in sorted(marked.items())},
         new_names=names.new,
         findings=tuple(
