@@ -125,8 +125,7 @@ def graph_of_layout(system: System, layout: Layout) -> LayoutGraph:
                     memory=partition.settings.memory,
                     components=nodes(partition.components),
                 )
-                for partition in layout.partitions
-                if partition.host == host.name
+                for partition in layout.on(host.name)
             ),
             components=nodes(component for component, on in layout.on_hosts if on == host.name),
         )

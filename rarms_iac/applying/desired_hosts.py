@@ -12,6 +12,7 @@ from rarms_iac.diff.partition_steps import DiskVerdict, judge_disks
 from rarms_iac.diff.readings import count_disks
 from rarms_iac.model.capacity import capacity_of, foreign_claims
 from rarms_iac.model.changes import Address
+from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
 from rarms_iac.model.host import HypervHost
 from rarms_iac.model.layout import Layout
@@ -25,6 +26,7 @@ from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.desired import Desired, desired_state
 from rarms_iac.planner.groups import groups_of, most_critical_first, unnamed_partitions
 from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.planning_findings import NO_ROOM
 from rarms_iac.planner.problem import host_view
 from rarms_iac.planner.task_classes import ClassValues
 
@@ -54,19 +56,11 @@ def desired_hosts(
     if request.purpose is not Purpose.APPLY:
         return {name: _without_layout(request, state) for name, state in states}, ()
     views = {name: host_view(state, request.application) for name, state in states}
-    namesakes = tuple(map(_without_place, _namesakes(system, observed, places)))
-    first = f"First settle the machine that has a wanted name ({FOREIGN_AT_NAME.code}): it takes room, too."
-    planning = plan_layout(
-        system,
-        request.reservations,
-        views,
-        places,
-        max_disruption=request.limit,
-        advice_without_room=first if namesakes else "",
-    )
+    planning = plan_layout(system, request.reservations, views, places, max_disruption=request.limit)
     layout = planning.answer
     if not isinstance(layout, Layout):
-        return {}, (*namesakes, *planning.findings)
+        namesakes = tuple(map(_without_place, _namesakes(system, observed, places)))
+        return {}, (*namesakes, *(map(_advise_to_settle, planning.findings) if namesakes else planning.findings))
     hosts = {name: desired_state(system, layout, state, places, request.limit) for name, state in states}
     findings = list(planning.findings)
     for desired in hosts.values():
@@ -175,6 +169,12 @@ def _namesakes(system: System, observed: Mapping[str, State], places: Places) ->
                 yield machine_in_the_way(
                     machine, places.key(system.section_of(machine.settings.name), machine.settings.name)
                 )
+
+
+def _advise_to_settle(finding: Diagnostic) -> Diagnostic:
+    """Where hosts have too little: to settle a namesake first, before any way out."""
+    advice = f"First settle the machine that has a wanted name ({FOREIGN_AT_NAME.code}): it takes room, too."
+    return replace(finding, advice=prose(advice)) if finding.code in NO_ROOM else finding
 
 
 def _without_place(diagnostic: Diagnostic) -> Diagnostic:

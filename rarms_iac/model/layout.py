@@ -107,6 +107,14 @@ class Layout:
     on_hosts: tuple[tuple[str, str], ...]  # component, host: those that run outside partitions
     placement: Placement | None = None  # None where there was nothing to choose
 
+    def on(self, host: str) -> tuple[PlacedPartition, ...]:
+        """The partitions of a host, by name.
+
+        Args:
+            host: its name.
+        """
+        return tuple(partition for partition in self.partitions if partition.host == host)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cause:

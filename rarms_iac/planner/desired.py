@@ -51,8 +51,7 @@ class Desired:
     @property
     def partitions(self) -> tuple[PlacedPartition, ...]:
         """The partitions that the layout places here, by name."""
-        host, everywhere = self.host, self.layout.partitions if self.layout else ()
-        return tuple(partition for partition in everywhere if partition.host == host)
+        return self.layout.on(self.host) if self.layout else ()
 
 
 def desired_state(system: System, layout: Layout, observed: State, places: Places, limit: Disruption) -> Desired:
@@ -72,14 +71,14 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
         The wanted state with partitions and task classes in the order of their names, and findings about task classes.
     """
     application = system.application.name
-    here = [partition for partition in layout.partitions if partition.host == observed.facts.name]
+    here = layout.on(observed.facts.name)
     there = {partition.mark.name: partition for partition in observed.of(application).partitions if partition.mark}
     current = _current_names(there, {partition.name for partition in here}, system.moved)
     unnamed = unnamed_partitions({partition.name for partition in layout.partitions}, system.moved, there.values())
     may_remove = system.policy.unused is Unused.REMOVE and limit is Disruption.REMOVAL
     unused = [there[name] for name in sorted(unnamed) if not (may_remove or observed.holds_nothing(there[name].id))]
     wanted = [_wanted(partition, there.get(current.get(partition.name, "")), system) for partition in here]
-    found, values, problems = _tasks(system, layout, observed, here, current, places)
+    found, values, problems = _tasks(system, layout, observed, current, places)
     tasks = sorted(found, key=lambda task_class: (task_class.inside, task_class.name))
     unseen = _unseen_guests(tasks, observed, current)
     return Desired(
@@ -177,12 +176,7 @@ def _marked(settings: PartitionSettings, mark: Mark, there: Partition | None, sh
 
 
 def _tasks(
-    system: System,
-    layout: Layout,
-    observed: State,
-    here: Iterable[PlacedPartition],
-    current: Mapping[str, str],
-    places: Places,
+    system: System, layout: Layout, observed: State, current: Mapping[str, str], places: Places
 ) -> tuple[list[TaskClass], dict[tuple[str, str], ClassValues], tuple[Diagnostic, ...]]:
     """The classes of every operating system of this host that has components."""
     tasks: list[TaskClass] = []
@@ -191,8 +185,8 @@ def _tasks(
     if observed.facts.provider is ProviderKind.LINUX:
         return tasks, decided, ()  # MMCSS is of Windows; on Linux classes are scheduling parameters of threads
     # The host's own Windows may have fewer processors than the machine (minroot), so none of its are named.
-    processors = {partition.name: partition.settings.processors for partition in here}
-    for inside, members in _systems(layout, observed.facts.name, here):
+    processors = {partition.name: partition.settings.processors for partition in layout.on(observed.facts.name)}
+    for inside, members in _systems(layout, observed.facts.name):
         users = [system.components[name] for name in members]
         found = classes_of(users, system.tasks, inside, places, processors=processors.get(inside, 0))
         problems += found.findings
@@ -212,10 +206,10 @@ def _responsiveness(host: Host, observed: State, application: Application) -> Re
     return replace(wanted, record=_record(there, application, wanted.values))
 
 
-def _systems(layout: Layout, host: str, here: Iterable[PlacedPartition]) -> Iterator[tuple[str, tuple[str, ...]]]:
+def _systems(layout: Layout, host: str) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Operating systems with the components whose threads run there; the host's own has an empty name."""
     yield "", tuple(name for name, place in layout.on_hosts if place == host)
-    for partition in here:
+    for partition in layout.on(host):
         yield partition.name, partition.components
 
 

@@ -40,7 +40,6 @@ def plan_layout(
     places: Places,
     *,
     max_disruption: Disruption | None = None,
-    advice_without_room: Wording = "",
 ) -> Planning:
     """Place every component in a partition on a host, within what the hosts have, or explain why that is impossible.
 
@@ -51,7 +50,6 @@ def plan_layout(
         hosts: the hosts that were observed, by name; of the others the manifest alone counts.
         places: lines of the manifest, for the findings.
         max_disruption: the most that may be disturbed; `REMOVAL` lets partitions move. None: as the policy says.
-        advice_without_room: what to do where hosts have too little, before any way out; empty: nothing.
 
     Returns:
         A layout; or `Infeasible` with the conflict and ways out. Findings come with both. The solver's work is limited
@@ -79,32 +77,26 @@ def plan_layout(
             may_move = limit is Disruption.REMOVAL
             start = Variant(system=system, views=hosts, reservations=reservations, may_move=may_move)
             answer = explain_infeasibility(answer, problem.without_checks(), start)
-        notes += causes_as_findings(answer, system, places, advice_without_room)
+        notes += causes_as_findings(answer, system, places)
     return Planning(answer=answer, findings=tuple(notes))
 
 
-def causes_as_findings(
-    answer: Infeasible, system: System, places: Places, advice_without_room: Wording = ""
-) -> Iterator[Diagnostic]:
+def causes_as_findings(answer: Infeasible, system: System, places: Places) -> Iterator[Diagnostic]:
     """Report why there is no layout.
 
     Args:
         answer: the causes; one without advice of its own is advised the ways out.
         places: lines of the manifest.
-        advice_without_room: what to do where hosts have too little, before any way out; empty: nothing.
 
     Yields:
         A finding for each cause.
     """
-    room = {planning_findings.RESERVATIONS.code, planning_findings.MEMORY.code, planning_findings.PACKING.code}
     for cause in answer.causes:
         unproven = "" if answer.proven else " It is not proven that there is none: the search ended at its limit."
         yield planning_findings.KINDS[cause.code].at(
             _place(cause, system, places),
             f"{cause.message}{unproven}",
-            (advice_without_room if cause.code in room else "")
-            or cause.advice
-            or describe_ways_out(answer.relaxations),
+            cause.advice or describe_ways_out(answer.relaxations),
             address=cause.address,
             values={**cause.values, **relaxed_levels(answer.relaxations), "proven": answer.proven},
         )
@@ -278,10 +270,8 @@ def _deadlines(answer: Layout, problem: Problem, views: Mapping[str, HostView], 
         admitted = USUAL_DEADLINE_PERCENT if percent is None else percent
         deadlines = [
             (partition, groups[partition.name])
-            for partition in answer.partitions
-            if partition.host == host.name
-            and partition.settings.reserve
-            and mechanism_of(groups[partition.name], host)[0] is Mechanism.DEADLINE
+            for partition in answer.on(host.name)
+            if partition.settings.reserve and mechanism_of(groups[partition.name], host)[0] is Mechanism.DEADLINE
         ]
         for name, message, advice in deadline_problems(deadlines, host, processors, admitted):
             place = places.key(problem.system.section_of(name), name)

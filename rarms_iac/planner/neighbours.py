@@ -37,7 +37,7 @@ def neighbour_findings(answer: Layout, problem: Problem, places: Places) -> Iter
     """
     groups = {group.name: group for group in problem.groups}
     for host in by_name(problem.system.hosts):
-        here = [each for each in answer.partitions if each.host == host.name and each.settings.reserve]
+        here = [each for each in answer.on(host.name) if each.settings.reserve]
         if len(here) < 2 or host.provider is ProviderKind.LINUX:
             continue
         around = _Surroundings(problem, host, len(here) - 1)

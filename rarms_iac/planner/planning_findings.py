@@ -42,6 +42,9 @@ KINDS = {
 }
 """What a `Cause` of an `Infeasible` may be."""
 
+NO_ROOM = frozenset({RESERVATIONS.code, MEMORY.code, PACKING.code})
+"""Of them those of hosts that have too little."""
+
 REMARKS = {finding.code: finding for finding in (NOT_VERIFIED, DIFFERENT, BUSY, WEAK_LOG)}
 """What may be said of a measured reservation that was found."""
 

@@ -15,7 +15,7 @@ from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.mechanism import deadline_percent, mechanism_of
 from rarms_iac.planner.packing.pack import can_pack, pack
 from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing
-from rarms_iac.planner.refusals import would_be_refused
+from rarms_iac.planner.refusals import cannot_be_made, cannot_have_reserve
 from rarms_iac.planner.reservations import ReservationSource, depends_on_a_log
 from rarms_iac.planner.sizes import size
 
@@ -203,18 +203,10 @@ def _checked_claims(group: Group, problem: Problem) -> Mapping[str, Claim]:
     allowed: dict[str, Claim] = {}
     for name, claim in claims.items():
         host, view = hosts[name], problem.views.get(name, HostView())
-        is_there = name == current
-        refused = (not is_there and group.name in view.taken_names) or would_be_refused(
-            sizes[name],
-            group,
-            host,
-            view.facts,
-            problem.system.policy,
-            switches=view.switches,
-            largest_node=view.largest_node,
-            is_there=is_there,
-        )
-        if not refused:
+        partition, is_new = sizes[name], name != current
+        if is_new and (group.name in view.taken_names or cannot_be_made(partition, view.switches, view.largest_node)):
+            continue
+        if not cannot_have_reserve(partition.settings, group, host, view.facts, problem.system.policy):
             allowed[name] = claim
     return allowed or claims
 
@@ -320,9 +312,11 @@ def solve(problem: Problem) -> Layout | Infeasible:
             packing = pack(unchecked.items, unchecked.bins)
     if isinstance(packing, NoPacking):
         return Infeasible(proven=packing.proven, conflict=(), causes=(), relaxations=())
-    partitions = _partitions_of(problem, packing)
+    partitions = [problem.partition_on(name, host) for name, host in packing.host_of.items()]
     return Layout(
-        partitions=partitions, on_hosts=_on_hosts(problem.system), placement=_placement(packing, problem.items)
+        partitions=tuple(sorted(partitions, key=lambda partition: (partition.host, partition.name))),
+        on_hosts=_on_hosts(problem.system),
+        placement=_placement(packing, problem.items),
     )
 
 
@@ -358,11 +352,6 @@ def _causes(problem: Problem) -> Iterator[Cause]:
     for group in problem.groups:
         if not problem.claims[group.name]:
             yield from problem.blocked[group.name]
-
-
-def _partitions_of(problem: Problem, packing: Packing) -> tuple[PlacedPartition, ...]:
-    partitions = [problem.partition_on(name, host) for name, host in packing.host_of.items()]
-    return tuple(sorted(partitions, key=lambda partition: (partition.host, partition.name)))
 
 
 def _on_hosts(system: System) -> tuple[tuple[str, str], ...]:

@@ -80,37 +80,37 @@ def is_larger_than_node(memory: int, largest_node: int | None) -> bool:
     return largest_node is not None and memory > largest_node
 
 
-def would_be_refused(
-    partition: PlacedPartition,
-    group: Group,
-    host: Host,
-    facts: HostFacts | None,
-    policy: Policy,
-    *,
-    switches: Collection[str] | None,
-    largest_node: int | None,
-    is_there: bool,
-) -> bool:
-    """Whether a check refuses a partition on a host, with other partitions or without.
+def cannot_be_made(partition: PlacedPartition, switches: Collection[str] | None, largest_node: int | None) -> bool:
+    """Whether a check refuses to make a partition on a host where it is not yet.
 
     Args:
         partition: as it would be there.
-        group: its members.
-        host: of the manifest.
-        facts: what was observed of the host; None: not looked at.
-        policy: of the manifest; an acceptance of RARMS159 at the host counts.
         switches: names of the host's virtual switches; None: not known.
         largest_node: `State.largest_node` of the host.
-        is_there: whether the partition is on the host already, and so not made.
 
     Returns:
         True: the plan could not be made.
     """
     making, settings = partition.making, partition.settings
-    if not is_there and not (takes_image(settings.generation, making.image) and has_switch(switches, making.switch)):
-        return True
-    if not is_there and is_larger_than_node(settings.memory, largest_node):
-        return True
+    has_all = takes_image(settings.generation, making.image) and has_switch(switches, making.switch)
+    return not has_all or is_larger_than_node(settings.memory, largest_node)
+
+
+def cannot_have_reserve(
+    settings: PartitionSettings, group: Group, host: Host, facts: HostFacts | None, policy: Policy
+) -> bool:
+    """Whether a check refuses what a partition asks of the scheduler of a host, with other partitions or without.
+
+    Args:
+        settings: as they would be there.
+        group: its members.
+        host: of the manifest.
+        facts: what was observed of the host; None: not looked at.
+        policy: of the manifest; an acceptance of RARMS159 at the host counts.
+
+    Returns:
+        True: the plan could not be made.
+    """
     is_deadline = bool(settings.reserve) and mechanism_of(group, host)[0] is Mechanism.DEADLINE
     if is_deadline and (cannot_have_deadline(group) or (facts is not None and facts.deadline_percent == 0)):
         return True

@@ -64,8 +64,7 @@ def judge(series: Series, apt: Mapping[str, Threshold], run: Run, *, error: floa
     part = steady_part(series)
     if isinstance(part, Unsteady) and not series.wanders and not overload:
         return part
-    halves = 2 if isinstance(run.arrival, Periodic) else 1  # the other half is spent on an overload
-    return _judge_indexes(series, part, apt, run, error, shared_error(halves * len(apt), error))
+    return _judge_indexes(series, part, apt, run, error)
 
 
 def judge_each(series: Series, apt: Mapping[str, Threshold], run: Run) -> dict[str, Verdict]:
@@ -228,7 +227,7 @@ def _may_turn(verdict: Met | Missed) -> bool:
 
 
 def _judge_indexes(
-    series: Series, part: Series | Unsteady, apt: Mapping[str, Threshold], run: Run, error: float, missing_error: float
+    series: Series, part: Series | Unsteady, apt: Mapping[str, Threshold], run: Run, error: float
 ) -> Verdict:
     judged: list[JudgedIndex] = []
     for index, threshold in apt.items():
@@ -239,6 +238,8 @@ def _judge_indexes(
     warm_up = 0 if isinstance(part, Unsteady) else len(series.samples) - len(part.samples)
     if all(map(_meets, judged)):
         return Met(judged=tuple(judged), warm_up=warm_up)
+    halves = 2 if isinstance(run.arrival, Periodic) else 1  # the other half is spent on an overload
+    missing_error = shared_error(halves * len(apt), error)
     if any(_misses_for(index, series, run, missing_error) for index in judged):
         return Missed(judged=tuple(judged), warm_up=warm_up)
     return WithinNoise(judged=tuple(judged), warm_up=warm_up)

@@ -333,7 +333,7 @@ def _host(explanation: Explanation) -> Iterator[str]:
         yield f"not looked at, so that the manifest alone counts of it: {', '.join(not_observed)}"
     if layout is None:
         return
-    here = (other for other in layout.partitions if other.host == name and other.name != place.partition.name)
+    here = (other for other in layout.on(name) if other.name != place.partition.name)
     others = [(other.name, other.reserved) for other in sorted(here, key=lambda other: natural_order(other.name))]
     if others:
         yield f"beside it: {', '.join(f'{other} {show_processors(amount)}' for other, amount in others)}"

@@ -270,7 +270,7 @@ def _find_any(items: Sequence[Item], bins: Sequence[Bin], nodes: Nodes | None = 
     program = Assignment(items, bins)
     variables = len(program.pairs)
     most = min(MOST_NODES_FOR_ANY, NODES_FOR_ANY // variables)
-    found = _minimise_costs(program, [0] * variables, None, most, nodes or Nodes(most), rounds=ROUNDS_FOR_ANY)
+    found = _minimise_costs(program, [0] * variables, None, most, nodes or Nodes(most))
     return replace(found, bound=0, undecided=True) if program.forbids_unproven else found
 
 
@@ -305,13 +305,11 @@ def _minimise_costs(
     start: Mapping[str, str] | None,
     nodes: int,
     budget: Nodes | None = None,
-    *,
-    rounds: int = ROUNDS,
 ) -> _StageResult:
     """Solve, and solve again without the sets that do not fit, until each host can keep what is put there."""
     bound = 0
     known = None if start is None else program.variables_of(start)
-    for _ in range(rounds):
+    for _ in range(ROUNDS_FOR_ANY if start is None else ROUNDS):
         answer = minimise(costs, program.rows, nodes=nodes, start=known, budget=budget)
         if answer.bound is None:
             return _StageResult(host_of=start, bound=bound if start is not None else None)
