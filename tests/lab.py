@@ -9,7 +9,8 @@ from tempfile import TemporaryDirectory
 
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.make_plan import PlanningResult, make_plan
-from rarms_iac.applying.run_report import RunReport, RunReporter
+from rarms_iac.applying.run_report import RunReport
+from rarms_iac.applying.run_steps import RunControl
 from rarms_iac.applying.undo import undo
 from rarms_iac.model.operations import CreatePartition, RenamePartition, SetCpu, StartPartition
 from rarms_iac.model.plan import Plan, Scope
@@ -68,14 +69,14 @@ class Lab:
         return prepared.plan
 
     def apply(self, plan: Plan, should_stop: Callable[[], bool] = never) -> RunReport:
-        return apply_plan(plan, self.hosts, ORIGIN, RunReporter(), should_stop)
+        return apply_plan(plan, self.hosts, ORIGIN, RunControl(should_stop=should_stop))
 
     def finish(self) -> RunReport | None:
-        finished = finish_unfinished(list(self.hosts.values()), RunReporter(), never)
+        finished = finish_unfinished(list(self.hosts.values()))
         return None if finished is None else finished.report
 
     def undo(self, should_stop: Callable[[], bool] = never) -> list[RunReport]:
-        return [undo(host, ORIGIN, RunReporter(), should_stop) for host in self.hosts.values()]
+        return [undo(host, ORIGIN, RunControl(should_stop=should_stop)) for host in self.hosts.values()]
 
     def steps_left(self) -> int:
         return sum(len(host.steps) for host in self.plan().hosts)

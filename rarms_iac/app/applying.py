@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import reduce
 from pathlib import Path
 
-from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
+from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.files import folder_of
 from rarms_iac.app.hosts import NO_CHANNELS, Hosts, hold_hosts, host_errors, run_origin, select_hosts
 from rarms_iac.app.manifests import declared_application, demands_signed_plans, load_manifest
@@ -17,6 +17,7 @@ from rarms_iac.applying import refusals
 from rarms_iac.applying.execute import FinishedRuns, apply_plan, finish_unfinished
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.run_script import UndoneStep
+from rarms_iac.applying.run_steps import RunControl
 from rarms_iac.applying.undo import abandon, can_be_undone, not_undone_findings, steps_undone, undo
 from rarms_iac.manifest.load import manifest_digest
 from rarms_iac.model.commands import PLAN, PLAN_OUT, UNDO, command, prose
@@ -43,8 +44,7 @@ def apply(
     *,
     folder: str | Path | None = None,
     waits: WaitLimits = NO_WAITING,
-    reporter: Reporter = SILENT,
-    stop: StopSignal = NEVER_STOP,
+    control: Control = UNATTENDED,
     channels: Mapping[str, CommandChannel] = NO_CHANNELS,
 ) -> RunReport:
     """Do exactly what a plan says, host by host, or refuse before the first step.
@@ -55,8 +55,7 @@ def apply(
         plan: as `planning.plan` made it, or as `files.read_plan_file` read it.
         folder: what simulated hosts lie below; None: the folder of the manifest that the plan names.
         waits: how long to wait for a held host, and for the next word of a host's script.
-        reporter: hears of each step.
-        stop: asked after each step; the run can be finished later.
+        control: hears of each step, and is asked after each whether to stop; the run can be finished later.
         channels: as of `hosts.load`.
 
     Returns:
@@ -74,8 +73,12 @@ def apply(
         part.host.name: open_host(part.host, below, part.state_path, channels.get(part.host.name))
         for part in plan.hosts
     }
-    with hold_hosts(tuple(hosts.values()), waits.lock_ms), stop.gently():
-        return apply_plan(plan, hosts, run_origin(), reporter.steps, stop.should_stop, waits)
+    with hold_hosts(tuple(hosts.values()), waits.lock_ms), control.stop.gently():
+        return apply_plan(plan, hosts, run_origin(), _run_control(control, waits))
+
+
+def _run_control(control: Control, waits: WaitLimits) -> RunControl:
+    return RunControl(reporter=control.reporter.steps, should_stop=control.stop.should_stop, waits=waits)
 
 
 def _refuse_unsigned(plan: Plan) -> None:
@@ -149,8 +152,7 @@ def finish_runs(
     hosts: Sequence[LiveHost],
     *,
     waits: WaitLimits = NO_WAITING,
-    reporter: Reporter = SILENT,
-    stop: StopSignal = NEVER_STOP,
+    control: Control = UNATTENDED,
     needs_key: bool = False,
 ) -> FinishedRuns | None:
     """Finish what an earlier run left on these hosts, each from its own journal.
@@ -158,8 +160,7 @@ def finish_runs(
     Args:
         hosts: live hosts, in any order; they are held meanwhile.
         waits: how long to wait for a held host, and for the next word of a host's script.
-        reporter: hears of each step.
-        stop: asked after each step; the run can be finished later.
+        control: hears of each step, and is asked after each whether to stop; the run can be finished later.
         needs_key: the policy demands signed plans, so nothing is finished where no key is set.
 
     Returns:
@@ -169,9 +170,9 @@ def finish_runs(
         UseCaseError: a host is held, or a key is set and a run's plan is not signed with it (refused).
         RequestError: the key is not as it must be.
     """
-    with hold_hosts(tuple(hosts), waits.lock_ms), stop.gently():
+    with hold_hosts(tuple(hosts), waits.lock_ms), control.stop.gently():
         _refuse_unsigned_runs(hosts, needs_key=needs_key)
-        return finish_unfinished(hosts, reporter.steps, stop.should_stop, waits)
+        return finish_unfinished(hosts, _run_control(control, waits))
 
 
 def abandon_runs(hosts: Sequence[LiveHost], *, waits: WaitLimits = NO_WAITING) -> Mapping[str, RunReport]:
@@ -400,16 +401,14 @@ def undo_applies(
     applies: Sequence[LastApply],
     *,
     waits: WaitLimits = NO_WAITING,
-    reporter: Reporter = SILENT,
-    stop: StopSignal = NEVER_STOP,
+    control: Control = UNATTENDED,
 ) -> RunReport:
     """Take these applies back, finished or not: the undo of each step, the last step first. No question is asked.
 
     Args:
         applies: as `last_applies` returns them; the hosts are held meanwhile.
         waits: how long to wait for a held host, and for the next word of a host's script.
-        reporter: hears of each step.
-        stop: asked after each step; the undo can be finished later.
+        control: hears of each step, and is asked after each whether to stop; the undo can be finished later.
 
     Returns:
         How it ended, by host; what cannot be taken back is among the diagnostics.
@@ -418,5 +417,5 @@ def undo_applies(
         UseCaseError: a host is held (refused).
     """
     hosts = tuple(last.host for last in applies)
-    with hold_hosts(hosts, waits.lock_ms), stop.gently():
-        return combine_reports([undo(host, run_origin(), reporter.steps, stop.should_stop, waits) for host in hosts])
+    with hold_hosts(hosts, waits.lock_ms), control.stop.gently():
+        return combine_reports([undo(host, run_origin(), _run_control(control, waits)) for host in hosts])

@@ -85,9 +85,6 @@ class SilentAppReporter:
         pass
 
 
-NEVER_STOP: StopSignal = NeverStop()
-SILENT: Reporter = SilentAppReporter()
-
 StopConsent = Callable[[str, tuple[str, ...]], bool]
 """Whether these partitions of a host may be stopped while it is measured: asked once a host, before the first."""
 
@@ -104,11 +101,11 @@ def always_consents(_host: str, _partitions: tuple[str, ...]) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Control:
-    """The caller's part in a use case that measures."""
+    """The caller's part in a use case that changes a host, or measures on it."""
 
-    reporter: Reporter = SILENT
-    stop: StopSignal = NEVER_STOP  # asked between settings and while samples come
-    consents: StopConsent = never_consents  # stopped partitions start again afterwards, however it ends
+    reporter: Reporter = SilentAppReporter()
+    stop: StopSignal = NeverStop()  # asked after each step, between settings and while samples come
+    consents: StopConsent = never_consents  # to measure; they start again afterwards, however it ends
 
 
 UNATTENDED = Control()

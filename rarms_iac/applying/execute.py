@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from typing import assert_never
 
 from rarms_iac.applying import refusals
-from rarms_iac.applying.run_report import RunEnding, RunReport, RunReporter
+from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.run_script import apply_job, finish_job, run_job
-from rarms_iac.applying.run_steps import ShouldStop, combined_report, failed_run, run_steps
+from rarms_iac.applying.run_steps import UNATTENDED, RunControl, combined_report, failed_run, run_steps
 from rarms_iac.applying.undo import raised_serials, without_rights
 from rarms_iac.diff.drift import moved_parts, part_digests
 from rarms_iac.model.diagnostics import Diagnostic
@@ -23,7 +23,7 @@ from rarms_iac.model.journal import (
 )
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.powershell.render import script_name
-from rarms_iac.providers.interface import NO_WAITING, HostError, LiveHost, ScriptedHost, StepwiseHost, WaitLimits
+from rarms_iac.providers.interface import HostError, LiveHost, ScriptedHost, StepwiseHost
 
 LastRun = Journal | ScriptRun | None
 
@@ -36,9 +36,7 @@ class FinishedRuns:
     applications: frozenset[str]
 
 
-def finish_unfinished(
-    hosts: Sequence[LiveHost], reporter: RunReporter, should_stop: ShouldStop, waits: WaitLimits = NO_WAITING
-) -> FinishedRuns | None:
+def finish_unfinished(hosts: Sequence[LiveHost], control: RunControl = UNATTENDED) -> FinishedRuns | None:
     """Finish what was begun on these hosts, each from its own journal; None where nothing was. They are held."""
     reports: list[RunReport] = []
     applications: set[str] = set()
@@ -48,7 +46,7 @@ def finish_unfinished(
             if run is None:
                 continue
             applications.add(run.started.application)
-            reports.append(without_rights(host) or _finish(host, run, reporter, should_stop, waits))
+            reports.append(without_rights(host) or _finish(host, run, control))
         except HostError as error:
             reports.append(failed_run(error))
         if reports[-1].ending is not RunEnding.DONE:
@@ -56,27 +54,20 @@ def finish_unfinished(
     return FinishedRuns(report=combined_report(reports), applications=frozenset(applications)) if reports else None
 
 
-def _finish(
-    host: LiveHost, run: Journal | ScriptRun, reporter: RunReporter, should_stop: ShouldStop, waits: WaitLimits
-) -> RunReport:
+def _finish(host: LiveHost, run: Journal | ScriptRun, control: RunControl) -> RunReport:
     match host:
         case StepwiseHost():
             assert isinstance(run, Journal), "a host keeps the runs of its kind"
-            return run_steps(host, run, reporter, should_stop)
+            return run_steps(host, run, control)
         case ScriptedHost():
             assert isinstance(run, ScriptRun), "a host keeps the runs of its kind"
-            return run_job(host, finish_job(host.name, run), reporter, should_stop, waits)
+            return run_job(host, finish_job(host.name, run), control)
         case _:
             assert_never(host)
 
 
 def apply_plan(
-    plan: Plan,
-    hosts: Mapping[str, LiveHost],
-    origin: RunOrigin,
-    reporter: RunReporter,
-    should_stop: ShouldStop,
-    waits: WaitLimits = NO_WAITING,
+    plan: Plan, hosts: Mapping[str, LiveHost], origin: RunOrigin, control: RunControl = UNATTENDED
 ) -> RunReport:
     """Do exactly what the plan says, host by host, or refuse before the first step. The hosts are held.
 
@@ -105,9 +96,9 @@ def apply_plan(
             match host:
                 case StepwiseHost():
                     run = _begin_or_resume(host, plan, host_plan, origin, journal)
-                    report = run_steps(host, run, reporter, should_stop)
+                    report = run_steps(host, run, control)
                 case ScriptedHost():
-                    report = run_job(host, apply_job(plan.id, host_plan), reporter, should_stop, waits)
+                    report = run_job(host, apply_job(plan.id, host_plan), control)
                     report = replace(report, hosts=tuple(replace(run, host_plan=host_plan) for run in report.hosts))
                 case _:
                     assert_never(host)

@@ -1,9 +1,8 @@
 """The report of a run, host by host, and how the whole of it ended."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
-from types import MappingProxyType
 from typing import Literal
 
 from rarms_iac.model.changes import Change
@@ -89,32 +88,24 @@ ReportedStep = Step | TitledStep
 """A step as a reporter is told of it, whether rarms walks it or a script does."""
 
 
-NO_COMPONENTS: Mapping[str, Sequence[str]] = MappingProxyType({})
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunBegun:
+    """A run of a host that begins, or goes on after so many steps that were done earlier."""
+
+    host: str
+    run: RunKind
+    plan: str
+    done: int
+    addresses: Sequence[str] = ()  # of the steps to come, in order; empty where only the script that runs knows them
+    # By partition of the plan's layout, the most critical first; likewise.
+    components: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
 class RunReporter:
     """Told while a run goes on; must not raise. This one drops what it is told."""
 
-    def run_started(
-        self,
-        host: str,
-        run: RunKind,
-        plan: str,
-        *,
-        done: int,
-        addresses: Sequence[str] = (),
-        components: Mapping[str, Sequence[str]] = NO_COMPONENTS,
-    ) -> None:
-        """A host's run begins, or goes on after so many steps that were done earlier.
-
-        Args:
-            host: its name.
-            run: apply or undo.
-            plan: its id.
-            done: how many steps were done earlier.
-            addresses: of the steps to come, in order; empty where only the script that runs knows them.
-            components: of each partition of the plan's layout, the most critical first; likewise.
-        """
+    def run_started(self, begun: RunBegun) -> None:
+        """A host's run begins, or goes on."""
 
     def step_started(self, host: str, number: int, total: int, step: ReportedStep) -> None:
         """A step is about to be looked at; `number` counts from 1."""

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from rarms_iac.applying.refusals import GO_ON, SCRIPT_REFUSED, STEP_FAILED, STEP_MOVED, lock_held
-from rarms_iac.applying.run_report import HostReport, RunEnding, RunReport, RunReporter, TitledStep
-from rarms_iac.applying.run_steps import ShouldStop
+from rarms_iac.applying.run_report import HostReport, RunBegun, RunEnding, RunReport, TitledStep
+from rarms_iac.applying.run_steps import UNATTENDED, RunControl
 from rarms_iac.model.commands import APPLY, DRIFT, prose, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.journal import RunKind, ScriptRun, StepStatus
@@ -111,17 +111,15 @@ def _problems_of(name: str, text: str, module: Mapping[str, str]) -> tuple[Diagn
     return inspect_recorded(bare.encode("utf-8", "surrogatepass"), name, module)
 
 
-def run_job(
-    host: ScriptedHost, job: ScriptJob, reporter: RunReporter, should_stop: ShouldStop, waits: WaitLimits
-) -> RunReport:
+def run_job(host: ScriptedHost, job: ScriptJob, control: RunControl) -> RunReport:
     """Have the host run it and tell how it ended.
 
     Raises:
         HostError: the host could not be reached; nothing was run.
     """
-    listener = RunListener(host.name, job, reporter, should_stop)
-    reporter.run_started(host.name, job.run, job.plan, done=len(job.earlier))
-    return listener.report(host.run_script(job.script, waits, listener))
+    listener = RunListener(host.name, job, control)
+    control.reporter.run_started(RunBegun(host=host.name, run=job.run, plan=job.plan, done=len(job.earlier)))
+    return listener.report(host.run_script(job.script, control.waits, listener))
 
 
 def abandon_script(host: ScriptedHost, journal: ScriptRun, waits: WaitLimits) -> RunReport:
@@ -131,7 +129,7 @@ def abandon_script(host: ScriptedHost, journal: ScriptRun, waits: WaitLimits) ->
         HostError: the host could not be reached.
     """
     job = finish_job(host.name, journal)
-    listener = RunListener(host.name, job, RunReporter(), lambda: False)
+    listener = RunListener(host.name, job, UNATTENDED)
     ended = host.run_script(job.script, waits, listener, abandoning=True)
     return replace(listener.report(ended), hosts=())
 
@@ -171,11 +169,11 @@ def not_undone(script: str) -> tuple[str, ...]:
 class RunListener:
     """An `EventListener` that keeps what a run's report needs, and passes the rest to a `RunReporter`."""
 
-    def __init__(self, host: str, job: ScriptJob, reporter: RunReporter, should_stop: ShouldStop) -> None:
+    def __init__(self, host: str, job: ScriptJob, control: RunControl) -> None:
         self._host = host
         self._job = job
-        self._reporter = reporter
-        self.should_stop = should_stop
+        self._reporter = control.reporter
+        self.should_stop = control.should_stop
         self._total = 0
         self._statuses = dict(job.earlier)
         self._running: RunEvent | None = None

@@ -6,38 +6,56 @@ step looks before it acts, so that a step which was begun and did its work is fo
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager, nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import groupby
 
 from rarms_iac.applying import refusals
-from rarms_iac.applying.run_report import HostReport, RunEnding, RunReport, RunReporter
+from rarms_iac.applying.run_report import HostReport, RunBegun, RunEnding, RunReport, RunReporter
 from rarms_iac.diff.readings import readings
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunStarted, StepRecorded, StepStatus
 from rarms_iac.model.plan import Reading, Readings, Scope, Step, owner_of
-from rarms_iac.providers.interface import BatchingHost, HostError, HostLocked, LiveHost, StepwiseHost
+from rarms_iac.providers.interface import (
+    NO_WAITING,
+    BatchingHost,
+    HostError,
+    HostLocked,
+    LiveHost,
+    StepwiseHost,
+    WaitLimits,
+)
 
-ShouldStop = Callable[[], bool]
-"""Asked before every step: whether the user wants the run to end after the last one."""
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunControl:
+    """The caller's part in a run: it hears of each step, may end it after one, and says how long to wait."""
+
+    reporter: RunReporter = RunReporter()
+    should_stop: Callable[[], bool] = lambda: False  # asked before every step
+    waits: WaitLimits = NO_WAITING
 
 
-def run_steps(host: StepwiseHost, journal: Journal, reporter: RunReporter, should_stop: ShouldStop) -> RunReport:
+UNATTENDED = RunControl()
+"""No report, no early end, and nothing is waited for."""
+
+
+def run_steps(host: StepwiseHost, journal: Journal, control: RunControl) -> RunReport:
     """Do what is left of the journal's run and close it. The caller holds the host's lock."""
-    started = journal.started
+    started, reporter = journal.started, control.reporter
     done: dict[int, StepStatus] = {
         record.number: record.status for record in journal.steps if record.status is not StepStatus.BEGUN
     }
     begun = journal.touched() - set(done)
-    addresses = [str(step.address) for number, step in enumerate(started.steps) if number not in done]
-    reporter.run_started(
-        host.name,
-        started.run,
-        started.plan,
+    begin = RunBegun(
+        host=host.name,
+        run=started.run,
+        plan=started.plan,
         done=len(done),
-        addresses=addresses,
+        addresses=[str(step.address) for number, step in enumerate(started.steps) if number not in done],
         components=started.host_plan.components,
     )
+    reporter.run_started(begin)
     resumed = bool(journal.steps)
     scope = Scope(application=started.application, plan=started.plan)
 
@@ -58,7 +76,7 @@ def run_steps(host: StepwiseHost, journal: Journal, reporter: RunReporter, shoul
 
     total = len(started.steps)
     for numbers in _batches(host, [number for number in range(total) if number not in done], started.steps):
-        if should_stop():
+        if control.should_stop():
             return report(RunEnding.INTERRUPTED)
         for number in numbers:
             reporter.step_started(host.name, number + 1, total, started.steps[number])

@@ -6,7 +6,7 @@ from typing import assert_never
 
 from rarms_iac.applying import refusals
 from rarms_iac.applying.preconditions import no_rights
-from rarms_iac.applying.run_report import RunEnding, RunReport, RunReporter
+from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.run_script import (
     UndoneStep,
     abandon_script,
@@ -16,7 +16,7 @@ from rarms_iac.applying.run_script import (
     steps_undone_by_script,
     undo_job,
 )
-from rarms_iac.applying.run_steps import ShouldStop, failed_run, run_steps
+from rarms_iac.applying.run_steps import UNATTENDED, RunControl, failed_run, run_steps
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import (
     Closing,
@@ -35,9 +35,7 @@ from rarms_iac.model.step_titles import reversal
 from rarms_iac.providers.interface import NO_WAITING, HostError, LiveHost, ScriptedHost, StepwiseHost, WaitLimits
 
 
-def undo(
-    host: LiveHost, origin: RunOrigin, reporter: RunReporter, should_stop: ShouldStop, waits: WaitLimits = NO_WAITING
-) -> RunReport:
+def undo(host: LiveHost, origin: RunOrigin, control: RunControl = UNATTENDED) -> RunReport:
     """Take the last apply back, finished or not; an undo that was interrupted is finished. The host is held."""
     try:
         match host:
@@ -46,13 +44,13 @@ def undo(
                 journal = run_to_undo(last)
                 if last is None or not isinstance(journal, Journal) or not can_be_undone(journal):
                     return _nothing_to_undo(host, journal)
-                return without_rights(host) or _walk_back(host, journal, last, origin, reporter, should_stop)
+                return without_rights(host) or _walk_back(host, journal, last, origin, control)
             case ScriptedHost():
                 run = host.journal()
                 if run is None or not can_be_undone(run):
                     return _nothing_to_undo(host, run)
                 job = finish_job(host.name, run) if run.started.run is RunKind.UNDO else undo_job(host.name, run)
-                report = without_rights(host) or run_job(host, job, reporter, should_stop, waits)
+                report = without_rights(host) or run_job(host, job, control)
                 return replace(report, findings=(*report.findings, *not_undone_findings(host.name, run)))
             case _:
                 assert_never(host)
@@ -74,18 +72,13 @@ def without_rights(host: LiveHost) -> RunReport | None:
 
 
 def _walk_back(
-    host: StepwiseHost,
-    journal: Journal,
-    last: Journal,
-    origin: RunOrigin,
-    reporter: RunReporter,
-    should_stop: ShouldStop,
+    host: StepwiseHost, journal: Journal, last: Journal, origin: RunOrigin, control: RunControl
 ) -> RunReport:
     if journal.started.run is RunKind.UNDO:
-        return run_steps(host, journal, reporter, should_stop)
+        return run_steps(host, journal, control)
     started = undo_run(journal, origin, last)
     host.start_run(started)
-    report = run_steps(host, Journal(started=started), reporter, should_stop)
+    report = run_steps(host, Journal(started=started), control)
     return replace(report, findings=(*report.findings, *not_undone_findings(host.name, journal)))
 
 

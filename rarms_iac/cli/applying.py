@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from rarms_iac.app.applying import apply, finish_runs
+from rarms_iac.app.control import Control
 from rarms_iac.app.files import write_plan_file
 from rarms_iac.app.general_findings import declined
 from rarms_iac.app.hosts import Hosts
@@ -70,7 +71,9 @@ def finish_first(
         How the command ends: done where only what was asked was finished, refused where another run was.
     """
     with TerminalReporter(session, steps_as_json=session.as_json) as reporter:
-        finished = finish_runs(live, waits=how.waits, reporter=reporter, stop=session.interrupts, needs_key=needs_key)
+        finished = finish_runs(
+            live, waits=how.waits, control=Control(reporter=reporter, stop=session.interrupts), needs_key=needs_key
+        )
     if finished is None:
         return None
     code = report_end(session, finished.report)
@@ -136,7 +139,7 @@ def _plan_or_wait(hosts: Hosts, request: PlanRequest, how: RunOptions) -> Plan |
 def apply_and_show(session: Session, plan: Plan, folder: Path | None, how: RunOptions) -> RunReport:
     """Do what the plan says; the first signal stops after the running step."""
     with TerminalReporter(session, steps_as_json=session.as_json) as reporter:
-        return apply(plan, folder=folder, waits=how.waits, reporter=reporter, stop=session.interrupts)
+        return apply(plan, folder=folder, waits=how.waits, control=Control(reporter=reporter, stop=session.interrupts))
 
 
 def ask(session: Session, question: str) -> None:

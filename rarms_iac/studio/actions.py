@@ -268,9 +268,8 @@ class ApplyAction(Action):
         refuse_contradiction(plan, source)
         transcript.findings(changed_manifest(plan, source))
         workspace.plan = None  # a plan is used once
-        return _report_end(
-            apply(plan, folder=workspace.hosts().folder, waits=WAITS, reporter=transcript, stop=stop), transcript
-        )
+        control = Control(reporter=transcript, stop=stop)
+        return _report_end(apply(plan, folder=workspace.hosts().folder, waits=WAITS, control=control), transcript)
 
 
 class FinishAction(Action):
@@ -287,13 +286,8 @@ class FinishAction(Action):
         hosts = workspace.hosts()
         _refuse_other_name(self.application, hosts.system.application.name)
         live = tuple(hosts.open(name) for name in hosts.chosen)
-        finished = finish_runs(
-            live,
-            waits=WAITS,
-            reporter=transcript,
-            stop=stop,
-            needs_key=hosts.system.policy.signed_plans,
-        )
+        control = Control(reporter=transcript, stop=stop)
+        finished = finish_runs(live, waits=WAITS, control=control, needs_key=hosts.system.policy.signed_plans)
         return _report_end(RunReport(ending=RunEnding.NOTHING) if finished is None else finished.report, transcript)
 
 
@@ -310,7 +304,8 @@ class UndoAction(Action):
         """Undo, the last step first."""
         hosts = workspace.hosts()
         _refuse_other_name(self.application, hosts.system.application.name)
-        return _report_end(undo_applies(last_applies(hosts), waits=WAITS, reporter=transcript, stop=stop), transcript)
+        control = Control(reporter=transcript, stop=stop)
+        return _report_end(undo_applies(last_applies(hosts), waits=WAITS, control=control), transcript)
 
 
 class UndoPreviewAction(Action):

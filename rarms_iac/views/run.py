@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Self
 
 from rarms_iac.applying.refusals import GO_ON, UNDO_PARTIAL
 from rarms_iac.applying.run_report import (
-    NO_COMPONENTS,
     HostReport,
     ReportedStep,
+    RunBegun,
     RunEnding,
     RunReport,
     RunReporter,
@@ -93,23 +93,14 @@ class RunProgress(RunReporter):
         """Leave the lines as they are; show those of partitions that were not finished."""
         self._end_host()
 
-    def run_started(
-        self,
-        host: str,
-        run: RunKind,
-        plan: str,
-        *,
-        done: int,
-        addresses: Sequence[str] = (),
-        components: Mapping[str, Sequence[str]] = NO_COMPONENTS,
-    ) -> None:
+    def run_started(self, begun: RunBegun) -> None:
         """Say what begins or goes on."""
         self._end_host()
-        self._components = components
-        kind = "Applying" if run is RunKind.APPLY else "Undoing"
-        goes_on = f", going on after step {done}" if done else ""
-        self._write(f"{kind} plan {plan} on {host}{goes_on}")
-        for address in addresses:
+        self._components = begun.components
+        kind = "Applying" if begun.run is RunKind.APPLY else "Undoing"
+        goes_on = f", going on after step {begun.done}" if begun.done else ""
+        self._write(f"{kind} plan {begun.plan} on {begun.host}{goes_on}")
+        for address in begun.addresses:
             self._partition(address).total += 1
         if self._console is not None:
             from rich.progress import Progress, TextColumn, TimeElapsedColumn

@@ -17,7 +17,7 @@ import pytest
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.make_plan import make_plan
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.applying.run_report import RunEnding, RunReport, RunReporter
+from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.undo import undo
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import Partition
@@ -90,10 +90,10 @@ def a_plan(system: System, host: StepwiseHost) -> Plan:
 def apply_again(system: System, host: StepwiseHost) -> RunReport:
     """What `rarms apply --auto-approve` does: finish what was begun and go no further, or plan and apply."""
     with host.lock("ann@lab"):
-        finished = finish_unfinished([host], RunReporter(), lambda: False)
+        finished = finish_unfinished([host])
         if finished is not None:
             return finished.report
-        return apply_plan(a_plan(system, host), {host.name: host}, builders.ORIGIN, RunReporter(), lambda: False)
+        return apply_plan(a_plan(system, host), {host.name: host}, builders.ORIGIN)
 
 
 def as_left(host: StepwiseHost) -> list[Partition]:
@@ -107,7 +107,7 @@ def test_applied_twice_changes_nothing_and_undo_brings_all_back_but_the_serial(l
 
     assert apply_again(lab.system(SECOND), host).ending is RunEnding.DONE
     assert not a_plan(lab.system(SECOND), host).has_changes
-    assert undo(host, builders.ORIGIN, RunReporter(), lambda: False).ending is RunEnding.DONE
+    assert undo(host, builders.ORIGIN).ending is RunEnding.DONE
 
     assert as_left(host) == before
     assert dict(host.observe().serials) == {"robot": 3}

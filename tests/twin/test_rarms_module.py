@@ -7,6 +7,7 @@ import pytest
 
 from rarms_iac.applying.execute import finish_unfinished
 from rarms_iac.applying.run_report import RunEnding, RunReporter
+from rarms_iac.applying.run_steps import RunControl
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.powershell.templates import MODULE_FILES, MODULE_FOLDER, module_digest, module_digests, shipped_module
 from rarms_iac.providers.hyperv.provider import LiveHypervHost
@@ -179,7 +180,7 @@ def test_a_run_that_was_killed_is_finished_by_its_own_module_after_an_upgrade(ki
             heard.append(getattr(step, "title", ""))
 
     live = LiveHypervHost(a_host("onboard"), TwinTransport(host))
-    done = finish_unfinished([live], Reporter(), lambda: False)
+    done = finish_unfinished([live], RunControl(reporter=Reporter()))
 
     assert done is not None
     assert (done.report.ending, done.report.findings) == (RunEnding.DONE, ())

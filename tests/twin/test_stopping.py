@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import pytest
 
-from rarms_iac.applying.run_report import RunReporter
 from rarms_iac.applying.run_script import apply_job, run_job
+from rarms_iac.applying.run_steps import RunControl
 from rarms_iac.model.plan import Purpose
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.providers.hyperv.provider import LiveHypervHost
@@ -83,7 +83,7 @@ def test_a_script_may_say_nothing_for_as_long_as_it_waits_for_a_guest() -> None:
     waits = WaitLimits(lock_ms=5_000, silence_ms=60_000)
 
     job = apply_job(plan.id, plan.hosts[0])
-    run_job(LiveHypervHost(a_host("onboard"), Patient(running())), job, RunReporter(), lambda: False, waits)
+    run_job(LiveHypervHost(a_host("onboard"), Patient(running())), job, RunControl(waits=waits))
 
     assert Patient.silences == [365.0]
 

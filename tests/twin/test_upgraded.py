@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.applying.execute import finish_unfinished
-from rarms_iac.applying.run_report import RunEnding, RunReport, RunReporter
+from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.scripts import edited_script
 from rarms_iac.applying.undo import abandon, steps_undone, undo
 from rarms_iac.model.journal import RunOrigin
@@ -58,7 +58,7 @@ def live(host: WindowsHost) -> LiveHypervHost:
 
 
 def finished(host: WindowsHost) -> RunReport | None:
-    finished = finish_unfinished([live(host)], RunReporter(), lambda: False)
+    finished = finish_unfinished([live(host)])
     return None if finished is None else finished.report
 
 
@@ -80,8 +80,8 @@ def test_it_is_taken_back_by_its_own_undo_script() -> None:
     host, _ = killed_in_the_middle()
     same = everything().after_a_run(kill_after=25)
 
-    report = undo(live(host), ORIGIN, RunReporter(), lambda: False)
-    undo(live(same), ORIGIN, RunReporter(), lambda: False)
+    report = undo(live(host), ORIGIN)
+    undo(live(same), ORIGIN)
 
     assert report.ending is RunEnding.DONE
     assert seen(host) == seen(same)
@@ -128,7 +128,7 @@ def forge_journal(host: WindowsHost, old: str, new: str) -> None:
     "ask",
     [
         finished,
-        lambda host: undo(live(host), ORIGIN, RunReporter(), lambda: False),
+        lambda host: undo(live(host), ORIGIN),
         lambda host: abandon(live(host)),
     ],
     ids=["finish", "undo", "abandon"],

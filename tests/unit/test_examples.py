@@ -17,7 +17,7 @@ from rarms_iac.app.requests import ManifestSource
 from rarms_iac.applying.execute import apply_plan
 from rarms_iac.applying.make_plan import PlanningResult, make_plan
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.applying.run_report import RunEnding, RunReporter
+from rarms_iac.applying.run_report import RunEnding
 from rarms_iac.applying.run_steps import hold
 from rarms_iac.manifest.checks import run_checks
 from rarms_iac.manifest.document.schema import manifest_schema
@@ -166,7 +166,7 @@ def test_an_example_is_planned_and_applied_and_then_nothing_is_left_to_do(
     assert any(part.steps for part in plan.hosts)
 
     with hold(tuple(hosts.values()), "ann@lab", 0):
-        report = apply_plan(plan, hosts, ORIGIN, RunReporter(), lambda: False)
+        report = apply_plan(plan, hosts, ORIGIN)
 
     assert (report.ending, report.findings) == (RunEnding.DONE, ())
     assert [part.steps for part in _plan(result, hosts, tmp_path).hosts] == [() for _ in hosts]
@@ -197,7 +197,7 @@ def test_the_protected_the_manual_and_the_shared_partition_are_there(tmp_path: P
     host = SimulatedHostProvider(result.system.hosts["kiosk"], tmp_path / "kiosk.json")
 
     with hold((host,), "ann@lab", 0):
-        apply_plan(_plan(result, {"kiosk": host}, tmp_path), {"kiosk": host}, ORIGIN, RunReporter(), lambda: False)
+        apply_plan(_plan(result, {"kiosk": host}, tmp_path), {"kiosk": host}, ORIGIN)
 
     running = {partition.settings.name: partition.state for partition in host.observe().partitions}
     assert running == {"voice": RunState.RUNNING, "payment": RunState.RUNNING, "maintenance": RunState.OFF}

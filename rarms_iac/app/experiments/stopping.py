@@ -12,7 +12,7 @@ from rarms_iac.app.planning import plan_from_states, plan_request
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.requested_changes import stopped_partition
-from rarms_iac.applying.run_report import RunEnding, RunReporter
+from rarms_iac.applying.run_report import RunEnding
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Facts
@@ -132,7 +132,7 @@ def finish_stop_or_start(host: MeasuringHost, reporter: Reporter) -> None:
     journal = host.unfinished()
     if journal is None or not part_of_measurement(journal):
         return
-    finished = finish_unfinished([host], RunReporter(), _never)
+    finished = finish_unfinished([host])
     if finished is None or finished.report.ending is not RunEnding.DONE:
         raise UseCaseError(Outcome.FAILED, finished.report.findings if finished else ())
     reporter.message(f"{host.name}: finished the stop or start of partitions that an earlier measurement had begun.")
@@ -148,12 +148,7 @@ def _run(hosts: Hosts, host: MeasuringHost, purpose: Purpose, names: tuple[str, 
         plan_request(hosts.only(host.name)), purpose=purpose, partitions=names, stopped_by=StoppedBy.MEASUREMENT
     )
     plan = plan_from_states(hosts, request, {host.name: host.observe()})
-    report = apply_plan(plan, {host.name: host}, run_origin(), RunReporter(), _never)
+    report = apply_plan(plan, {host.name: host}, run_origin())  # to its end: half of it is of no use
     if report.ending not in {RunEnding.DONE, RunEnding.NOTHING}:
         outcome = Outcome.REFUSED if report.ending is RunEnding.REFUSED else Outcome.FAILED
         raise UseCaseError(outcome, report.findings)
-
-
-def _never() -> bool:
-    """All of it is done: partitions that are stopped half-way are of no use."""
-    return False

@@ -18,6 +18,7 @@ from rarms_iac.app.applying import (
     refuse_contradiction,
     undo_applies,
 )
+from rarms_iac.app.control import Control
 from rarms_iac.app.files import folder_of, read_plan_file
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
@@ -134,7 +135,8 @@ def undo_command(session: Session, source: ManifestSource, host_selection: HostS
     if not how.auto_approve and any(last.can_be_undone for last in applies):
         _show_and_ask(session, applies)
     with TerminalReporter(session, steps_as_json=session.as_json) as reporter:
-        report = undo_applies(applies, waits=how.waits, reporter=reporter, stop=session.interrupts)
+        control = Control(reporter=reporter, stop=session.interrupts)
+        report = undo_applies(applies, waits=how.waits, control=control)
     return report_end(session, report)
 
 

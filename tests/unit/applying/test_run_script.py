@@ -1,12 +1,13 @@
 """What a script says of itself, as the report of a run: with a host that says what the test has written down."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import pytest
 
-from rarms_iac.applying.run_report import NO_COMPONENTS, ReportedStep, RunEnding, RunReport, RunReporter
+from rarms_iac.applying.run_report import ReportedStep, RunBegun, RunEnding, RunReport, RunReporter
 from rarms_iac.applying.run_script import ScriptJob, finish_job, run_job
+from rarms_iac.applying.run_steps import RunControl
 from rarms_iac.model.journal import RunKind, ScriptRun, ScriptStarted, StepRecorded, StepStatus
 from rarms_iac.model.state import State
 from rarms_iac.powershell.render import render_apply
@@ -81,17 +82,8 @@ class Told(RunReporter):
     def __init__(self) -> None:
         self.lines: list[str] = []
 
-    def run_started(
-        self,
-        host: str,
-        run: RunKind,
-        plan: str,
-        *,
-        done: int,
-        addresses: Sequence[str] = (),
-        components: Mapping[str, Sequence[str]] = NO_COMPONENTS,
-    ) -> None:
-        self.lines.append(f"{run.value} on {host}, {done} done")
+    def run_started(self, begun: RunBegun) -> None:
+        self.lines.append(f"{begun.run.value} on {begun.host}, {begun.done} done")
 
     def step_started(self, host: str, number: int, total: int, step: ReportedStep) -> None:
         self.lines.append(f"{number}/{total} begins")
@@ -109,7 +101,7 @@ def ran(
     told = Told()
     host = Scripted(message, ends)
     assert isinstance(host, ScriptedHost)
-    return run_job(host, order, told, lambda: False, WaitLimits()), told
+    return run_job(host, order, RunControl(reporter=told)), told
 
 
 def codes(report: RunReport) -> list[str]:

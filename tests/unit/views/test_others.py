@@ -7,7 +7,7 @@ from rich.console import Console
 from rarms_iac.app.drift import DriftReport, HostDrift
 from rarms_iac.app.graph import graph_of_layout
 from rarms_iac.applying.refusals import UNDO_PARTIAL
-from rarms_iac.applying.run_report import HostReport, RunEnding, RunReport
+from rarms_iac.applying.run_report import HostReport, RunBegun, RunEnding, RunReport
 from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Address
@@ -152,14 +152,15 @@ def progress(console: Console | None, *steps: Step, ended: int) -> str:
     said: list[str] = []
     times = iter(number / 4 for number in range(100))
     with RunProgress(said.append, lambda: next(times), console) as reporter:
-        reporter.run_started(
-            "onboard",
-            RunKind.APPLY,
-            plan().id,
+        begun = RunBegun(
+            host="onboard",
+            run=RunKind.APPLY,
+            plan=plan().id,
             done=0,
             addresses=[str(step.address) for step in steps],
             components={"vision": ("face-detection", "stream"), "speech": ("speech",)},
         )
+        reporter.run_started(begun)
         for number, shown in enumerate(steps[:ended], 1):
             reporter.step_started("onboard", number, len(steps), shown)
             reporter.step_ended("onboard", number, len(steps), shown, StepStatus.CHANGED)
