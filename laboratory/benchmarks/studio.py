@@ -20,7 +20,8 @@ from rarms_iac.app.requests import ManifestSource
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component
 from rarms_iac.studio.knowledge import Knowledge, Watch
-from rarms_iac.studio.server import StudioSettings, serve
+from rarms_iac.studio.page import StudioSettings
+from rarms_iac.studio.server import serve
 from tests.browser import chromium, looks
 from tests.builders import a_component, a_host, a_run, a_system, at_most
 from tests.builders_measured import a_log, a_subject

@@ -69,6 +69,26 @@ class _GuardedPiece:
     lost: int | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Target:
+    """One operating system of a plan, which has a script and an undo script."""
+
+    host_plan: HostPlan
+    plan: Plan
+    inside: str  # a partition, for its guest; empty: the host's own
+
+    def name(self, *, undo: bool = False) -> str:
+        return script_name(self.host_plan, self.inside, undo=undo)
+
+    @property
+    def steps(self) -> list[Step]:
+        return [step for step in self.host_plan.steps if _inside(step) == self.inside]
+
+    @property
+    def files(self) -> NewFiles:
+        return NewFiles(plan=self.plan.id, disk_folder=self.host_plan.facts.disk_folder)
+
+
 def script_name(host_plan: HostPlan, inside: str = "", *, undo: bool = False) -> str:
     """`onboard.ps1`, `onboard.guest.vision.ps1`, `onboard.undo.ps1`."""
     guest = f".guest.{inside}" if inside else ""
@@ -118,8 +138,9 @@ def render_apply(
         NoLiteral: a value cannot be written into a script.
     """
     undo = render_undo(host_plan, plan, inside, form=form)
-    steps = _clustered(_forward(host_plan, plan, inside), host_plan)
-    return _fill(host_plan, plan, inside, steps, form, accept_scheduler=accept_scheduler, undo=undo)
+    target = _Target(host_plan=host_plan, plan=plan, inside=inside)
+    steps = _clustered(_forward(target), host_plan)
+    return _fill(target, steps, form, accept_scheduler=accept_scheduler, undo=undo)
 
 
 def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, form: ScriptForm = ScriptForm.MODULE) -> bytes:
@@ -128,8 +149,9 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, form: Scri
     Raises:
         NoLiteral: a value cannot be written into a script.
     """
+    target = _Target(host_plan=host_plan, plan=plan, inside=inside)
     first: dict[int, tuple[int, Step]] = {}  # of each step its first part: what comes after goes with it
-    for number, done in enumerate(_forward(host_plan, plan, inside)):
+    for number, done in enumerate(_forward(target)):
         for step in done.steps:
             first.setdefault(id(step), (number, step))
     changes = host_plan.changes_by_address
@@ -144,13 +166,12 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, form: Scri
         if isinstance(back.operation, StopPartition):
             back = replace(back, title=f"{back.title} ({describe_stop(back.operation.grace_ms, forces=True)})")
         if isinstance(step.operation, CreatePartition):
-            pieces = creation_undo_pieces(back, step.operation, _new_files(host_plan, plan))
+            pieces = creation_undo_pieces(back, step.operation, target.files)
         else:
-            pieces = pieces_of(back, _new_files(host_plan, plan))
+            pieces = pieces_of(back, target.files)
         gone = lost.get(step.address)
         steps += (_GuardedPiece(piece=piece, steps=(back,), undoes=undoes, lost=gone) for piece in pieces)
-    steps = _clustered(_joined(steps), host_plan)
-    return _fill(host_plan, plan, inside, steps, form)
+    return _fill(target, _clustered(_joined(steps), host_plan), form)
 
 
 def render_guest(
@@ -161,7 +182,7 @@ def render_guest(
     Raises:
         NoLiteral: a value cannot be written into a script.
     """
-    name, undo_name = script_name(host_plan, inside), script_name(host_plan, inside, undo=True)
+    target = _Target(host_plan=host_plan, plan=plan, inside=inside)
     last = len(tasks) - 1
     pieces = [_GuardedPiece(piece=forward(task, plan.application), steps=(step_of(task),)) for task in tasks]
     taken_back = []
@@ -169,8 +190,8 @@ def render_guest(
         piece = back(task, plan.application)
         steps = (replace(step_of(task), title=piece.action),)
         taken_back.append(_GuardedPiece(piece=piece, steps=steps, undoes=last - at))
-    undo = _fill(host_plan, plan, inside, taken_back, form)
-    return {name: _fill(host_plan, plan, inside, pieces, form, undo=undo), undo_name: undo}
+    undo = _fill(target, taken_back, form)
+    return {target.name(): _fill(target, pieces, form, undo=undo), target.name(undo=True): undo}
 
 
 def render_observe() -> bytes:
@@ -182,14 +203,10 @@ def _inside(step: Step) -> str:
     return step.address.partition if step.address.task else ""
 
 
-def _new_files(host_plan: HostPlan, plan: Plan) -> NewFiles:
-    return NewFiles(plan=plan.id, disk_folder=host_plan.facts.disk_folder)
-
-
-def _forward(host_plan: HostPlan, plan: Plan, inside: str) -> list[_GuardedPiece]:
-    chosen = [step for step in host_plan.steps if _inside(step) == inside]
-    files = _new_files(host_plan, plan)
-    return _joined(_GuardedPiece(piece=piece, steps=(step,)) for step in chosen for piece in pieces_of(step, files))
+def _forward(target: _Target) -> list[_GuardedPiece]:
+    return _joined(
+        _GuardedPiece(piece=piece, steps=(step,)) for step in target.steps for piece in pieces_of(step, target.files)
+    )
 
 
 def _clustered(steps: Sequence[_GuardedPiece], host_plan: HostPlan) -> list[_GuardedPiece]:
@@ -228,9 +245,7 @@ def _can_join(old: _GuardedPiece, new: _GuardedPiece) -> bool:
 
 
 def _fill(
-    host_plan: HostPlan,
-    plan: Plan,
-    inside: str,
+    target: _Target,
     steps: Sequence[_GuardedPiece],
     form: ScriptForm,
     *,
@@ -238,23 +253,23 @@ def _fill(
     undo: bytes = b"",
 ) -> bytes:
     """The script of these steps; `undo` is the one that takes them back, empty where it is that itself."""
-    kind = RunKind.APPLY if undo else RunKind.UNDO
+    host_plan, inside, kind = target.host_plan, target.inside, RunKind.APPLY if undo else RunKind.UNDO
     undo_digest = hashlib.sha256(undo).hexdigest() if undo else ""
     run = {
         "Run": literal(kind.value),
-        "Guest": literal(_machine_of_guest(host_plan, inside, steps)),
-        "Undo": literal(script_name(host_plan, inside, undo=True) if undo else ""),
+        "Guest": literal(_machine_of_guest(target, steps)),
+        "Undo": literal(target.name(undo=True) if undo else ""),
         "UndoDigest": literal(undo_digest),
         "AcceptScheduler": literal(accept_scheduler),
-        **_run(host_plan, plan),
+        **_run(target),
     }
     if inside or not undo:  # neither asks what the host has to give
         run = {name: value for name, value in run.items() if name not in HOST_FACT_NAMES}
     digests = f"SHA-256: {f'the undo {undo_digest}, ' if undo else ''}Rarms.psm1 {module_digests()['Rarms.psm1']}."
     values = {
         "requirements": _GUEST_REQUIRES if inside else _HOST_REQUIRES,
-        "name": script_name(host_plan, inside, undo=kind is RunKind.UNDO),
-        **_head(kind, host_plan, plan, inside, steps, digests),
+        "name": target.name(undo=not undo),
+        **_head(kind, target, steps, digests),
         "facts": fact_lines(run),
         "entry": ENTRY,
         "impact": impact_of("\n".join(map(_code, steps))),
@@ -264,22 +279,23 @@ def _fill(
     return fill("script.ps1.j2", values)
 
 
-def _machine_of_guest(host_plan: HostPlan, inside: str, steps: Iterable[_GuardedPiece]) -> str:
+def _machine_of_guest(target: _Target, steps: Iterable[_GuardedPiece]) -> str:
     """The id of the machine that a guest's script is for, or its name where the plan makes it; empty for the host's."""
-    made = {step.address.partition for step in host_plan.steps if isinstance(step.operation, CreatePartition)}
+    made = {step.address.partition for step in target.host_plan.steps if isinstance(step.operation, CreatePartition)}
     ids = (step.steps[0].address.machine.lower() for step in steps)
+    inside = target.inside
     return inside if not inside or inside in made else next(filter(None, ids), inside)
 
 
-def _run(host_plan: HostPlan, plan: Plan) -> dict[str, str]:
+def _run(target: _Target) -> dict[str, str]:
     """The facts of the run that a script and its undo have in common."""
-    host, facts = host_plan.host, host_plan.facts
-    capacity = capacity_of(host, facts)
+    plan, facts = target.plan, target.host_plan.facts
+    capacity = capacity_of(target.host_plan.host, facts)
     return {
         "Plan": literal(plan.id),
         "Application": literal(plan.application),
         "Robot": literal(plan.robot),
-        "Serial": literal(host_plan.serial),
+        "Serial": literal(target.host_plan.serial),
         "Identity": literal(facts.id),
         "Computer": literal(facts.computer_name),
         "LogicalProcessors": literal(facts.logical_processors),
@@ -290,20 +306,19 @@ def _run(host_plan: HostPlan, plan: Plan) -> dict[str, str]:
     }
 
 
-def _head(
-    kind: RunKind, host_plan: HostPlan, plan: Plan, inside: str, steps: Sequence[_GuardedPiece], digests: str
-) -> dict[str, object]:
+def _head(kind: RunKind, target: _Target, steps: Sequence[_GuardedPiece], digests: str) -> dict[str, object]:
     """The help that `Get-Help` shows of the script."""
+    host_plan, plan, inside = target.host_plan, target.plan, target.inside
     system = f"the guest of partition {inside} on " if inside else ""
     system += f"host {host_plan.host.name} of {plan.manifest}, computer {host_plan.facts.computer_name}"
-    undo = script_name(host_plan, inside, undo=True)
+    undo = target.name(undo=True)
     planned = [step for guarded in steps for step in guarded.steps]
-    table = machine_table(planned, host_plan.changes, _new_files(host_plan, plan))
+    table = machine_table(planned, host_plan.changes, target.files)
     made = {step.address for step in planned if isinstance(step.operation, CreatePartition)}
     lost = {owner_of(step) for guarded in steps if guarded.lost is not None for step in guarded.steps}
     others = change_table((step for step in planned if not table or step.address not in made), lost)
     # An undo has no step for what it cannot bring back, and says so all the same.
-    changed = [step for step in host_plan.steps if _inside(step) == inside] or planned
+    changed = target.steps or planned
     risk, calls = summary_lines([guarded.piece for guarded in steps]) if steps else ("", "")
     return {
         "synopsis": _help(f"{_TITLES[kind]}: plan {plan.id} of application {plan.application}, for {system}."),

@@ -14,6 +14,7 @@ from rarms_iac.app.experiments.prove import ProveRequest
 from rarms_iac.app.experiments.tune import TuneRequest
 from rarms_iac.app.options import STOP_PARTITIONS, Option
 from rarms_iac.app.report_model import Report
+from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.status import HostOverview, NextCommand, PartitionStatus
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.model.commands import PLAN, START, plain_text, sentences
@@ -31,6 +32,16 @@ from rarms_iac.views.reports.page import on_page
 from rarms_iac.views.reports.table import show_cell
 from rarms_iac.views.reports.tables import RESERVE, RESERVE_LP, levels_of_component
 from rarms_iac.views.status import describe_holders, describe_other_claims, describe_partition
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudioSettings:
+    """What is served, and how."""
+
+    source: ManifestSource
+    manifest_options: str = ""  # what recommended commands end with, such as ` -f cell`
+    port: int = 0  # 0: any that is free
+    read_only: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,17 +158,16 @@ FORMS = MappingProxyType(
 
 
 def page_of(
-    known: Knowledge, workspace: Workspace, *, version: str, is_running: bool, manifest_options: str, read_only: bool
+    known: Knowledge, workspace: Workspace, settings: StudioSettings, *, version: str, is_running: bool
 ) -> bytes:
     """Make the page of what is known.
 
     Args:
         known: of the application.
         workspace: the plan that was made last.
+        settings: how it is served.
         version: of what is known, for the page to compare.
         is_running: whether a use case runs: what it needs on a host for a while is not left by another one.
-        manifest_options: what commands end with, such as ` -f cell`.
-        read_only: whether nothing may be changed.
 
     Returns:
         HTML in UTF-8.
@@ -172,13 +182,14 @@ def page_of(
         for verb, form in FORMS.items()
         if (form != "finish" or unfinished) and (form != "plan-start" or is_cut_off)
     }
-    plan = plan_on_page(known, workspace, manifest_options)
+    runs_by_host = known.history.hosts if known.history else {}
+    plan = plan_on_page(known, workspace, settings.manifest_options)
     next_command = overview.next_command if overview and not is_running else None
     studio = StudioOnPage(
         version=version,
         application=report.application,
-        read_only=read_only,
-        manifest_options=manifest_options,
+        read_only=settings.read_only,
+        manifest_options=settings.manifest_options,
         hosts=tuple(_host_on_page(host, _remark(host.name, known)) for host in hosts),
         components=tuple(_components(known, report)),
         is_running=is_running,
@@ -189,7 +200,7 @@ def page_of(
         forms_by_verb=forms,
         plan=plan,
         plan_is_next=plan is not None and _is_next(plan, next_command),
-        history=tuple(_history(known)),
+        history=tuple((host, *row) for host, runs in runs_by_host.items() for row in history_rows(runs)),
         can_undo=_can_undo(known, report.application),
         has_manifest=known.manifest is not None,
     )
@@ -321,9 +332,3 @@ def _components(known: Knowledge, report: Report) -> Iterator[ComponentOnPage]:
             share=shares[0] if shares else "",
             verdicts=verdicts or ("no host has it in its layout",),
         )
-
-
-def _history(known: Knowledge) -> Iterator[tuple[str, ...]]:
-    for host, runs in known.history.hosts.items() if known.history else ():
-        for row in history_rows(runs):
-            yield (host, *row)

@@ -9,7 +9,7 @@ import json
 import socket
 import time
 from collections.abc import AsyncIterator, Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from http import HTTPStatus
 from threading import Event, Lock, Thread
 from typing import TypeVar
@@ -23,7 +23,6 @@ from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Mount, Route
 
 from rarms_iac.app.control import StopSignal
-from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.use_case_errors import RequestError, UseCaseError
 from rarms_iac.model.commands import command_text, plain_text, sentences
 from rarms_iac.model.diagnostics import in_order
@@ -33,7 +32,7 @@ from rarms_iac.studio.connections import LOOPBACK, MOST_ACCEPTED, BoundedProtoco
 from rarms_iac.studio.guard import Guard, Keys
 from rarms_iac.studio.knowledge import Watch
 from rarms_iac.studio.levels import LevelsAnswer, LevelsBody, answer_levels
-from rarms_iac.studio.page import page_of
+from rarms_iac.studio.page import StudioSettings, page_of
 from rarms_iac.studio.work import Ending, TaskRunner, Transcript, WorkRefused, WorkState
 from rarms_iac.views.console import UNLIMITED, render
 from rarms_iac.views.findings_text import findings_text
@@ -51,16 +50,6 @@ BODY_SECONDS = 10.0
 Body = TypeVar("Body", bound=BaseModel)
 
 SCRIPTS = (*MODULES, "patch.js", "studio.js")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StudioSettings:
-    """What is served, and how."""
-
-    source: ManifestSource
-    manifest_options: str = ""  # what recommended commands end with, such as ` -f cell`
-    port: int = 0  # 0: any that is free
-    read_only: bool = False
 
 
 class StopBody(BaseModel):
@@ -113,10 +102,9 @@ class Studio:
         return page_of(
             self._watch.knowledge(),
             self._workspace,
+            self._settings,
             version=version,
             is_running=not state.ending,
-            manifest_options=self._settings.manifest_options,
-            read_only=self._settings.read_only,
         )
 
     def _version(self, state: WorkState) -> str:

@@ -48,7 +48,8 @@ def studio_command(session: Session, source: ManifestSource, options: StudioOpti
             f"rarms studio needs {' and '.join(missing)}, which this installation lacks.",
             "Install them: pip install 'rarms-iac[studio]', or in a clone: .venv/bin/pip install '.[studio]'.",
         )
-    from rarms_iac.studio.server import StudioSettings, serve
+    from rarms_iac.studio.page import StudioSettings
+    from rarms_iac.studio.server import serve
 
     settings = StudioSettings(
         source=source,

@@ -20,7 +20,7 @@ from rarms_iac.providers.channel import (
     open_channel,
 )
 from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, INSTALLED_FILE, STOP, RemotePowerShell
-from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost
+from rarms_iac.providers.interface import HostFailed, ScriptExited, ScriptLost
 
 STOPPING_SECONDS = 120.0  # for a script to remove what it made
 
@@ -53,29 +53,21 @@ class ScriptSession(Protocol):
 
 
 def send_and_follow(
-    channel: Conversation,
-    host: str,
-    there: RemotePowerShell,
-    script: ScriptBundle,
-    arguments: Sequence[str],
-    silence_s: float,
-    listener: Listener,
+    channel: Conversation, host: str, frame: bytes, silence_s: float, listener: Listener
 ) -> ScriptExited | ScriptLost:
     """Send scripts to a bootstrap that is ready, and follow what the first of them says until it ends.
 
     Args:
         channel: to the bootstrap.
         host: its name in the manifest.
-        there: what was started.
-        script: the files.
-        arguments: of the first.
+        frame: the scripts, as of `RemotePowerShell.frame`.
         silence_s: seconds without a line after which it is taken for lost.
         listener: told each line, and asked whether to stop.
 
     Raises:
         HostFailed: the bootstrap would not run them.
     """
-    channel.send(there.frame(script, arguments))
+    channel.send(frame)
     refusal = RefusalListener(listener)
     return judge_end(host, follow(channel, silence_s, refusal, lambda: channel.send(STOP)), refusal)
 
@@ -109,11 +101,9 @@ class _BootstrapSession:
 
 
 @contextmanager
-def session_behind_bootstrap(
-    channel: Conversation, there: RemotePowerShell, script: ScriptBundle, arguments: Sequence[str]
-) -> Iterator[_BootstrapSession]:
+def session_behind_bootstrap(channel: Conversation, frame: bytes) -> Iterator[_BootstrapSession]:
     """Run a script behind a bootstrap that is ready, until it has removed what it made."""
-    channel.send(there.frame(script, arguments))
+    channel.send(frame)
     try:
         yield _BootstrapSession(channel)
     finally:

@@ -87,7 +87,7 @@ class LocalTransport:
         there = RemotePowerShell(self._shells[-1])
         with (
             ready_channel(self._host, "this computer", there, (program, *there.words()[1:])) as channel,
-            session_behind_bootstrap(channel, there, script, arguments) as session,
+            session_behind_bootstrap(channel, there.frame(script, arguments)) as session,
         ):
             yield session
 
@@ -125,11 +125,14 @@ class SshTransport:
     ) -> ScriptExited | ScriptLost:
         """Nothing is sent before the other end says that it is ready."""
         with self._ready() as channel:
-            return send_and_follow(channel, self._host, self._there, script, arguments, silence_s, listener)
+            return send_and_follow(channel, self._host, self._there.frame(script, arguments), silence_s, listener)
 
     @contextmanager
     def session(self, script: ScriptBundle, arguments: Sequence[str]) -> Iterator[ScriptSession]:
-        with self._ready() as channel, session_behind_bootstrap(channel, self._there, script, arguments) as session:
+        with (
+            self._ready() as channel,
+            session_behind_bootstrap(channel, self._there.frame(script, arguments)) as session,
+        ):
             yield session
 
     def in_windows_powershell(self) -> "SshTransport":

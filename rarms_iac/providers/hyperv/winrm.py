@@ -54,7 +54,7 @@ class WinRmTransport:
     ) -> ScriptExited | ScriptLost:
         """Nothing is sent before the other end says that it is ready."""
         with self._ready() as program:
-            return send_and_follow(program, self._host, self._there, script, arguments, silence_s, listener)
+            return send_and_follow(program, self._host, self._there.frame(script, arguments), silence_s, listener)
 
     def session(
         self,

@@ -11,7 +11,8 @@ from threading import Event, Thread
 from urllib.parse import urlsplit
 
 from rarms_iac.app.requests import ManifestSource
-from rarms_iac.studio.server import StudioSettings, serve
+from rarms_iac.studio.page import StudioSettings
+from rarms_iac.studio.server import serve
 
 LONGEST = 60.0
 

@@ -10,7 +10,7 @@ from rarms_iac.app.requests import ManifestSource
 from rarms_iac.providers.cgroups import provider
 from rarms_iac.studio.actions import Workspace
 from rarms_iac.studio.knowledge import LOOK_SECONDS, Watch
-from rarms_iac.studio.page import page_of
+from rarms_iac.studio.page import StudioSettings, page_of
 
 MANIFEST = """\
 schema: rarms/v1
@@ -71,9 +71,10 @@ def test_a_simulated_host_is_looked_at_when_its_file_changes_alone(tmp_path: Pat
 )
 def test_the_page_says_when_a_host_was_asked_that_it_cannot_follow(tmp_path: Path, host: str, says: bool) -> None:
     known = watch_of(tmp_path, host).knowledge()
-    workspace = Workspace(source=ManifestSource(manifest=str(tmp_path)))
+    source = ManifestSource(manifest=str(tmp_path))
+    settings = StudioSettings(source=source)
 
-    page = page_of(known, workspace, version="", is_running=False, manifest_options="", read_only=False).decode()
+    page = page_of(known, Workspace(source=source), settings, version="", is_running=False).decode()
 
     assert (f"Asked at {known.looked_at}." in page) == says
     assert ("whether another run holds this host is not seen" in page) == says
