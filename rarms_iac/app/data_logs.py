@@ -297,7 +297,7 @@ def _log_of_each_load(
     described = [system.interference[load] for load in system.loads_of(members)]
     for load in system.loads_of(members):
         subject = subject_of(system, host, members, load)
-        log = _measured_together(subject, folder, group, host, platform_facts, number)
+        log = _measured_together(subject, folder, group, platform_facts, number)
         if isinstance(log, NotMeasured):
             return log
         found.append(log)
@@ -324,22 +324,17 @@ def _left_idle(system: System, group: Group, host: Host, logs: Sequence[Measured
 
 
 def _measured_together(
-    subject: LogSubject,
-    folder: _LogFolder,
-    group: Group,
-    host: Host,
-    platform_facts: PartialPlatform,
-    number: ProcessorNumber,
+    subject: LogSubject, folder: _LogFolder, group: Group, platform_facts: PartialPlatform, number: ProcessorNumber
 ) -> MeasuredTogether | NotMeasured:
     members = names_of(group.members)
     path = path_of(folder.files.folder, subject)
     path_shown = path.relative_to(folder.files.folder).as_posix()
-    again = command("measure", *members, together=len(members) > 1)
+    again = _measuring(members)
     not_measured = partial(NotMeasured, components=to_be_measured(group.members))
     log = folder.read(path)
     if log is None:
         message = (
-            f"The reserve of {' and '.join(members)} is measured, and there is no data log on {host.platform} "
+            f"The reserve of {' and '.join(members)} is measured, and there is no data log on {subject.platform} "
             f"against {subject.setup.interference} ({path_shown})."
         )
         advice = prose("Measure it: ", again, ". Or fix it for now: `cpu: { reserve: 0.4 LP }`.")
@@ -367,12 +362,16 @@ def _measured_together(
         processors_from=number.source,
         measured=tuple(sorted({setting.reserve for setting in log.settings})),
         curves=curves_in(log, {member.name: member for member in group.members}),
-        remarks=tuple(_remarks(log, comparison, group, path_shown, again, folder.files.cut)),
+        remarks=tuple(_remarks(log, comparison, group, path_shown, folder.files.cut)),
         again=again,
         weak=any(recorded.provenance.weak_load for recorded in log.counting),
         cpu_ms=_cpu_ms_in(log),
         used=most_used(recorded.setting for recorded in whole.recorded),
     )
+
+
+def _measuring(members: Names) -> RecommendedCommand:
+    return command("measure", *members, together=len(members) > 1)
 
 
 def curves_in(log: DataLog, components: Mapping[str, Component]) -> Callable[[str, str], Curve]:
@@ -406,9 +405,7 @@ def _cpu_ms_in(log: DataLog) -> Callable[[str], float | None]:
     return cpu_ms_of
 
 
-def _remarks(
-    log: DataLog, comparison: Comparison, group: Group, path: str, again: RecommendedCommand, cut: str
-) -> Iterator[Cause]:
+def _remarks(log: DataLog, comparison: Comparison, group: Group, path: str, cut: str) -> Iterator[Cause]:
     address = f"component/{to_be_measured(group.members)[0]}"
     if comparison.unverified:
         yield Cause(
@@ -443,7 +440,9 @@ def _remarks(
             code=planning_findings.BUSY.code,
             values={"log": path, "partitions": tuple(running)},
             advice=prose(
-                "Measure it once more with the host to itself, and this no longer counts: ", again.also(again=True), "."
+                "Measure it once more with the host to itself, and this no longer counts: ",
+                _measuring(names_of(group.members)).also(again=True),
+                ".",
             ),
         )
 

@@ -87,7 +87,7 @@ def measure_settings(
             partitions = partitions or make_test_partitions(experiment, context, ends)
             began, remaining = times.clock(), times.remaining(experiment, count, new, running=1)
             context.reporter.setting_started(experiment, decision.reserve, remaining)
-            setting = run_setting(experiment, context, partitions, decision, known)
+            setting = run_setting(context, partitions, decision, known)
             if not isinstance(setting, Setting):
                 return ended(setting)
             times.add(experiment, times.clock() - began)

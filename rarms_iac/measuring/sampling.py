@@ -27,8 +27,7 @@ def watch(
     should_stop: Callable[[], bool],
     *,
     limit_ms: float = inf,
-    restarts: bool = False,
-    needs_starts: Callable[[], bool] = lambda: True,
+    needs_starts: Callable[[], bool] | None = None,
 ) -> Mapping[str, Series] | TooManyFailures | None:
     """Read the samples of these components, from when their host has settled until there are enough, or no more.
 
@@ -40,9 +39,9 @@ def watch(
             passed as often as it must.
         should_stop: Asked after every sample.
         limit_ms: Of the host's time since the work began: from then on `is_enough` is asked at any count.
-        restarts: Whether loads that never pause begin anew again and again, so often before `is_enough` is asked. From
-            then on a start lasts an eighth of all that counts, unless starts differ.
-        needs_starts: Asked at each look: whether all of these are needed. False: it is no point of a curve.
+        needs_starts: Asked at each look, where loads that never pause begin anew again and again: whether they must
+            begin so often before `is_enough` is asked; False: it is no point of a curve. From then on a start lasts an
+            eighth of all that counts, unless starts differ. None: loads do not begin anew.
 
     Returns:
         The series by component; `TooManyFailures`: a component's jobs failed more often than its manifest allows; None:
@@ -59,7 +58,7 @@ def watch(
         running=running,
         names=sorted(allowed),
         settling=settling,
-        restarts=restarts,
+        restarts=needs_starts is not None,
         least_starts=least_starts(is_periodic=is_periodic),
     )
     looks_at = next_look(0)
@@ -75,7 +74,9 @@ def watch(
         if not seen.take(name, sample):
             continue
         is_late = running.elapsed_ms() >= limit_ms
-        if (least := seen.least) >= (1 if is_late else looks_at) and (seen.has_begun or is_late or not needs_starts()):
+        if (least := seen.least) >= (1 if is_late else looks_at) and (
+            seen.has_begun or is_late or not (needs_starts and needs_starts())
+        ):
             looks_at, limit_ms = next_look(least), _LATER * limit_ms if is_late else limit_ms
             if seen.counted_ms >= settling.least_ms and is_enough(found := seen.series()):
                 return found

@@ -30,7 +30,7 @@ from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.outcomes import Measure, SettingFailed, Stopped, TooManyFailures
 from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import ReservePercent
-from rarms_iac.model.run import Run, SampleCount
+from rarms_iac.model.run import SampleCount
 from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
@@ -75,8 +75,9 @@ def other_processors(experiment: Experiment, used: int | None) -> int | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TestPartitions:
-    """The test partitions, and what there is room for."""
+    """The test partitions of an experiment, and what there is room for."""
 
+    experiment: Experiment
     resources: MeasuringResources
     shapes: tuple[PartitionShape, PartitionShape]
 
@@ -99,7 +100,7 @@ def make_test_partitions(experiment: Experiment, context: MeasuringContext, ends
     shapes = shapes_for(experiment, resources)
     classes = {values.name: registry_values(values) for values in _task_classes(experiment)}
     ends.enter_context(running_test_partitions(context.host, experiment.application, shapes, classes))
-    return TestPartitions(resources=resources, shapes=shapes)
+    return TestPartitions(experiment=experiment, resources=resources, shapes=shapes)
 
 
 def shapes_for(experiment: Experiment, resources: MeasuringResources) -> tuple[PartitionShape, PartitionShape]:
@@ -137,18 +138,13 @@ def _task_classes(experiment: Experiment) -> tuple[ClassValues, ...]:
 
 
 def run_setting(
-    experiment: Experiment,
-    context: MeasuringContext,
-    partitions: TestPartitions,
-    request: Measure,
-    known: KnownSettings,
+    context: MeasuringContext, partitions: TestPartitions, request: Measure, known: KnownSettings
 ) -> Setting | SettingFailed | Stopped:
     """Measure a setting; where something disturbed it, measure it again.
 
     Args:
-        experiment: what is measured.
         context: the host, locked, and who is told.
-        partitions: P1 and P2, which run.
+        partitions: P1 and P2 of the experiment, which run.
         request: the reservation, one that the host can give, and when its samples are enough.
         known: what was measured before.
 
@@ -158,6 +154,7 @@ def run_setting(
     Raises:
         HostError: the host did not do what was asked.
     """
+    experiment = partitions.experiment
     load_reserve = reserve_for_load(partitions.resources, experiment.setup, request.reserve)
     if load_reserve is None:
         raise ValueError(f"{request.reserve} % was asked for, and the host cannot give that")
@@ -176,7 +173,7 @@ def run_setting(
             spent_ms=spent_ms,
             processors=experiment.setup.processors,
         )
-        setting, evidence = _try_setting(experiment, context, partitions, request, empty, known)
+        setting, evidence = _try_setting(context, partitions, request, empty, known)
         if not isinstance(setting, Setting) or evidence is None:
             return setting
         spent_ms = setting.host_ms
@@ -188,19 +185,19 @@ def run_setting(
 
 
 def _try_setting(
-    experiment: Experiment,
-    context: MeasuringContext,
-    partitions: TestPartitions,
-    request: Measure,
-    empty: Setting,
-    known: KnownSettings,
+    context: MeasuringContext, partitions: TestPartitions, request: Measure, empty: Setting, known: KnownSettings
 ) -> tuple[Setting | SettingFailed | Stopped, SettingEvidence | None]:
     """A setting from the first sample to the last, and what the host counted meanwhile."""
+    experiment = partitions.experiment
     goal = replace(goal_of(experiment), ends_at_until=request.within_until)
+    until = {name: run.until for name, run in goal.runs.items() if run.until is not None}
 
     def used() -> int | None:
         """NOTE: the paper's strategy does not look at what is used."""
         return None if request.within_until else experiment.used(running.used_processors(P1))
+
+    def needs_starts() -> bool:
+        return other_processors(experiment, used()) is None
 
     def so_far(seen: Mapping[str, Series], elapsed_ms: float) -> Setting:
         """As the log records it, so that a run that goes on from the log decides by the same numbers."""
@@ -209,7 +206,7 @@ def _try_setting(
 
     def is_enough(seen: Mapping[str, Series]) -> bool:
         context.reporter.samples_came(experiment, request.reserve, seen)
-        if not request.until_clear or not all(_has_until(seen[name], run) for name, run in goal.runs.items()):
+        if not request.until_clear or any(until_share(seen[name], each) < 1.0 for name, each in until.items()):
             return False
         setting = so_far(seen, running.elapsed_ms())
         if other_processors(experiment, setting.used_processors) is not None:
@@ -229,8 +226,7 @@ def _try_setting(
             is_enough,
             context.should_stop,
             limit_ms=max(0.0, left_ms) if request.until_clear else inf,
-            restarts=request.until_clear and not request.within_until,
-            needs_starts=lambda: other_processors(experiment, used()) is None,
+            needs_starts=needs_starts if request.until_clear and not request.within_until else None,
         )
         evidence, elapsed_ms = running.evidence(), running.elapsed_ms()
     if series is None:
@@ -238,10 +234,6 @@ def _try_setting(
     if isinstance(series, TooManyFailures):
         return SettingFailed(reserve=request.reserve, verdict=series), None
     return so_far(series, elapsed_ms), evidence
-
-
-def _has_until(series: Series, run: Run) -> bool:
-    return run.until is None or until_share(series, run.until) >= 1.0
 
 
 def _contenders(

@@ -115,22 +115,21 @@ def experiments_of(
         host: as of `experiment_of`.
         members: as of `experiment_of`.
         interferences: names of `interference`, each once.
-        samples: as of `experiment_of`.
+        samples: how many of each component; None: as its `run.until` says.
 
     Returns:
         In the order of the loads; they differ in nothing else.
     """
     loads = tuple(system.interference[name] for name in interferences)
-    return tuple(replace(experiment_of(system, host, members, name, samples), loads=loads) for name in interferences)
+    experiments = (experiment_of(system, host, members, name) for name in interferences)
+    return tuple(
+        replace(each, loads=loads, members=tuple(_with_samples(member, samples) for member in each.members))
+        for each in experiments
+    )
 
 
 def experiment_of(
-    system: System,
-    host: Host,
-    members: tuple[str, ...],
-    interference: str,
-    samples: int | None = None,
-    used: Used = never_seen,
+    system: System, host: Host, members: tuple[str, ...], interference: str, used: Used = never_seen
 ) -> Experiment:
     """The experiment with these components together in P1; what a partition of just these asks for stands.
 
@@ -139,7 +138,6 @@ def experiment_of(
         host: where it is to be.
         members: in any order.
         interference: a name of `interference`.
-        samples: how many of each component; None: as its `run.until` says.
         used: how many processors components were seen to use at once.
 
     Returns:
@@ -164,7 +162,7 @@ def experiment_of(
     return Experiment(
         application=system.application.name,
         host=host,
-        members=tuple(_with_samples(component, samples) for component in components),
+        members=components,
         load=system.interference[interference],
         loads=(system.interference[interference],),
         setup=setup,

@@ -33,18 +33,12 @@ from rarms_iac.views.tune import manifest_changes, tuned_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SettingsToMeasure:
-    """The settings of the performance measurement mode; none: a search."""
+class MeasureOptions(StopOptions):
+    """Which settings (none: a search), and what is asked, written or shown meanwhile."""
 
     first: int | None = option("--from", metavar="PERCENT", read=read_percent, help="Measure from here, as 10%, ...")
     last: int | None = option("--to", metavar="PERCENT", read=read_percent, help="... to here ...")
     step: int | None = option("--step", metavar="PERCENT", read=read_percent, help="... so far apart, all of it.")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeasureOptions(StopOptions):
-    """What is asked and written meanwhile, or shown in place of measuring."""
-
     interactive: bool = flag("--interactive", help="Measure a coarse curve, and ask for the level that is good enough.")
     script: bool = flag("--script", help="Show the PowerShell that would run on Hyper-V hosts; nothing is run.")
     out: str | None = option("--out", metavar="FOLDER", help="With --script: write the exact bytes there.")
@@ -56,7 +50,6 @@ def measure_command(
     source: ManifestSource,
     host_selection: HostSelection,
     request: MeasureRequest,
-    settings: SettingsToMeasure,
     options: MeasureOptions,
 ) -> ExitCode:
     """Find the least reservation at which each COMPONENT meets its thresholds; without COMPONENT: of all of them.
@@ -69,7 +62,7 @@ def measure_command(
     component does not meet its thresholds or that cannot be told, 1 where what was stopped cannot be started.
     """
     stops = options.stops(on_busy_host=request.on_busy_host)
-    request = replace(request, reserves=reserves_between(settings.first, settings.last, settings.step))
+    request = replace(request, reserves=reserves_between(options.first, options.last, options.step))
     if options.script:
         return _show_scripts(session, select_hosts(load_manifest(source), host_selection), request, options.out)
     if options.out is not None:
