@@ -45,7 +45,7 @@ def _elsewhere(partition: ExplainedPartition, here: PlacedPartition, host: Host)
         why = partition.why_bound or "there is no layout to compare with"
         message = f"it would reserve {show_processors(there.reserved)}; {why}"
     else:
-        neighbours = [other for other in layout.partitions if other.host == host.name]
+        neighbours = layout.on(host.name)
         claims = (*view.claims, *(other.claim for other in (*neighbours, there)))
         if fits(capacity_of(host, view.facts), claims):
             why = _why_not_there(here, there, partition.why_bound)

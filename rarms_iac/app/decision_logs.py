@@ -24,14 +24,13 @@ from rarms_iac.planner.sizes import size
 from rarms_iac.storage.datalog.decisions import (
     Chosen,
     TuningRun,
-    append_entry,
     append_run,
     last_chosen,
     read_entries,
     read_runs,
     tuning_path,
 )
-from rarms_iac.storage.datalog.files import configuration_path, read_log
+from rarms_iac.storage.datalog.files import append_to_log, configuration_path, read_log
 
 
 def record_choices(manifest: Manifest, components: Iterable[str] = ()) -> tuple[Path, ...]:
@@ -123,7 +122,7 @@ def _record(folder: Path, platform: str, chosen: Chosen) -> Path | None:
     same = last is not None and replace(last, when=chosen.when, rarms_version=chosen.rarms_version) == chosen
     if same:
         return None
-    append_entry(path, chosen)
+    append_to_log(path, chosen)
     return path
 
 

@@ -191,8 +191,10 @@ def _proofs(manifest: Manifest, components: Sequence[str]) -> Iterator[Component
     reservations = measured_reservations(manifest, {})
     for platform in sorted({host.platform for host in system.hosts.values()}):
         for name in sorted(components or system.components, key=natural_order):
-            entries = _entries(configuration_path(folder, platform, name))
-            for entry in _standing([entry for entry in entries if entry.component == name]):
+            with log_errors():
+                entries = list(read_entries(configuration_path(folder, platform, name)))
+            own = [entry for entry in entries if isinstance(entry, Proven) and entry.component == name]
+            for entry in _standing(own):
                 layout = tuple(_layout_since(entry, system, reservations))
                 for index in entry.indexes:
                     changed = (*_threshold_since(entry, index, system), *layout)
@@ -242,11 +244,6 @@ def _layout_since(entry: Proven, system: System, reservations: ReservationSource
         yield "nothing that holds says what it reserves"
     elif partition.settings.reserve != entry.reserve:
         yield f"its partition reserves {show_reserve(partition.settings.reserve, partition.settings.processors)} now"
-
-
-def _entries(path: Path) -> list[Proven]:
-    with log_errors():
-        return [entry for entry in read_entries(path) if isinstance(entry, Proven)]
 
 
 def _proof(entry: Proven, proven: ProvenIndex, outdated: tuple[str, ...]) -> ComponentProof:

@@ -3,7 +3,7 @@
 Observed states come from live hosts or from snapshots; nothing here knows which.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from rarms_iac.applying.desired_hosts import (
@@ -77,7 +77,10 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
             addresses += planned.addresses
             findings += planned.findings
     findings += unknown_targets(addresses, request.targets)
-    remaining, accepted = _split_accepted(request, findings)
+    codes = _WHOLE_PLAN_CODES if request.is_whole else CODES  # an acceptance of these without a finding is one itself
+    distinct = in_order(tuple(dict.fromkeys(findings)))
+    policy, today = request.system.policy, request.today
+    remaining, accepted = apply_acceptances(distinct, policy, request.places, today, codes=codes)
     if has_errors(remaining):
         return PlanningResult(plan=None, findings=remaining, accepted=accepted)
     layout = next((desired.layout for desired in hosts.values()), None)
@@ -135,18 +138,6 @@ def _plan_host(request: PlanRequest, desired: Desired, present: Mapping[str, fro
         addresses=tuple(str(change.address) for change in (*difference.changes, *guests)),
         findings=(*difference.findings, *stuck, *reviewed),
     )
-
-
-def _split_accepted(
-    request: PlanRequest, findings: Sequence[Diagnostic]
-) -> tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]:
-    """Return the findings that remain, and those that the manifest's policy accepts.
-
-    An acceptance without a finding is itself a finding; of a check of plans only where the whole manifest is planned.
-    """
-    codes = _WHOLE_PLAN_CODES if request.is_whole else CODES
-    distinct = in_order(tuple(dict.fromkeys(findings)))
-    return apply_acceptances(distinct, request.system.policy, request.places, request.today, codes=codes)
 
 
 def _host_plan(

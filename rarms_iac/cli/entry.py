@@ -50,7 +50,8 @@ def run_guarded(
         return ExitCode.USAGE
     except UseCaseError as problem:
         _trace(terminal)
-        return _tell(session, _code_of(session, problem.outcome), problem.findings, problem.sources)
+        by_signal = session.interrupts.exit_code if problem.outcome is Outcome.INTERRUPTED else None
+        return _tell(session, by_signal or CODES[problem.outcome], problem.findings, problem.sources)
     except KeyboardInterrupt as interrupt:
         code = interrupt.code if isinstance(interrupt, Interrupted) else ExitCode.INTERRUPTED
         from rarms_iac.views.run import interruption_text
@@ -79,11 +80,6 @@ def usage_text(error: click.UsageError) -> "RenderableType":
     usage = paragraph(error.ctx.get_usage()) if error.ctx else None
     finding = _usage_finding(error)
     return stack(usage, paragraph(finding.detail), paragraph(finding.advice))
-
-
-def _code_of(session: Session, outcome: Outcome) -> ExitCode:
-    """How the command ends; after a signal, as the signal asks."""
-    return (session.interrupts.exit_code if outcome is Outcome.INTERRUPTED else None) or CODES[outcome]
 
 
 def _usage_finding(error: click.UsageError) -> Diagnostic:

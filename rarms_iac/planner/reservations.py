@@ -158,14 +158,6 @@ def fixed(members: Iterable[Component], host: Host) -> LogicalProcessors:
     return LogicalProcessors(total)
 
 
-def _no_cpu_ms(_component: str) -> None:
-    return None
-
-
-def _not_measured_together(_members: "Names", _host: Host) -> Fraction:
-    return Fraction(0)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredTogether:
     """The data log of components in one partition beside one load, for the hosts that it holds for."""
@@ -178,7 +170,7 @@ class MeasuredTogether:
     remarks: tuple[Cause, ...] = ()
     again: RecommendedCommand = MEASURE  # what measures it
     weak: bool = False  # its load cannot take all that P2 reserves, or left some of it idle
-    cpu_ms: Callable[[str], float | None] = _no_cpu_ms  # processor time of a component's job, on average
+    cpu_ms: Callable[[str], float | None] = lambda _component: None  # processor time of a component's job, on average
     processors_from: ProcessorSource = ProcessorSource.HOST
     used: int | None = None  # the most processors that they were seen to use at once; None: that was not seen
 
@@ -197,7 +189,7 @@ class MeasuredReservations:
 
     kinds: Mapping[str, Hashable]  # host -> what it shares with others for which the same logs hold
     logs: Logs
-    missed_together: Callable[[Names, Host], Fraction] = _not_measured_together
+    missed_together: Callable[[Names, Host], Fraction] = lambda _members, _host: Fraction(0)
     """The most LPs with which components that have a partition each were shown to miss in one; 0: never measured so."""
     _known: dict[Hashable, "_Decision"] = field(default_factory=dict, compare=False, repr=False)
 

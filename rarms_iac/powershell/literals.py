@@ -66,15 +66,11 @@ def _joined(text: str) -> Literal:
     except UnicodeEncodeError as problem:
         raise NoLiteral(text, f"character {problem.start} is half a surrogate pair, which is no text") from None
     parts = ["''"]
-    for plain, run in groupby(units, key=_is_plain_unit):
+    for plain, run in groupby(units, key=lambda unit: 0x20 <= unit <= 0x7E):
         parts.extend(_parts(plain, list(run)))
     if len(parts) > MOST_PARTS:
         raise NoLiteral(text, f"it has {len(parts)} parts that are not plain ASCII or lie between; {MOST_PARTS} may be")
     return f"({' + '.join(parts)})"
-
-
-def _is_plain_unit(unit: int) -> bool:
-    return 0x20 <= unit <= 0x7E
 
 
 def _parts(plain: bool, units: list[int]) -> list[str]:

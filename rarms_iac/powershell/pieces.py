@@ -153,10 +153,6 @@ class NewFiles:
             raise NoLiteral(creation.partition, "its host did not tell where it puts disks, and no folder is said")
         return operations.disk_path(creation, self.plan, self.disk_folder)
 
-    def folder(self, creation: operations.CreatePartition, name: str) -> str:
-        """The folder that Hyper-V makes for a machine of this name."""
-        return operations.partition_folder(creation, name)
-
 
 def pieces_of(step: Step, files: NewFiles) -> tuple[ScriptPiece, ...]:
     """The step as guarded pieces, in their order; one for everything but the making of a machine."""
@@ -344,7 +340,7 @@ def _creation_pieces(step: Step, creation: operations.CreatePartition, files: Ne
         disk = literal(files.disk(creation))
         attach = call("Hyper-V\\Add-VMHardDiskDrive", VM=VM, Path=disk)
         made += [
-            _new_disk(f"{address}/disk", creation, disk, files),
+            _new_disk(f"{address}/disk", creation, disk),
             piece("attach the disk", {"disks": 0}, {"disks": 1}, attach),
         ]
     # Whether a new machine's memory is static is the host's affair: a client's is dynamic.
@@ -370,7 +366,7 @@ def _creation_pieces(step: Step, creation: operations.CreatePartition, files: Ne
 def _folders(creation: operations.CreatePartition, files: NewFiles) -> dict[str, Literal]:
     """The folders of the pending name and of the final one."""
     names = {"From": files.pending_name(creation), "To": creation.partition}
-    return {parameter: literal(files.folder(creation, name)) for parameter, name in names.items()}
+    return {parameter: literal(operations.partition_folder(creation, name)) for parameter, name in names.items()}
 
 
 def _firmware(creation: operations.CreatePartition) -> tuple[str, Readings, Readings, str]:
@@ -403,10 +399,10 @@ def _new_machine(creation: operations.CreatePartition, files: NewFiles) -> str:
     return call("Hyper-V\\New-VM", **new)
 
 
-def _new_disk(address: str, creation: operations.CreatePartition, path: str, files: NewFiles) -> ScriptPiece:
+def _new_disk(address: str, creation: operations.CreatePartition, path: str) -> ScriptPiece:
     """The differencing child of an image, in the folder that the machine is moved into."""
     parent = literal(creation.image)
-    folder = literal(files.folder(creation, creation.partition)) if creation.vm_path else ""
+    folder = literal(operations.partition_folder(creation, creation.partition)) if creation.vm_path else ""
     return ScriptPiece(
         address=address,
         action=f"make a disk that grows out of {creation.image}",

@@ -65,12 +65,9 @@ def _without_cut_off(text: str, form: str, name: str) -> str:
 def _forms(value: str) -> tuple[str, ...]:
     as_json = (json.dumps(value)[1:-1], json.dumps(value, ensure_ascii=False)[1:-1])
     as_python = (repr(value)[1:-1], ascii(value)[1:-1])  # what an exception of a component often shows
-    return (value, *as_json, *as_python, quoted(value)[1:-1], *_in_addresses(value))
-
-
-def _in_addresses(value: str) -> tuple[str, ...]:
-    """The value as addresses write it; bytes that are no text are written as they came."""
-    return tuple(write(value, errors="surrogateescape") for write in (quote, quote_plus))
+    # Bytes that are no text are written as they came.
+    in_addresses = (write(value, errors="surrogateescape") for write in (quote, quote_plus))
+    return (value, *as_json, *as_python, quoted(value)[1:-1], *in_addresses)
 
 
 SHORT_SECRET = Finding.warning("RARMS345", "A value from the environment is too short to be hidden")

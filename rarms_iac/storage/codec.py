@@ -160,7 +160,7 @@ def _encoder(hint: Any) -> Encode:
     if _is_record(hint):
         return _encode_dataclass(hint)
     if hint in (str, int, bool, float, NoneType) or get_origin(hint) is Literal:
-        return _same
+        return lambda value: cast("Json", value)
     if isinstance(hint, type) and issubclass(hint, Enum):
         return lambda value: value.value
     if hint is Fraction:
@@ -207,7 +207,8 @@ def _decoder(hint: Any) -> Decode:
         many = _decode_tuple((arguments[0], ...))
         return lambda data, path: frozenset(many(data, path))
     if origin is Mapping:
-        return _decode_mapping(_decoder(arguments[1]))
+        item = _decoder(arguments[1])
+        return lambda data, path: {key: item(each, _below(path, key)) for key, each in _object(data, path).items()}
     raise TypeError(f"no value from JSON for {hint!r}")
 
 
@@ -220,10 +221,6 @@ def _bare(hint: Any) -> Any:
 
 def _is_record(hint: Any) -> bool:
     return isinstance(hint, type) and is_dataclass(hint)
-
-
-def _same(value: Any) -> Json:
-    return cast("Json", value)
 
 
 def _hints(cls: type) -> list[tuple[Field[Any], Any]]:
@@ -393,10 +390,6 @@ def _decode_tuple(arguments: tuple[Any, ...]) -> Decode:
         return tuple(part(item, f"{path}[{at}]") for at, (part, item) in enumerate(zip(parts, items, strict=True)))
 
     return read
-
-
-def _decode_mapping(decode: Decode) -> Decode:
-    return lambda data, path: {key: decode(item, _below(path, key)) for key, item in _object(data, path).items()}
 
 
 def _exactly(cls: Any) -> Decode:

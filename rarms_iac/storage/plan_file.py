@@ -166,7 +166,7 @@ def write_plan(plan: Plan) -> bytes:
         UTF-8 with LF; the same plan has the same bytes.
     """
     document = cast("dict[str, Json]", encode(plan))
-    sealed = {**document, "seal": _seal(document)}
+    sealed = {**document, "seal": digest(document)}
     return readable_json(sealed)
 
 
@@ -185,7 +185,7 @@ def read_plan(data: bytes) -> Plan:
     """
     document = _parsed(data)
     seal = document.pop("seal", None)
-    if seal != _seal(document):
+    if seal != digest(document):
         raise PlanEdited("its seal does not fit its content: it was edited", PLAN_AGAIN)
     if document.get("rarms_version") != __version__:
         raise PlanUnreadable(
@@ -219,7 +219,3 @@ def _parsed(data: bytes) -> dict[str, Json]:
             prose("Make the plan again with this version of rarms: ", PLAN_OUT, "."),
         )
     return document
-
-
-def _seal(document: dict[str, Json]) -> str:
-    return digest(document)

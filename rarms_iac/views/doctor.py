@@ -46,7 +46,8 @@ def doctor_text(examined: Examinations, sources: Sources) -> "RenderableType":
 def _rows(examined: ExaminedHost, application: str) -> Iterator[tuple[str, str]]:
     facts, condition = examined.facts, examined.condition
     yield "computer", facts.computer_name
-    yield "Windows", _windows(facts)
+    kind = "client" if facts.client else "server"
+    yield "Windows", f"build {facts.os_build}, {kind}" if facts.os_build else ""
     yield "PowerShell", condition.powershell or ""
     yield "module Hyper-V", "" if condition.module is None else ", ".join(condition.module) or "not installed"
     yield "scheduler", "" if facts.scheduler.value == "none" else facts.scheduler.value
@@ -56,10 +57,6 @@ def _rows(examined: ExaminedHost, application: str) -> Iterator[tuple[str, str]]
     yield "memory", show_bytes(facts.memory) + free
     yield "rights", facts.rights.value
     yield "machines", _machines(examined, application)
-
-
-def _windows(facts: HostFacts) -> str:
-    return f"build {facts.os_build}, {'client' if facts.client else 'server'}" if facts.os_build else ""
 
 
 def _processors(facts: HostFacts, condition: HostCondition) -> str:

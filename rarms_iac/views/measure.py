@@ -77,7 +77,7 @@ def _outcome(result: ExperimentResult, loads: str) -> tuple[str, str, str]:
                 _inconclusive(result, inconclusive),
                 _planned(result, reserve),
                 loads,
-                _goes_on(more),
+                f"up to {counted(more, 'setting')} more would narrow it: run the same command" if more else "",
             ]
             share = share_of_processors(reserve, result.experiment.setup.processors)
             return share, _amount(result, reserve), ", ".join(filter(None, remarks))
@@ -128,10 +128,6 @@ def _below(result: ExperimentResult, failed: int | None) -> str:
 def _inconclusive(result: ExperimentResult, reserves: Sequence[int]) -> str:
     """Those between, without a steady state: they are neither enough nor too little."""
     return f"{in_a_row([_amount(result, reserve) for reserve in reserves])} unsteady" if reserves else ""
-
-
-def _goes_on(more: int) -> str:
-    return f"up to {counted(more, 'setting')} more would narrow it: run the same command" if more else ""
 
 
 def _planned(result: ExperimentResult, reserve: int | None) -> str:

@@ -43,8 +43,8 @@ from rarms_iac.model.system import Component, System, run_of
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.storage.datalog.decisions import Entry, Proven, ProvenIndex, append_entry, read_entries
-from rarms_iac.storage.datalog.files import configuration_path
+from rarms_iac.storage.datalog.decisions import Entry, Proven, ProvenIndex, read_entries
+from rarms_iac.storage.datalog.files import append_to_log, configuration_path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,13 +128,14 @@ def prove_layout(
         return ProveOutcome(proofs=(), findings=(), stopped=True)
     with hold_configuration_logs(hosts.folder), log_errors():
         _record(hosts, proofs, states)
+    proven = {name for layout in layouts.values() for name in layout.partitions}
     return ProveOutcome(
         proofs=tuple(proofs),
         findings=(
             *unaccepted_short_secrets(hosts.manifest, _real_components(hosts, layouts)),
             *proof_findings(hosts, proofs, everywhere),
         ),
-        not_proven=_not_proven(hosts, layouts),
+        not_proven=tuple(group.name for group in groups_of(hosts.system) if group.name not in proven),
     )
 
 
@@ -261,7 +262,7 @@ def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]
                 ),
             )
             platform = hosts.system.hosts[proof.host].platform
-            append_entry(configuration_path(hosts.folder, platform, component.name), entry)
+            append_to_log(configuration_path(hosts.folder, platform, component.name), entry)
 
 
 def _proven(verdict: IndexVerdict) -> ProvenIndex:
@@ -277,11 +278,6 @@ def _proven(verdict: IndexVerdict) -> ProvenIndex:
         error=verdict.error,
         samples_needed=verdict.samples_needed,
     )
-
-
-def _not_proven(hosts: Hosts, layouts: Mapping[str, AppliedLayout]) -> tuple[str, ...]:
-    proven = {name for layout in layouts.values() for name in layout.partitions}
-    return tuple(group.name for group in groups_of(hosts.system) if group.name not in proven)
 
 
 def _real_components(hosts: Hosts, layouts: Mapping[str, AppliedLayout]) -> Iterator[Component]:

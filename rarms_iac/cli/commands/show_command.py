@@ -1,6 +1,5 @@
 """`rarms show`: a plan file, as `rarms plan` showed it, and its scripts as they run."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rarms_iac.app.files import read_plan_file
@@ -8,7 +7,6 @@ from rarms_iac.app.options import argument, flag, option, verbose_option
 from rarms_iac.app.requests import ManifestSource, SnapshotSelection
 from rarms_iac.app.scripts import (
     RECEIVE_NAME,
-    PlanScript,
     PlanScripts,
     ScriptSelection,
     check_script,
@@ -111,7 +109,9 @@ def _show_scripts(session: Session, plan: Plan, hosts: tuple[str, ...], options:
     selected = select_scripts(scripts, selection, plan)
     if options.out is not None:
         written = scripts_to_write(scripts, selected, selection)
-        _write(session, written, options.out)
+        inspect_scripts(written)
+        for path in write_scripts(written, options.out):
+            session.terminal.tell(f"Wrote {path}.")
         for sentence in left_out(plan, scripts, written):
             session.terminal.tell(sentence)
         return ExitCode.DONE
@@ -132,12 +132,6 @@ def _show_scripts(session: Session, plan: Plan, hosts: tuple[str, ...], options:
     for sentence in left_out(plan, scripts, selected):
         session.terminal.tell(sentence)
     return ExitCode.DONE
-
-
-def _write(session: Session, scripts: Sequence[PlanScript], folder: str) -> None:
-    inspect_scripts(scripts)
-    for path in write_scripts(scripts, folder):
-        session.terminal.tell(f"Wrote {path}.")
 
 
 def _check(session: Session, path: str) -> ExitCode:

@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property
+from functools import cache
 
 from rarms_iac.manifest.text.tree import Collection, Entry, Node, entries_by_key, place_of_node
 from rarms_iac.model.diagnostics import Place
@@ -28,12 +28,8 @@ class ManifestPlaces:
     """`model.diagnostics.Places` over the tree of a manifest and its overlays."""
 
     def __init__(self, read: Callable[[], Node]) -> None:
-        self._read = read
+        self._root = cache(read)
         self._entries: dict[int, dict[str, Entry]] = {}  # of each mapping that was asked for, by its identity
-
-    @cached_property
-    def _root(self) -> Node:
-        return self._read()
 
     def value(self, *path: str | int) -> Place:
         """The place of the value at this path; the key of its nearest parent where it does not exist."""
@@ -47,7 +43,7 @@ class ManifestPlaces:
 
     def _walk(self, path: tuple[str | int, ...]) -> tuple[Node, Node | None, int]:
         """How far the path leads: the last node, its key (of a list: the item), and the steps that are there."""
-        node = self._root
+        node = self._root()
         key: Node | None = None
         for steps, step in enumerate(path):
             entry = self._entry(node, step)

@@ -245,7 +245,8 @@ def search(
     while True:
         decision = next_decision(tuning, trail)
         if not isinstance(decision, NextSetting):
-            not_counted = _not_counted(recorded, trail)
+            counted = {(answer.members, answer.reserve) for answer in trail}
+            not_counted = [answer for answer in recorded if (answer.members, answer.reserve) not in counted]
             if not not_counted:
                 return decision, tuple(trail)
             for answer in not_counted:
@@ -259,11 +260,6 @@ def search(
                 continue
             consented.add(decision.members)
         trail.append(inquiry.ask(decision.members, decision.reserve, decision.predicted))
-
-
-def _not_counted(recorded: Sequence[Answer], trail: Sequence[Answer]) -> list[Answer]:
-    counted = {(answer.members, answer.reserve) for answer in trail}
-    return [answer for answer in recorded if (answer.members, answer.reserve) not in counted]
 
 
 def _consent(tuning: Tuning, inquiry: Inquiry, members: Members) -> bool:

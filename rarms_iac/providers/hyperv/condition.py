@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic, Finding
-from rarms_iac.model.state import RegistryValue, Rights
+from rarms_iac.model.state import Rights
 from rarms_iac.model.wording import quoted
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted
 from rarms_iac.providers.hyperv.observation import (
@@ -27,6 +27,7 @@ def condition_of(observation: HostObservation) -> HostCondition:
     powershell, windows = or_else(observation.powershell, None), or_else(observation.windows, None)
     sockets, nodes = or_else(observation.processors, None), or_else(observation.numa, None)
     groups = cpu_groups_of(observation)
+    responsiveness = responsiveness_of(observation)
     return HostCondition(
         powershell=powershell.version if powershell else None,
         bits=windows.bits if windows else None,
@@ -48,7 +49,7 @@ def condition_of(observation: HostObservation) -> HostCondition:
         seen_processors=sum(socket.logical for socket in sockets) if sockets else None,
         numa_nodes=len(nodes) if nodes else None,
         machines=tuple(_machine(machine, groups.get(machine.id, "")) for machine in or_else(observation.machines, ())),
-        responsiveness=_responsiveness(observation),
+        responsiveness=responsiveness.value if responsiveness else None,
         unread=dict(_unread(observation)),
     )
 
@@ -73,11 +74,6 @@ def _machine(machine: ObservedMachine, group: str) -> MachineCondition:
         clustered=machine.clustered == "True",
         group=group,
     )
-
-
-def _responsiveness(observation: HostObservation) -> RegistryValue | None:
-    responsiveness = responsiveness_of(observation)
-    return responsiveness.value if responsiveness else None
 
 
 _LOOKED_AT = {

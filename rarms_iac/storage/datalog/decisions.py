@@ -80,19 +80,6 @@ class Proven:
 Entry = Chosen | Proven
 
 
-def append_entry(path: Path, entry: Entry) -> None:
-    """Add an entry; the log and its folder are made. It is on the disk on return.
-
-    Args:
-        path: of the configuration log (`configuration_path`).
-        entry: a choice of `rarms select`, or a proof.
-
-    Raises:
-        OSError: it cannot be written.
-    """
-    append_to_log(path, entry)
-
-
 def read_entries(path: Path) -> tuple[Entry, ...]:
     """All entries, oldest first; none where there is no file.
 

@@ -68,7 +68,8 @@ class Files:
         Raises:
             OSError: one of them cannot be read.
         """
-        files = {self._named(path): path for path in sorted(set(self._all(subject)))}
+        root = self.folder.resolve()
+        files = {path.relative_to(root).as_posix(): path for path in sorted(set(self._all(subject)))}
         return self._digests(files, MOST_MEASURED_BYTES, "its files have more than 2 GiB")
 
     def interpreters(self, subject: LogSubject) -> dict[str, str]:
@@ -195,9 +196,6 @@ class Files:
 
     def _is_below(self, path: Path) -> bool:
         return path.is_relative_to(self.folder.resolve())
-
-    def _named(self, path: Path) -> str:
-        return path.relative_to(self.folder.resolve()).as_posix()
 
     def _digest(self, path: Path) -> str | None:
         """The file's digest; None where a bound leaves it out."""

@@ -17,8 +17,8 @@ from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.indexes import index_named
 from rarms_iac.planner.planning_findings import ON_NEIGHBOURS
 from rarms_iac.storage.datalog import files as log_files
-from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, append_entry
-from rarms_iac.storage.datalog.files import append_setting, begin_log, configuration_path
+from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex
+from rarms_iac.storage.datalog.files import append_setting, append_to_log, begin_log, configuration_path
 from rarms_iac.storage.datalog.identity import header_of, identity_of
 from rarms_iac.storage.datalog.log import Recorded
 from rarms_iac.storage.datalog.named_files import Files
@@ -208,8 +208,8 @@ def test_the_page_has_findings_as_fields(robot: Path) -> None:
 
 def test_what_was_proven_last_stands_in_the_report(robot: Path) -> None:
     path = configuration_path(robot.parent, "onboard", "vision")
-    append_entry(path, a_proof(replace(HELD, value=98.7)))
-    append_entry(path, a_proof(replace(HELD, value=113.0, lower=None, upper=None, met=False, verdict="missed")))
+    append_to_log(path, a_proof(replace(HELD, value=98.7)))
+    append_to_log(path, a_proof(replace(HELD, value=113.0, lower=None, upper=None, met=False, verdict="missed")))
 
     page = rarms("report", "-f", str(robot), "-o", "-").out
 
@@ -220,14 +220,14 @@ def test_what_was_proven_last_stands_in_the_report(robot: Path) -> None:
 
 def test_a_proof_says_what_is_no_longer_as_it_was(robot: Path) -> None:
     path = configuration_path(robot.parent, "onboard", "vision")
-    append_entry(path, a_proof(replace(HELD, threshold=at_most(120))))
+    append_to_log(path, a_proof(replace(HELD, threshold=at_most(120))))
 
     page, text = (rarms("report", "-f", str(robot), *words).out for words in (["-o", "-"], ["--text"]))
 
     assert "; outdated: the threshold is at most 100 ms now; speech is gone; its partition reserves " in page
     assert "met (outdated)" in " ".join(text.split())
     now = int(page.partition("its partition reserves ")[2].partition("(")[2].partition(" ")[0])
-    append_entry(path, a_proof(HELD, beside=(), reserve=now))
+    append_to_log(path, a_proof(HELD, beside=(), reserve=now))
     assert "outdated" not in rarms("report", "-f", str(robot), "-o", "-").out
 
 

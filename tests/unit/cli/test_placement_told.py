@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.storage import plan_file
+from rarms_iac.storage.digest import digest
 from rarms_iac.storage.plan_file import read_plan
 from tests.unit.cli.running import rarms
 from tests.unit.views.test_json import check
@@ -69,7 +69,7 @@ def test_a_plan_that_carries_a_certificate_is_to_be_made_anew(fleet: Path) -> No
     document = json.loads(plan.read_text(encoding="utf-8"))
     del document["seal"]
     document["placement"]["certificate"] = "{}"
-    plan.write_text(json.dumps({**document, "seal": plan_file._seal(document)}), encoding="utf-8")
+    plan.write_text(json.dumps({**document, "seal": digest(document)}), encoding="utf-8")
 
     answer = rarms("show", str(plan))
 

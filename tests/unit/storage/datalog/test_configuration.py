@@ -1,7 +1,7 @@
 from pathlib import Path
 
-from rarms_iac.storage.datalog.decisions import Chosen, append_entry, last_chosen, read_entries
-from rarms_iac.storage.datalog.files import configuration_path
+from rarms_iac.storage.datalog.decisions import Chosen, last_chosen, read_entries
+from rarms_iac.storage.datalog.files import append_to_log, configuration_path
 from tests.builders_measured import PROVEN, a_bench, a_subject
 
 
@@ -24,7 +24,7 @@ def chosen(reserve: int = 62) -> Chosen:
 def test_entries_read_back_and_the_last_choice_holds(tmp_path: Path) -> None:
     path = configuration_path(tmp_path, "onboard", "vision")
     for entry in (chosen(62), chosen(70), PROVEN):
-        append_entry(path, entry)
+        append_to_log(path, entry)
 
     entries = read_entries(path)
 
