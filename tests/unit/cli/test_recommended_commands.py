@@ -381,12 +381,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "a pair would fit": (
         given(PAIR, logs(vision=60, speech=60)),
-        Ask(
-            "plan",
-            ("RARMS014", "may be enough. How much each partition needs there, "),
-            ("tune", "measure"),
-            may_answer=NO,
-        ),
+        Ask("plan", ("RARMS014", "may be enough. How much each partition needs there, "), ("tune", "measure")),
     ),
     "the paper's procedure combined, and it is still too much": (
         given(THREE, logs(speech=60, video=60)),
