@@ -54,6 +54,8 @@ class SelectedLevel:
     host_lp: int  # LPs that it has
     measured_below: int  # the next lower reserve that was measured; 0: none was
     expected: Estimate | Point | None  # the index there, and its band; None: not measured there
+    interference: str  # the load that asks for most: both are of its log
+    other_loads: tuple[str, ...]  # that it stands up to as well
 
     @property
     def may_be_less(self) -> bool:
@@ -148,7 +150,8 @@ def _easiest(choice: "_Choice", loads: Loads) -> str:
     level = _show_level(index, (max if index.smaller_is_better else min)(known))
     apts = [(name, index.name, threshold_of(index, level))]
     reserves = [least_of(log, apts) or log.measured[-1] for log in loads]
-    return f": {level} holds with {max(reserves)} % of its VPs"
+    beside = " beside each load" if len(loads) > 1 else ""
+    return f": {level} holds with {max(reserves)} % of its VPs{beside}"
 
 
 def _not_measured_yet(choice: "_Choice", host: Host, loads: Loads) -> tuple[int, int] | None:
@@ -407,8 +410,10 @@ def _levels(
             processors=sized.settings.processors,
             host=host.name,
             host_lp=host.logical_processors,
-            measured_below=max((each for each in log.measured if each < sized.settings.reserve), default=0),
+            measured_below=log.measured_below(sized.settings.reserve),
             expected=curve.estimate_at(sized.settings.reserve) or curve.value_at(sized.settings.reserve),
+            interference=log.interference,
+            other_loads=tuple(each for each in system.loads_of(names_of(group.members)) if each != log.interference),
         )
     return tuple(levels.values())
 

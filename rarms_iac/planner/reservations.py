@@ -174,6 +174,10 @@ class MeasuredTogether:
     processors_from: ProcessorSource = ProcessorSource.HOST
     used: int | None = None  # the most processors that they were seen to use at once; None: that was not seen
 
+    def measured_below(self, reserve: int) -> int:
+        """Return the next lower CR that was measured; 0: none was."""
+        return max((each for each in self.measured if each < reserve), default=0)
+
 
 Logs = Mapping[tuple[Hashable, Names], tuple[MeasuredTogether, ...] | NotMeasured]
 """By kind of host and names: a log for each load that their reservation must stand up to, or why one is missing."""
@@ -211,7 +215,7 @@ class MeasuredReservations:
             return log
         least = self.least(members, host)
         if least is None:
-            return not_met(members, log)
+            return not_met(members, log, self.log_of_each_load(members, host))
         looked_up = guaranteed(least, log.processors)
         return ProcessorTime(max(looked_up, fixed(members, host)))
 
@@ -239,7 +243,7 @@ class MeasuredReservations:
             host: logs are found by what it shares with others of its kind.
 
         Returns:
-            The log of the load that asks for most, the first of them; or why there is none.
+            The log of the load that asks for most, of several the one measured next below; or why there is none.
         """
         answer = self._answer(members, host)
         return answer if isinstance(answer, NotMeasured) else self._decision(members, host, answer).log
@@ -293,8 +297,11 @@ class _Decision:
 
 def _decide(logs: Sequence[MeasuredTogether], apts: Sequence[tuple[str, str, Threshold]]) -> _Decision:
     answers = [least_of(log, apts) for log in logs]
-    decisive = hardest(answers)
-    return _Decision(log=logs[decisive], least=answers[decisive])
+    least = answers[hardest(answers)]
+    asking_for_most = [log for log, answer in zip(logs, answers, strict=True) if answer == least]
+    # NOTE: a load may be measured only where another one asked for: that log does not show why less is not enough.
+    decisive = max(asking_for_most, key=lambda log: 0 if least is None else log.measured_below(least))
+    return _Decision(log=decisive, least=least)
 
 
 def hardest(reserves: Sequence[int | None]) -> int:
@@ -335,12 +342,15 @@ def names_of(members: Iterable[Component]) -> Names:
     return tuple(sorted(member.name for member in members))
 
 
-def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasured:
+def not_met(
+    members: tuple[Component, ...], log: MeasuredTogether, log_of_each_load: Sequence[MeasuredTogether]
+) -> NotMeasured:
     """Explain that no setting of the log is shown to meet every APT of the members, by those that the highest is not.
 
     Args:
         members: the partition's components; at least one is to be measured.
         log: the data log of all of them together.
+        log_of_each_load: that log, and those beside other loads.
 
     Returns:
         The reason with the log's path, and advice with the command that measures on.
@@ -369,7 +379,10 @@ def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasure
             " says how many are needed, and what to give `policy.measuring.setting`, the time for a setting.",
         )
     elif highest < 100:
-        message = f"No setting of {log.path} meets {indexes}: the highest is {highest} % of its VPs."
+        others = [each for each in log_of_each_load if max(each.measured, default=0) != highest]
+        beside = ", ".join(f"{max(other.measured, default=0)} % beside {other.interference}" for other in others)
+        message = f"No setting of {log.path} meets {indexes}: the highest is {highest} % of its VPs"
+        message += f" beside {log.interference}, and {beside}." if beside else "."
         advice = prose(relax, "or measure higher settings, as far as the host can give them: ", log.again, ".")
     else:
         message = f"No setting of {log.path} meets {indexes}, not even with all of its VPs."

@@ -38,14 +38,14 @@ def test_a_walk_leads_from_the_apt_to_the_per_cent(here: Path) -> None:
     for part in (
         "mean_response_time at most 100 ms",
         "measurements/two-core/vision/busy-loop.jsonl, 6 settings, measured 2026-01-01T00:00:00Z",
-        "at 62 % of its 2 VPs: mean_response_time 97 ms",
+        "at 62 % of its 2 VPs beside busy-loop: mean_response_time 97 ms",
         "1.24 LP (62 % of its 2 VPs): the least whole per cent of its processors",
         "1.24 LP, 62 % of onboard",
         "1.24 LP (62 % of its 2 VPs): whole per cent are the provider's grain, nothing is lost",
         "headroom: 0.76 LP (38 % of onboard)",
         "limit 2 LP (100 % of its 2 VPs): left open: a cap would falsify what was measured",
         "weight 3000: policy.headroom is by_criticality: 100 times the criticality 30, within 100 to 10000",
-        "61 % of its 2 VPs, one less: mean_response_time 105 ms (measured)",
+        "61 % of its 2 VPs, one less beside busy-loop: mean_response_time 105 ms (measured)",
         "on workshop: it would reserve 1.24 LP there too; it does not fit",
     ):
         assert part in said
@@ -171,7 +171,7 @@ def test_an_apt_that_nothing_meets_is_shown_with_the_best_that_was_measured(here
 
     said = steps(here, "vision", 4)
 
-    assert "at 100 % of its 2 VPs: mean_response_time 150 ms" in said["setting and verdict"]
+    assert "at 100 % of its 2 VPs beside busy-loop: mean_response_time 150 ms" in said["setting and verdict"]
     assert "missed, it must be at most 100 ms" in said["setting and verdict"]
     assert said["reservation"] == "not known: no setting that was measured is enough"
     assert "not even with all of its VPs" in said["no layout"]
@@ -240,12 +240,12 @@ def test_a_setting_that_gave_no_verdict_is_not_called_unmeasured(here: Path) -> 
     said = steps(here, "vision")
 
     assert (
-        "measured without a verdict (no steady state, or too few answers): 61 % of its VPs"
+        "measured beside busy-loop without a verdict (no steady state, or too few answers): 61 % of its VPs"
         in said["setting and verdict"]
     )
     assert (
-        "61 % of its 2 VPs, one less: it was measured and gave no verdict, so it is unknown whether it is enough"
-        in said["rejected"]
+        "61 % of its 2 VPs, one less beside busy-loop: it was measured and gave no verdict, so it is unknown "
+        "whether it is enough" in said["rejected"]
     )
     assert "nothing so low was measured" not in said["rejected"]
 

@@ -7,7 +7,7 @@ from rarms_iac.storage.datalog.decisions import Chosen, read_entries
 from rarms_iac.storage.datalog.files import append_setting, configuration_path
 from rarms_iac.storage.datalog.log import Recorded
 from tests.builders_measured import TAKEN, a_setting
-from tests.measuring import steady
+from tests.measuring import leave_log, steady
 from tests.unit.app.test_data_logs import MEANS, edit, here, measure
 from tests.unit.cli.running import rarms
 from tests.unit.views.test_json import check
@@ -29,7 +29,7 @@ def test_a_level_is_written_with_its_comments_and_the_reservation_follows(here: 
     assert answer.lines == [
         "vision: mean_response_time at most 100 ms -> at most 110 ms",
         "  partition vision: 1.22 LP, 61 % of its 2 VPs, 61 % of onboard",
-        "  measured there: 105 ms (104.5 to 105.5 ms)",
+        "  measured there beside busy-loop: 105 ms (104.5 to 105.5 ms)",
         "  headroom of onboard: 0.78 LP of 2 LP",
     ]
     assert manifest(here) == before.replace("at_most: 100 ms", "at_most: 110 ms")
@@ -41,7 +41,7 @@ def test_a_level_is_written_with_its_comments_and_the_reservation_follows(here: 
 
 def test_a_level_that_the_lowest_setting_meets_is_told_to_be_measured_below(here: Path) -> None:
     measure(here, MEANS)
-    hint = "no lower setting was measured: `rarms measure -f"
+    hint = "no lower setting was measured beside busy-loop: `rarms measure -f"
 
     tried = rarms("select", "vision", "--at", "750 ms", "--dry-run", "-f", str(here))
     lowest = rarms("select", "vision", "--at", "750 ms", "-f", str(here))
@@ -66,7 +66,7 @@ def test_where_the_highest_setting_was_measured_only_an_easier_level_is_advised(
 
     answer = " ".join(rarms("select", "vision", "--at", "50 ms", "-f", str(here)).err.split())
 
-    assert "holds with 100 % of its VPs, and 100 % of its VPs is the most that there is." in answer
+    assert "holds with 100 % of its VPs beside each load, and 100 % of its VPs is the most that there is." in answer
     assert "rarms measure" not in answer
 
 
@@ -78,10 +78,25 @@ def test_an_easier_level_holds_beside_the_load_that_was_measured_least(here: Pat
     hopeless = " ".join(rarms("select", "vision", "--at", "70 ms", "-f", str(here)).err.split())
     unmeasured = " ".join(rarms("select", "vision", "--at", "80 ms", "-f", str(here)).err.split())
 
-    assert "Choose an easier level: 88.4 ms holds with 70 % of its VPs, and 100 %" in hopeless
-    assert "Choose an easier level: 88.4 ms holds with 70 % of its VPs. Or measure higher settings" in unmeasured
+    assert "Choose an easier level: 88.4 ms holds with 70 % of its VPs beside each load, and 100 %" in hopeless
+    assert "88.4 ms holds with 70 % of its VPs beside each load. Or measure higher settings" in unmeasured
+    assert "the highest is 70 % of its VPs beside bursts-20, and 100 % beside busy-loop." in unmeasured
     assert "rarms measure vision --from 71% --to 100%" in unmeasured
     assert rarms("select", "vision", "--at", "88.4 ms", "-f", str(here)).code == 0
+
+
+def test_what_was_measured_beside_one_of_two_loads_is_said_of_that_load(here: Path) -> None:
+    edit(here / "rarms.yaml", "hosts:", "policy: { interference: [bursts-20, busy-loop] }\n\nhosts:")
+    busy = leave_log(here, ["vision"], [a_setting(62, steady("vision", 90.0))]).with_name("busy-loop.jsonl")
+    append_setting(busy, Recorded(setting=a_setting(61, steady("vision", 120.0)), provenance=TAKEN))
+
+    selected = rarms("select", "vision", "--at", "95 ms", "-f", str(here)).out
+    explained = " ".join(rarms("explain", "vision", "-f", str(here)).out.split())
+
+    assert "measured there beside busy-loop: 90 ms" in selected
+    assert "no lower setting was measured" not in selected
+    assert "busy-loop, which asks for most; bursts-20 for no more" in explained
+    assert "61 % of its 2 VPs, one less beside busy-loop: mean_response_time 120 ms (measured)" in explained
 
 
 @pytest.mark.parametrize(("at", "meant"), [("110 s", "Did you mean 110 ms?"), ("2 h", "")])
