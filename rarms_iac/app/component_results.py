@@ -92,7 +92,8 @@ def findings_of_run(result: ComponentRunResult, manifest: Manifest, *, reserved:
             f'"{name}" had {count} and may have {result.run.failures}: '
             f"{'; '.join(reasons[:FAILURES_SHOWN])}. Such a setting gets no verdict.",
             "Look at what it says on standard error (shown above), and whether `run.samples` fits its output; each "
-            "line must be written at once (flushed). `run.failures` allows some.",
+            "line must be written at once (flushed). `run.failures` allows some; a job of `per_run` may end with any "
+            "exit code where the APT has a `success_rate`.",
             address=address,
             values={
                 "component": name,
@@ -108,7 +109,7 @@ def findings_of_run(result: ComponentRunResult, manifest: Manifest, *, reserved:
             places.key("components", name, "apt", index),
             f'"{name}" misses its {index} on this machine although nothing takes processor time from it but what '
             "runs here anyway: no reservation would help it.",
-            "Relax the APT, make the component faster, or run it on the machine that it is meant for.",
+            "Relax the APT, mend or speed up the component, or run it on the machine that it is meant for.",
             address=address,
             values={"component": name, "index": index},
         )

@@ -28,7 +28,7 @@ from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Call, Elapsed, Run, SampleCount
 from rarms_iac.model.series import Sample
-from rarms_iac.model.system import Component, System
+from rarms_iac.model.system import Component, System, run_of
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
 from rarms_iac.running.start import CannotStart, ProcessPlace, RunningError, StartContext, become, order_of
@@ -159,11 +159,11 @@ def _chosen(manifest: Manifest, request: RunRequest) -> list[tuple[Component, Ru
     names = tuple(dict.fromkeys(request.components)) or tuple(
         component.name for component in system.components.values() if component.run
     )
-    runs = [(system.components[name], system.components[name].run) for name in names]
-    lacking = [component.name for component, run in runs if run is None] or ([] if runs else list(system.components))
-    if lacking or not runs:
+    components = [system.components[name] for name in names]
+    lacking = [each.name for each in components if each.run is None] or ([] if names else list(system.components))
+    if lacking or not names:
         raise UseCaseError(Outcome.NEGATIVE, [nothing_to_run(manifest, name) for name in lacking], manifest.sources)
-    return [(component, _until(run, request)) for component, run in runs if run is not None]
+    return [(component, _until(run_of(component), request)) for component in components]
 
 
 def _until(run: Run, request: RunRequest) -> Run:

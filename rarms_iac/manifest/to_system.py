@@ -189,7 +189,8 @@ def _run(block: RunBlock) -> Run:
         arrival=arrival,
         samples=_converted(block.samples) or _PER_RUN,
         deadline=deadline,
-        success_within=None,  # `run_of` takes it from `simulation`
+        success_within=None,  # `run_of` takes it from `simulation`,
+        rates_success=True,  # and this from `apt`
     )
 
 

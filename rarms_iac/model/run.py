@@ -98,6 +98,7 @@ class Run:
     deadline: Milliseconds | None  # None: no deadline
     failures: int  # failed samples a setting may have
     success_within: Milliseconds | None = None  # on a simulated host, a job that answers later does not succeed
+    rates_success: bool = True  # a threshold asks for the success rate; if not, a job's exit code is 0 or it has failed
 
     @property
     def ends(self) -> SampleCount | Elapsed:

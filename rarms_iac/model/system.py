@@ -185,7 +185,7 @@ def run_of(component: Component) -> Run:
     """How a component is run; on a simulated host it needs no `run`, and what that would say has its usual value."""
     run = SIMULATED_ONLY if component.run is None else component.run
     within = None if component.simulation is None else component.simulation.success_within
-    return run if within == run.success_within else replace(run, success_within=within)
+    return replace(run, success_within=within, rates_success="success_rate" in component.apt)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -289,4 +289,6 @@ def _sample(record: SampleRecord, scheduled: float, job: _Job) -> Sample:
         return record.failure(scheduled, f"no exit within {show_milliseconds(record.run.timeout)}")
     if job.ended.signal:
         return record.failure(scheduled, describe_death(job.ended))
+    if job.ended.code and not record.run.rates_success:
+        return record.failure(scheduled, describe_early_end(job.ended))
     return record.answered(scheduled, 1000 * (job.ended.at - scheduled), successful=job.ended.code == 0)

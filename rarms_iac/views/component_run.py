@@ -95,7 +95,7 @@ class Screen(Protocol):
 
 
 class FailureReporter(SampleReporter):
-    """A `SampleReporter` that shows what a component with failed samples wrote last on standard error."""
+    """A `SampleReporter` that shows what a component of which samples failed wrote last on standard error."""
 
     def __init__(self, screen: Screen) -> None:
         self._screen = screen
@@ -106,7 +106,8 @@ class FailureReporter(SampleReporter):
 
     def ended(self, result: ComponentRunResult, last_words: str) -> None:
         """Show the last lines."""
-        if result.failed and last_words.strip():
+        is_failing = result.failed or not any(sample.successful for sample in result.series.samples)
+        if is_failing and last_words.strip():
             last = last_words.strip().splitlines()[-FAILURE_LINES:]
             lines = "\n".join(f"  {visible(line, keep='')}" for line in last)
             self._screen.talk(f"{result.component.name} wrote last on standard error:\n{lines}")

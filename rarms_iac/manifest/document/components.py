@@ -96,7 +96,8 @@ class SamplesBlock(Block):
 
     source: Literal["json_lines", "pattern", "per_run"] = optional(
         "`json_lines`: a JSON object a line; `pattern`: a line that matches; "
-        "`per_run`: wall time from start to exit, exit code 0 is success.",
+        "`per_run`: wall time from start to exit, exit code 0 is success (another is a failed sample where the APT "
+        "has no `success_rate`).",
         "per_run",
         alias="from",
     )

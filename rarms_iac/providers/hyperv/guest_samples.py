@@ -214,7 +214,7 @@ class _GuestReader:
                 return self._of_end(at, *map(int, text.split(" ")))
 
     def _of_end(self, due: float, ended_ticks: int, code: int) -> Sample | None:
-        if self._run.samples.source == "per_run":
+        if self._run.samples.source == "per_run" and (code == 0 or self._run.rates_success):
             return self._answered(due, ended_ticks / TICKS_MS - due, successful=code == 0)
         if code == 0 and self._samples:
             return None

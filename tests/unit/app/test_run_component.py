@@ -106,6 +106,32 @@ def test_more_failed_samples_than_allowed_are_the_answer_no(tmp_path: Path) -> N
 
 @same_everywhere
 @pytest.mark.parametrize(
+    ("apt", "code", "shown", "finding"),
+    [
+        ("mean_response_time: { at_most: 9 s }", 4, "failed: it ended with exit code 2", "RARMS286"),
+        ("mean_response_time: { at_most: 1 ms }", 4, "failed: it ended with exit code 2", "RARMS286"),
+        ("success_rate: { at_least: 95 % }", 0, "missed here", "RARMS288"),
+    ],
+)
+def test_a_program_that_never_does_its_job_meets_nothing(
+    tmp_path: Path, apt: str, code: int, shown: str, finding: str
+) -> None:
+    text = (
+        HEAD
+        + f"  sorter: {{ criticality: 10, memory: 64 MiB, apt: {{ {apt} }}, run: {{ command: [python3, no.py] }} }}"
+    )
+    (tmp_path / "rarms.yaml").write_text(text, encoding="utf-8")
+
+    ran = rarms("run", "-f", str(tmp_path), "--samples", "20")
+
+    assert ran.code == code
+    assert shown in ran.out
+    assert {found for found in ("RARMS286", "RARMS288") if found in ran.err} == {finding}
+    assert "can't open file" in ran.err
+
+
+@same_everywhere
+@pytest.mark.parametrize(
     ("instead_of", "written", "message"),
     [
         ("[python3,", "[no-such-program-anywhere,", 'no program "no-such-program-anywhere"'),

@@ -59,6 +59,7 @@ OF_A_RUN: dict[str, object] = {
     "deadline": milliseconds("50 ms"),
     "failures": 3,
     "success_within": milliseconds("400 ms"),
+    "rates_success": False,
 }
 OF_A_SIMULATION: dict[str, object] = {
     "work": milliseconds("62 ms"),
