@@ -7,7 +7,7 @@ A usual run takes some of the points of each command; `make test-long` takes all
 
 import json
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +20,7 @@ from tests.crashing import CrashingDisk
 from tests.disturbing import ON_START, START, Disturbance, End, Fault, disturb, disturbances_of, end_after, end_of
 from tests.effort import LONG
 from tests.files import copy_files
+from tests.fluid import without_scheduler
 from tests.measured_cell import MANIFEST
 from tests.recorded_hosts import document
 from tests.standin import powershell
@@ -135,6 +136,12 @@ def bad_ends(
         if found != wanted:
             bad.append(([(f"{at}: {effects[at - 1]}", kind) for at, kind in faults], differences(found, wanted)))
     return bad
+
+
+@pytest.fixture(autouse=True)
+def quick_simulation() -> Iterator[None]:
+    with without_scheduler():
+        yield
 
 
 @pytest.mark.parametrize("name", SCENARIOS)

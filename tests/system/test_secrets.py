@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.views.finding_forms import OutputFormat
+from tests.fluid import without_scheduler
 from tests.measured_cell import MANIFEST
 from tests.recorded_hosts import recorded_bytes
 from tests.unit.cli.running import rarms
@@ -102,7 +103,8 @@ def test_a_variable_that_is_referred_to_reaches_its_component_and_nothing_else(
     Path("rarms.yaml").write_text(f"{before}{RUN}    simulation:{after}", encoding="utf-8", newline="\n")
     Path("seen.py").write_text(PROGRAM, encoding="utf-8")
 
-    answers = [rarms(*words) for words in ROUTE]
+    with without_scheduler():
+        answers = [rarms(*words) for words in ROUTE]
     Path("seen.py").unlink()
 
     assert {words[0]: answer.code for words, answer in zip(ROUTE, answers, strict=True) if answer.code} == {}
