@@ -175,7 +175,11 @@ class MeasuredTogether:
     used: int | None = None  # the most processors that they were seen to use at once; None: that was not seen
 
     def measured_below(self, reserve: int) -> int:
-        """Return the next lower CR that was measured; 0: none was."""
+        """Return the next lower CR that was measured; 0: none was.
+
+        Args:
+            reserve: the CR in per cent of P1's own processors.
+        """
         return max((each for each in self.measured if each < reserve), default=0)
 
 

@@ -114,8 +114,8 @@ def _verdict(explanation: Explanation, index: ExplainedIndex) -> str:
     """What was measured there, beside what the curve, on which every reservation rests, makes of it."""
     estimate = index.estimate
     seen = estimate or index.point
-    where = f"at {_share(explanation, index.reserve)}{_beside(explanation)}"
-    value = f"{where}: {_name(explanation, index)} {_value(index, seen.value)}"
+    setting = f"at {_share(explanation, index.reserve)}{_beside(explanation)}"
+    value = f"{setting}: {_name(explanation, index)} {_value(index, seen.value)}"
     samples = "" if estimate is None else f" ({counted(estimate.samples, 'sample')})"
     if index_named(index.index).is_extreme:
         beyond = "so far" if estimate is None or estimate.beyond is None else describe_extreme(estimate.beyond)
