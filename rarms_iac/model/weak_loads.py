@@ -27,8 +27,8 @@ def advice_on_weak_loads(
         way = f"Let `interference.{BUSY_LOOP}` be a busy loop without `threads`, so that it has one {each}"
     elif BUSY_LOOP in loads:
         way = (
-            f"`{BUSY_LOOP}` has a thread {each} and was kept from running on them, by a limit or by processors that "
-            "its partition may not use: find out which"
+            f"`{BUSY_LOOP}` has a thread {each} and was kept from running on them: by other work on the machine, by a "
+            "limit, or by processors that its partition may not use. Find out which"
         )
     elif BUSY_LOOP in system.loads_of(members):
         return prose(f"Measure beside `{BUSY_LOOP}` as well, as the manifest says: ", measure, ".")

@@ -71,6 +71,8 @@ def _rows(experiment: Experiment, share: str, amount: str, remark: str) -> Itera
 def _outcome(result: ExperimentResult, loads: str) -> tuple[str, str, str]:
     """The CR, its LPs, and what else is known; NOTE: a plan rests on the curve, so where it differs both are shown."""
     match result.conclusion:
+        case Sufficient(reserve=reserve) if result.is_weak:
+            remark = f"no answer: {_amount(result, reserve)} is enough beside loads that left processors idle"
         case Sufficient(reserve=reserve, failed=failed, inconclusive=inconclusive, more_settings=more):
             remarks = [
                 _below(result, failed),
@@ -162,7 +164,7 @@ def _reserved_on(host: str, outcome: MeasureOutcome) -> str:
 def _concluded_indexes(results: Sequence[ExperimentResult]) -> Iterator[MeasuredIndex]:
     """Those of the settings that were concluded from."""
     for result in results:
-        if isinstance(result.conclusion, Sufficient | NotAchievable):
+        if isinstance(result.conclusion, Sufficient | NotAchievable) and not result.is_weak:
             for setting in result.settings:
                 if setting.reserve == result.conclusion.reserve:
                     yield from measured_indexes(setting, result.experiment)

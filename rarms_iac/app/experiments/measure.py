@@ -147,7 +147,9 @@ def _measure_all(
                 further = partial(_measure_further, held, loads, request)
                 answered, ended = _with_levels(hosts, decisive(of_loads), prompt, further)
                 of_loads = (*(each for each in of_loads if each.log != answered.log), answered)
-            findings += _answer_findings(hosts, request, of_loads)
+            is_weak = decisive(of_loads).reserve is not None and not request.weak_load and leave_idle(of_loads)
+            of_loads = tuple(replace(each, is_weak=is_weak) for each in of_loads)
+            findings += _answer_findings(hosts, of_loads)
             results += of_loads
             begun += 1
             if isinstance(of_loads[-1].conclusion, Stopped) or ended:
@@ -168,12 +170,10 @@ def _measure_all(
     return outcome, complete
 
 
-def _answer_findings(
-    hosts: Hosts, request: MeasureRequest, of_loads: Sequence[ExperimentResult]
-) -> Iterator[Diagnostic]:
+def _answer_findings(hosts: Hosts, of_loads: Sequence[ExperimentResult]) -> Iterator[Diagnostic]:
     """What a person must hear of the answer of some components, by its results beside each load."""
     answer = decisive(of_loads)
-    if answer.reserve is not None and not request.weak_load and leave_idle(of_loads):
+    if answer.is_weak:
         interferences = tuple(each.interference for each in of_loads)
         yield weak_answer(hosts, answer.components, interferences, answer.experiment.host)
     yield from findings_of(answer.experiment, answer.conclusion, answer.settings, hosts.manifest.places)

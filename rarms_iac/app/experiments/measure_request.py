@@ -96,6 +96,7 @@ class ExperimentResult:
     log: str  # path
     so_far: int | None = None  # what the loads before this one asked for, in per cent; None: it is the first
     of_loads: Internal[int] = 1  # beside how many loads it was to be measured
+    is_weak: Internal[bool] = False  # no answer: its loads left processors idle, and that was not wanted
 
     @output
     def components(self) -> tuple[str, ...]:
@@ -265,7 +266,8 @@ def weak_answer(hosts: Hosts, members: tuple[str, ...], loads: tuple[str, ...], 
         loads: Beside which they are measured.
         host: Where.
     """
-    measure = command("measure", *members, interference=BUSY_LOOP, together=len(members) > 1)
+    again = BUSY_LOOP in loads and could_take_all(hosts.system.interference[BUSY_LOOP], host.logical_processors)
+    measure = command("measure", *members, interference=BUSY_LOOP, together=len(members) > 1, again=again)
     advice = advice_on_weak_loads(hosts.system, host, members, loads, measure)
     return measuring_findings.WEAK_ANSWER.at(
         hosts.manifest.places.key("components", members[0]),

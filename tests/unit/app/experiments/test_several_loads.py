@@ -6,6 +6,9 @@ from contextlib import chdir
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import pytest
+
+from rarms_iac.app.experiments import several_loads
 from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.app.experiments.several_loads import by_partition, decisive, measure_with_each_load
 from rarms_iac.measuring.methods import Method, Search
@@ -216,3 +219,22 @@ def test_a_log_whose_load_was_seen_to_leave_processors_idle_is_taken_with_a_warn
 
     assert planned.code == 0, planned.err
     assert "warning[RARMS327]" in planned.out + planned.err
+
+
+def test_a_busy_loop_that_left_processors_idle_gives_no_answer_and_is_measured_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(several_loads, "leaves_idle", lambda _evidence, _processors: True)
+    (tmp_path / "rarms.yaml").write_text(MANIFEST.replace("[busy-loop, bursts-100]", "busy-loop"), encoding="utf-8")
+    with chdir(tmp_path):
+        refused = rarms("measure")
+        wanted = rarms("measure", "--weak-load")
+
+    said = " ".join(refused.err.split())
+    assert refused.code == 4
+    assert "other work on the machine" in said
+    assert "rarms measure a --interference busy-loop --again" in said
+    assert "no answer: " in refused.out
+    assert "% sure" not in refused.out
+    assert wanted.code == 0
+    assert "% sure" in wanted.out
