@@ -173,7 +173,9 @@ lock_timeout_option = partial(
     help="Wait so long for a host that another run holds: 60s, 5min. [default: do not wait]",
 )
 auto_approve_option = partial(flag, "--auto-approve", help="Do not ask.")
-samples_option = partial(option, "--samples", least=2, help="So many a setting. [default: as `run.until` says]")
+samples_option = partial(
+    option, "--samples", least=2, help="A setting is judged from so many on. [default: as `run.until` says]"
+)
 busy_host_option = partial(flag, "--on-busy-host", help="Measure although something else runs; the data logs say so.")
 STOP_PARTITIONS = Option(
     flags=("--stop-partitions",), help="Stop the application's own partitions meanwhile, and start them again."

@@ -5,10 +5,27 @@ from dataclasses import dataclass
 
 from rarms_iac.model.environment_setup import PlatformFacts
 from rarms_iac.model.host import ProviderKind, SchedulerType
+from rarms_iac.model.quantities import UNITS, Unit
 from rarms_iac.storage.datalog.identity import FILE, PROCESSORS, can_change_indexes
 from rarms_iac.storage.datalog.log import Header, Identity
 
 ABSENT = "nothing"
+
+
+_MANIFEST_KEYS = {
+    "arrival.period": "arrival.every",
+    "samples.source": "samples.from",
+    "start.function": "call",
+    "start.words": "command",
+    **{
+        f"samples.{field}.{name}": f"samples.{field}.{key}"
+        for field in ("response_time", "success", "count")
+        for name, key in (("name", "field"), ("factor", "unit"))
+    },
+}
+"""How the manifest calls a part of `run` whose name in the model is another, by its end; logs keep the model's."""
+
+_TIME_UNITS = {str(float(factor)).removesuffix(".0"): unit for unit, factor in UNITS[Unit.TIME].items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,10 +54,15 @@ class Changed:
     after: str
 
     def __str__(self) -> str:
-        """`vision.run.timeout: 60000 ms -> 1000 ms`; of a file, only that it changed."""
-        if not self.part.startswith(FILE):
-            return f"{self.part}: {self.before} -> {self.after}"
-        return f"{self.part} " + ("is new" if self.before == ABSENT else "changed")
+        """`vision.run.timeout: 60000 ms -> 1000 ms`, by the manifest's keys; of a file, only that it changed."""
+        if self.part.startswith(FILE):
+            return f"{self.part} " + ("is new" if self.before == ABSENT else "changed")
+        end = next((end for end in _MANIFEST_KEYS if self.part.endswith(f".run.{end}")), "")
+        key = self.part.removesuffix(end) + _MANIFEST_KEYS.get(end, "")
+        before, after = self.before, self.after
+        if end.endswith(".factor"):
+            before, after = (_TIME_UNITS.get(value, "ms") for value in (before, after))
+        return f"{key}: {before} -> {after}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +115,8 @@ def _parts(header: Header, now: Identity) -> Iterator[Changed]:
         before, after = was.get(part, ABSENT), now.parts.get(part, ABSENT)
         is_missing_here = part.startswith(FILE) and after == ABSENT
         is_open = part == PROCESSORS and ABSENT in {before, after}  # each setting says its own number
-        if before != after and not is_missing_here and not is_open:
+        is_kind = {before, after} == {ABSENT, "Field"}  # its name, which has no default, changed with it
+        if before != after and not is_missing_here and not is_open and not is_kind:
             yield Changed(part=part, before=before, after=after)
 
 

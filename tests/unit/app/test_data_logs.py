@@ -71,6 +71,19 @@ def test_a_stale_log_is_refused_with_what_changed(here: Path) -> None:
     assert "file vision.py changed; vision.simulation.work: 61.6 ms -> 62 ms" in " ".join(answer.err.split())
 
 
+def test_what_changed_has_the_manifests_own_keys(here: Path) -> None:
+    measure(here, MEANS)
+    lines = "\n      samples: { from: json_lines, response_time: { field: took, unit: s } }"
+    edit(here / "rarms.yaml", "until: { samples: 200 }", "until: { samples: 200 }" + lines)
+
+    said = " ".join(rarms("plan", "-f", str(here)).err.split())
+
+    assert (
+        "vision.run.samples.response_time.unit: ms -> s; vision.run.samples.response_time.field: nothing -> took; "
+        "vision.run.samples.from: per_run -> json_lines" in said
+    )
+
+
 def test_a_chosen_apt_and_another_criticality_make_nothing_stale(here: Path) -> None:
     measure(here, MEANS)
     edit(here / "rarms.yaml", "at_most: 100 ms", "at_most: 90 ms")
