@@ -10,9 +10,17 @@ from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.desired_hosts import desired_hosts
 from rarms_iac.applying.make_plan import make_plan
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.diff.drift import DriftKind, ResourceDrift, drift, drift_of_marks, partitions_after_last_run
+from rarms_iac.diff.drift import (
+    DriftKind,
+    ResourceDrift,
+    drift,
+    drift_of_marks,
+    partitions_after_last_run,
+    without_unfinished,
+)
 from rarms_iac.model.commands import APPLY, PLAN, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
+from rarms_iac.model.journal import Journal, ScriptRun
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.plan import HostPlan
 from rarms_iac.model.state import HostFacts, State
@@ -20,28 +28,31 @@ from rarms_iac.model.system import Disruption
 
 
 def drift_of_hosts(
-    request: PlanRequest, observed: Mapping[str, State]
+    request: PlanRequest, observed: Mapping[str, State], runs: Mapping[str, Journal | ScriptRun | None]
 ) -> tuple[Mapping[str, tuple[ResourceDrift, ...]], tuple[Diagnostic, ...]]:
     """Find the drift of every observed host.
 
     Args:
         request: what the manifest asks for, and how far its layout may disturb.
         observed: the hosts by name.
+        runs: the last run of each live host; None: there was none.
 
     Returns:
         The drift by host name, and the findings that keep the manifest from being compared: without a layout it is
         unknown what is wanted, and only what was changed on the hosts is told. With one, those of hosts that fail.
     """
     hosts, findings = desired_hosts(request, observed)
-    application, after_last_run = request.application, request.after_last_run
-    if not hosts:
-        by_marks = {name: drift_of_marks(state, application, after_last_run(name)) for name, state in observed.items()}
-        return by_marks, findings
-    drifts = {
-        name: drift(desired.state, desired.observed, application, desired.unused, after_last_run(name))
-        for name, desired in hosts.items()
-    }
-    return drifts, tuple(finding for finding in findings if outcome_of((finding,)) is Outcome.FAILED)
+    application = request.application
+    present = {name: partitions_after_last_run(run, application) for name, run in runs.items()}
+    if hosts:
+        findings = tuple(finding for finding in findings if outcome_of((finding,)) is Outcome.FAILED)
+        drifts = {
+            name: drift(desired.state, desired.observed, application, desired.unused, present.get(name))
+            for name, desired in hosts.items()
+        }
+    else:
+        drifts = {name: drift_of_marks(state, application, present.get(name)) for name, state in observed.items()}
+    return {name: without_unfinished(found, runs.get(name), application) for name, found in drifts.items()}, findings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,9 +118,8 @@ def look_for_drift(hosts: Hosts) -> DriftReport:
     system, hosts = hosts.system, hosts.with_one_look()
     states = observe_hosts(hosts)
     runs = dict(last_runs(hosts))
-    present = {name: partitions_after_last_run(run, system.application.name) for name, run in runs.items()}
-    request = replace(with_reservations(hosts, plan_request(hosts), states), after_last_run=present.get)
-    drifts, problems = drift_of_hosts(request, states)
+    request = with_reservations(hosts, plan_request(hosts), states)
+    drifts, problems = drift_of_hosts(request, states, runs)
     if outcome_of(problems) is Outcome.FAILED:
         raise UseCaseError(Outcome.FAILED, problems, hosts.manifest.sources)
     # Nothing is held back, so that every difference has the change that shows it attribute by attribute.

@@ -18,7 +18,7 @@ from rarms_iac.app.report_model import ComponentProof, HostDifference, HostStatu
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.totals import totals_at_hand
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
-from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
+from rarms_iac.diff.drift import DriftKind
 from rarms_iac.measuring.setup import experiment_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, first_of_each_kind, has_errors, in_order
@@ -282,11 +282,9 @@ def _statuses(manifest: Manifest) -> tuple[tuple[HostStatus, ...], tuple[Diagnos
 
 
 def _statuses_of(hosts: Hosts) -> tuple[tuple[HostStatus, ...], tuple[Diagnostic, ...]]:
-    application = hosts.system.application.name
     states = {name: observe_host(hosts.open(name)) for name in hosts.chosen}
-    present = {name: partitions_after_last_run(journal, application) for name, journal in last_runs(hosts)}
-    request = replace(with_reservations(hosts, plan_request(hosts), states), after_last_run=present.get)
-    drifts, problems = drift_of_hosts(request, states)
+    request = with_reservations(hosts, plan_request(hosts), states)
+    drifts, problems = drift_of_hosts(request, states, dict(last_runs(hosts)))
     if has_errors(problems):
         return tuple(HostStatus(host=name, is_planned=False) for name in hosts.chosen), problems
     compared = (

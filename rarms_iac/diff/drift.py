@@ -4,7 +4,7 @@ Since the last apply the `set` of a mark tells. Since a plan was made a digest o
 does; nothing that moves by itself is in them: no load, no uptime, no assigned memory.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -264,6 +264,32 @@ def partitions_after_last_run(journal: Journal | ScriptRun | None, application: 
     if started.run is RunKind.UNDO:
         return frozenset(before - made - gone)
     return frozenset((before | made) - gone)
+
+
+def without_unfinished(
+    drifts: Iterable[ResourceDrift], run: Journal | ScriptRun | None, application: str
+) -> tuple[ResourceDrift, ...]:
+    """Tell what an unfinished run has yet to do as not applied: no other tool changed or removed that.
+
+    Args:
+        drifts: of one host.
+        run: the last one there; None: there was none. What a script changes is not known: all counts.
+        application: whose run counts.
+
+    Returns:
+        As many, in the same order.
+    """
+    if run is None or not run.unfinished or run.started.application != application:
+        return tuple(drifts)
+    changes = run.started.host_plan.changes if isinstance(run, Journal) else None
+    names = None if changes is None else {change.address.in_short for change in changes}
+    message = "its run is unfinished"
+    return tuple(
+        replace(drift, drift=DriftKind.NOT_APPLIED, message=message)
+        if drift.drift is not DriftKind.UNUSED and (names is None or drift.address.in_short in names)
+        else drift
+        for drift in drifts
+    )
 
 
 NO_PERIOD = ("quota_period_us", 0)

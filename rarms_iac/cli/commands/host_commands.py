@@ -91,7 +91,7 @@ def drift_command(session: Session, source: ManifestSource, host_selection: Snap
     session.answer(lambda: json_of(report), lambda: drift_text(report))
     for host, plan in report.unfinished.items():
         session.terminal.tell(
-            f"{host}: a run of plan {plan} is unfinished; what it has yet to do is listed as changed."
+            f"{host}: a run of plan {plan} is unfinished; what it has yet to do is listed as not applied."
         )
     if any(host.host_changed for host in report.hosts):
         return ExitCode.FOUND

@@ -7,9 +7,11 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.app.status import Overview
+from rarms_iac.storage import disk
 from rarms_iac.views.console import render
 from rarms_iac.views.status import status_text
 from tests.builders_measured import PROOF
+from tests.crashing import Crash, CrashingDisk
 from tests.unit.cli.running import rarms
 
 MANIFEST = """schema: rarms/v1
@@ -47,6 +49,19 @@ def test_the_status_names_what_is_missing_then_what_is_there() -> None:
     assert "vision 0.8 LP 40 % of its 2 VPs running" in " ".join(after.out.split())
     assert "Nothing is left to do: all is applied, and no component has a threshold to prove." in after.out
     assert rarms().out == after.out
+
+
+def test_what_an_unfinished_run_has_yet_to_do_was_not_changed_by_others() -> None:
+    with disk.use(CrashingDisk(30)), pytest.raises(Crash):
+        rarms("apply", "--auto-approve")
+
+    status, drifted = rarms("status").out, rarms("drift")
+
+    assert "off; not applied yet" in status, "the run was cut off once a partition was made"
+    assert "changed on the host" not in status
+    assert drifted.code == 5
+    assert "Drift: 0 changed on the host, 2 not applied yet." in drifted.out
+    assert "what it has yet to do is listed as not applied" in " ".join(drifted.err.split())
 
 
 def test_rarms_alone_without_a_manifest_says_how_to_begin() -> None:
