@@ -3,7 +3,7 @@
 Observed states come from live hosts or from snapshots; nothing here knows which.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rarms_iac.applying.desired_hosts import (
@@ -30,6 +30,7 @@ from rarms_iac.diff.order import Deadlock, order
 from rarms_iac.diff.steps import plan_changes
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
+from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.diagnostics import Diagnostic, has_errors, in_order
 from rarms_iac.model.plan import GuestTask, HostPlan, Plan, Purpose, Step, UnusedPartition
 from rarms_iac.model.plan_basis import HostContext, PlanBasis
@@ -108,7 +109,7 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _PlannedHost:
-    """The plan of one host, the addresses of all that differs there, and what there is to say of both."""
+    """The plan of one host, the addresses of all that is there or wanted, and what there is to say of both."""
 
     host_plan: HostPlan
     addresses: tuple[str, ...]
@@ -135,9 +136,15 @@ def _plan_host(request: PlanRequest, desired: Desired, present: Mapping[str, fro
     reviewed = (*review_plan(request, desired, host_plan), *guest_scripts_by_hand(host_plan, rules.locate))
     return _PlannedHost(
         host_plan=host_plan,
-        addresses=tuple(str(change.address) for change in (*difference.changes, *guests)),
+        addresses=_addresses(request, desired, (*difference.changes, *guests)),
         findings=(*difference.findings, *stuck, *reviewed),
     )
+
+
+def _addresses(request: PlanRequest, desired: Desired, changes: Sequence[Change | GuestTask]) -> tuple[str, ...]:
+    partitions = (Address(partition=name) for name in sorted(_manifest_partitions(request, desired)))
+    tasks = (Address(partition=task.inside, task=task.name) for task in desired.state.tasks)
+    return tuple(dict.fromkeys(map(str, (*(change.address for change in changes), *partitions, *tasks))))
 
 
 def _host_plan(

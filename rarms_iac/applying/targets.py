@@ -1,4 +1,4 @@
-"""What `--target` chooses of the changes of a plan, and the targets at which nothing changes."""
+"""What `--target` chooses of the changes of a plan, and the targets that there are not."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.wording import suggestion
 
-NO_SUCH_TARGET = Finding.error("RARMS194", "Nothing changes at this target")
+NO_SUCH_TARGET = Finding.error("RARMS194", "There is nothing at this target")
 
 
 def is_below(address: str, targets: Sequence[str]) -> bool:
@@ -21,15 +21,15 @@ def targeted(changes: Sequence[Change], targets: Sequence[str]) -> tuple[Change,
 
 
 def unknown_targets(addresses: Sequence[str], targets: Sequence[str]) -> tuple[Diagnostic, ...]:
-    """Return a finding for each target at and below which there is no change: most often a slip of the pen."""
+    """Return a finding for each target at and below which there is none of the addresses: a slip of the pen."""
     return tuple(
         NO_SUCH_TARGET.at(
             None,
-            f"`--target {target}`: no change has this address or lies below it.{_suggestion(target, addresses)}",
+            f"`--target {target}`: nothing has this address or lies below it.{_suggestion(target, addresses)}",
             prose(
                 "Give an address such as partition/vision (",
                 command("plan", verbose=True),
-                " lists them), or leave the option out.",
+                " lists those that change), or leave the option out.",
             ),
             address=target,
             values={"target": target},

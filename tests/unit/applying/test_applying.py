@@ -252,12 +252,20 @@ def test_a_release_where_nothing_is_managed_advises_no_name(lab: Lab) -> None:
     assert str(finding.advice) == "There is nothing to release."
 
 
+def test_a_target_that_is_as_wanted_changes_nothing(lab: Lab) -> None:
+    lab.apply(lab.plan())
+
+    assert [part.changes for part in lab.plan(targets=("partition/vision",)).hosts] == [()]
+    (finding,) = lab.prepare(targets=("vision",)).findings
+    assert 'Did you mean "partition/vision"?' in finding.detail
+
+
 @pytest.mark.parametrize("target", ["partition/visoin", "vision", "visoin"])
 def test_a_target_that_is_spelt_wrong_gets_the_address_that_is_meant(lab: Lab, target: str) -> None:
     (finding,) = lab.prepare(targets=(target,)).findings
 
     assert 'Did you mean "partition/vision"?' in finding.detail
-    assert "`rarms plan --verbose` lists them" in str(finding.advice)
+    assert "`rarms plan --verbose` lists those that change" in str(finding.advice)
 
 
 def test_a_machine_that_is_ours_already_is_not_imported(lab: Lab) -> None:
