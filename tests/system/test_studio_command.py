@@ -93,7 +93,7 @@ def test_an_installation_without_the_extra_says_what_to_install(folder: Path) ->
     assert (refused.returncode, refused.stdout) == (64, "")
     assert "rarms studio needs starlette and uvicorn, which this installation lacks" in refused.stderr
     said = " ".join(refused.stderr.split())
-    assert "pip install 'rarms-iac[studio]', or in a clone: .venv/bin/pip install '.[studio]'." in said
+    assert "pipx install --force '.[studio]', or in its .venv: .venv/bin/pip install -e '.[studio]'." in said
 
 
 def test_a_port_that_is_taken_is_named(folder: Path) -> None:

@@ -46,7 +46,8 @@ def studio_command(session: Session, source: ManifestSource, options: StudioOpti
     if missing:
         raise RequestError(
             f"rarms studio needs {' and '.join(missing)}, which this installation lacks.",
-            "Install them: pip install 'rarms-iac[studio]', or in a clone: .venv/bin/pip install '.[studio]'.",
+            "Install them from the clone: pipx install --force '.[studio]', or in its .venv: "
+            ".venv/bin/pip install -e '.[studio]'.",
         )
     from rarms_iac.studio.page import StudioSettings
     from rarms_iac.studio.server import serve

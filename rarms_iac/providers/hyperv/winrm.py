@@ -136,7 +136,8 @@ def _program(host: str, target: str, reach: "Callable[[], Any]", words: Sequence
         raise HostFailed(
             host,
             message,
-            'Install it: `pip install "rarms-iac[winrm]"`, or in a clone: `.venv/bin/pip install ".[winrm]"`.',
+            "Install it from the clone: `pipx install --force '.[winrm]'`, or in its .venv: "
+            "`.venv/bin/pip install -e '.[winrm]'`.",
         ) from None
     with ExitStack() as opened:
         try:
