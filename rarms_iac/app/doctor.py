@@ -7,6 +7,7 @@ from typing import Literal
 from rarms_iac.app.hosts import Hosts, host_errors, observe_host
 from rarms_iac.applying.doctor import examine
 from rarms_iac.applying.doctor.examination import Examination
+from rarms_iac.applying.shared_machines import hosts_of_one_machine
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic, count_severities, in_order
@@ -64,10 +65,17 @@ def examine_hosts(hosts: Hosts) -> Examinations:
     manifest, application = hosts.manifest, hosts.system.application.name
     examined: list[ExaminedHost] = []
     accepted: list[Diagnostic] = []
-    for host in _examinations(hosts):
+    examinations = tuple(_examinations(hosts))
+    states = {host.name: host.state for host in examinations}
+    shared = tuple(hosts_of_one_machine(hosts.system, states, manifest.places))
+    for host in examinations:
         facts = host.state.facts
         findings, silenced = apply_acceptances(
-            [*smaller_host_findings(hosts.system.hosts[facts.name], facts, manifest.places), *examine(host)],
+            [
+                *(finding for finding in shared if finding.address == f"host/{host.name}"),
+                *smaller_host_findings(hosts.system.hosts[facts.name], facts, manifest.places),
+                *examine(host),
+            ],
             manifest.system.policy,
             manifest.places,
             manifest.source.today,

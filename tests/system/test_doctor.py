@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.system.test_void_hosts import ACCEPTED, Desk
+from tests.unit.cli.running import rarms
 
 
 @pytest.fixture
@@ -55,6 +56,26 @@ def test_findings_come_in_every_form(desk: Desk, tmp_path: Path) -> None:
 
     assert ran.out.startswith("::error ")
     assert json.loads(file.read_text(encoding="utf-8"))["runs"][0]["results"][0]["ruleId"] == "RARMS158"
+
+
+def test_hosts_of_one_machine_are_named_as_in_a_plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    host = "{ provider: simulated, logical_processors: 2, memory: 4 GiB }"
+    hosts = f"hosts:\n  left: {host}\n  right: {host}\n"
+    Path("rarms.yaml").write_text(
+        f"schema: rarms/v1\napplication: {{ name: robot }}\n{hosts}components: {{ vision: {{ criticality: 1 }} }}\n",
+        encoding="utf-8",
+    )
+    rarms("snapshot", "--out", "seen")
+    for file in Path("seen").iterdir():
+        document = json.loads(file.read_text(encoding="utf-8"))
+        document["state"]["facts"]["id"] = "one"
+        file.write_text(json.dumps(document), encoding="utf-8")
+
+    answer = rarms("doctor", "--snapshot", "seen/left.json", "--snapshot", "seen/right.json")
+
+    assert answer.out.count("warning[RARMS343]") == 1
+    assert "RARMS343" not in rarms("doctor", "--snapshot", "seen/left.json", "--host", "left").out
 
 
 def test_an_acceptance_of_what_only_the_doctor_finds_is_not_unused_in_a_plan(desk: Desk) -> None:
