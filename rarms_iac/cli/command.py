@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, fields, replace
 from enum import StrEnum
 from inspect import cleandoc, get_annotations
+from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
@@ -19,6 +20,7 @@ from rarms_iac.cli.completion import completer_of
 from rarms_iac.cli.ending import ExitCode, WrongRequest
 from rarms_iac.cli.session import Session, common_options, session_flag
 from rarms_iac.cli.table import COMMANDS
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.names import robot_of
 
 T = TypeVar("T")
@@ -33,11 +35,24 @@ class RarmsCommand(click.Command):
         Raises:
             click.UsageError: the arguments are wrong; it has this context, which click leaves out of some errors.
         """
+        words = list(args)
         try:
             return super().parse_args(ctx, args)
         except click.UsageError as error:
             error.ctx = error.ctx or ctx
+            if (file := self._manifest_in_the_way(ctx, error, words)) is not None:
+                advice = prose("Name the manifest with -f: ", command(ctx.info_name or "", f=file), ".")
+                raise WrongRequest(RequestError(error.message, advice), ctx) from None
             raise
+
+    def _manifest_in_the_way(self, context: click.Context, error: click.UsageError, words: list[str]) -> str | None:
+        """The manifest that is an argument of a command that takes none, but `-f`; None: that is not wrong."""
+        takes_arguments = any(isinstance(parameter, click.Argument) for parameter in self.params)
+        takes_manifest = any("-f" in parameter.opts for parameter in self.params)
+        if type(error) is not click.UsageError or takes_arguments or not takes_manifest:
+            return None
+        _, extra, _ = self.make_parser(context).parse_args(words)
+        return next((word for word in extra if word.endswith((".yaml", ".yml")) or Path(word).is_dir()), None)
 
 
 def rarms_command(name: str, *, json: bool = True) -> Callable[[Callable[..., ExitCode]], click.Command]:

@@ -28,6 +28,23 @@ EPILOG = "`rarms COMMAND --help` tells more of each; `rarms explain RARMS014` ex
 class LazyGroup(click.Group):
     """Commands by a table of names; a command's module is imported when it is looked up."""
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the words up to the command.
+
+        Raises:
+            WrongRequest: an option of the command stands before it.
+        """
+        words = tuple(args)
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            verb = next((word for word in words if word in COMMANDS), None)
+            options = [name for parameter in load_command(verb).params for name in parameter.opts] if verb else []
+            if error.option_name not in options:
+                raise
+            message = f"The option {error.option_name} is of `rarms {verb}`: write it after the command."
+            raise WrongRequest(RequestError(message), ctx) from None
+
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
         """All names, in the table's order."""
         return list(COMMANDS)

@@ -120,6 +120,24 @@ def test_a_misspelt_option_offers_the_nearest() -> None:
     assert "`rarms drift --help` lists what it takes." in answer.err
 
 
+@pytest.mark.parametrize("words", [("--json", "plan"), ("-f", "rarms.yaml", "plan")])
+def test_an_option_before_its_command_is_told_to_go_behind_it(words: tuple[str, ...]) -> None:
+    answer = rarms(*words)
+
+    assert answer.code == 64
+    assert f"The option {words[0]} is of `rarms plan`: write it after the command." in answer.err
+    assert "No such option '--jsn'" in rarms("--jsn", "plan").err
+
+
+def test_a_manifest_without_its_option_is_told_to_have_it() -> None:
+    answer = rarms("plan", "cell.yaml")
+
+    assert answer.code == 64
+    assert "Name the manifest with -f: `rarms plan -f cell.yaml`." in answer.err
+    assert "with -f" not in rarms("plan", "cell").err
+    assert "with -f" not in rarms("explain", "vision", "cell.yaml").err
+
+
 def test_an_option_without_its_value_is_told_by_its_own_command() -> None:
     answer = rarms("apply", "--host")
 
