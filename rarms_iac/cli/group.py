@@ -42,7 +42,7 @@ class LazyGroup(click.Group):
             options = [name for parameter in load_command(verb).params for name in parameter.opts] if verb else []
             if error.option_name not in options:
                 raise
-            message = f"The option {error.option_name} is of `rarms {verb}`: write it after the command."
+            message = f"The option {error.option_name} belongs to rarms {verb}: write it after the command."
             raise WrongRequest(RequestError(message), ctx) from None
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature

@@ -125,7 +125,7 @@ def test_an_option_before_its_command_is_told_to_go_behind_it(words: tuple[str, 
     answer = rarms(*words)
 
     assert answer.code == 64
-    assert f"The option {words[0]} is of `rarms plan`: write it after the command." in answer.err
+    assert f"The option {words[0]} belongs to rarms plan: write it after the command." in answer.err
     assert "No such option '--jsn'" in rarms("--jsn", "plan").err
 
 

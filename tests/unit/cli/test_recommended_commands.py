@@ -209,7 +209,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         Ask("apply", "Run it again to be asked again", "plan", at_a_terminal=True),
         Ask("apply a.plan", "Look at the path and its rights", "plan --out FILE"),
         Ask("apply rarms.yaml", "Give a file that `rarms plan --out FILE` wrote", "plan --out FILE"),
-        Ask("plan --target partition/sight", "(`rarms plan --verbose` lists them)", "plan --verbose"),
+        Ask("plan --target partition/sight", "(`rarms plan --verbose` lists those that change)", "plan --verbose"),
         Ask("plan --nothing", "--help` lists what it takes", "plan --help"),
         Ask("measure another", "--help` lists what it takes", "measure --help"),
         Ask("measure speech", "Give it one, or measure chosen settings", "measure speech --from 10% --to 100%"),
