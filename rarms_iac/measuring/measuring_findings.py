@@ -169,6 +169,7 @@ def _not_achievable(
         # What is on the right side, and not for sure, is not met either.
         for measured in [index for index in indexes if index.misses] or indexes:
             helps = measured.component not in waiting
+            several = len(experiment.apts[measured.component]) > 1
             yield NOT_ACHIEVABLE.at(
                 places.value("components", measured.component, "apt", measured.index),
                 f"{measured.component} at {reserve} % of its VPs: {show_index(measured, helps=helps)}, and its "
@@ -177,7 +178,7 @@ def _not_achievable(
                 if not helps
                 else prose(
                     first,
-                    command("select", measured.component, at="LEVEL"),
+                    command("select", measured.component, at="LEVEL", index=several and measured.index),
                     f" says which level holds){'.' if most else f', {last_resort}'}",
                 ),
                 address=f"component/{measured.component}",

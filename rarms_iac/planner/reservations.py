@@ -370,8 +370,10 @@ def not_met(
     missed = [name for name in missing if highest_missed([apts[name]]) >= highest]
     named = missed or missing
     indexes = " and ".join(f"{index} of {component}" for component, index in named)
-    component = named[0][0] if named else names[0]
-    relax = prose("Relax the APT (", command("select", component, at="LEVEL"), " says which level holds), ")
+    component, index = named[0] if named else (names[0], "")
+    several = sum(name == component for name, _ in apts) > 1
+    select = command("select", component, at="LEVEL", index=several and index)
+    relax = prose("Relax the APT (", select, " says which level holds), ")
     if not log.measured:
         with_these = f" with {counted(log.processors, 'virtual processor')}"
         message, advice = f"{log.path} holds no setting{with_these} yet.", prose("Measure it: ", log.again, ".")

@@ -162,6 +162,8 @@ def _wrong_kind(error: StructureError) -> Diagnostic:
         advice = "Write a value, or remove the key. Only in an overlay, null removes a value."
     elif error.kind == "string_type" and isinstance(error.value, bool | int | float):
         advice = f'Put it into quotes: "{_show(error.value)}".'
+    elif error.kind == "int_type" and isinstance(error.value, str) and re.fullmatch(r"[0-9]{1,15}", error.value):
+        advice = f"Take away the quotes: {error.value}."
     return WRONG_KIND.at(
         error.place, f"{error.name} must be {needed}, but it is {_kind_of(error.value)}.", advice, values=_facts(error)
     )
@@ -334,7 +336,7 @@ def _index(error: StructureError) -> Diagnostic:
     return UNKNOWN_INDEX.at(
         error.places.key(*error.path),
         f"{error.name}: there is no performance index {_show(name)}.",
-        question(did_you_mean(name, known)) or advice,
+        question("maximum_response_time" if name.startswith("p100_") else did_you_mean(name, known)) or advice,
         values={"path": error.name, "index": name},
     )
 

@@ -154,18 +154,22 @@ Reserve = Annotated[
 ]
 
 
-def _limit(fits: Callable[[Any], bool]) -> AfterValidator:
+def _limit(fits: Callable[[Any], bool], highest: str) -> AfterValidator:
     def check(value: Any) -> Any:
         if not fits(value):
-            raise PydanticCustomError("rarms_too_much", "more than is allowed here")
+            raise PydanticCustomError("less_than_equal", "more than is allowed here", {"le": highest})
         return value
 
     return AfterValidator(check)
 
 
-Wait = Annotated[Time, _limit(lambda time: time <= LONGEST_WAIT)]
-AmountOfHost = Annotated[Amount, _limit(lambda amount: not isinstance(amount, ShareOfHost) or amount.percent <= 100)]
-Duty = Annotated[Percent, Quantity(Unit.SHARE, make=_same, positive=True), _limit(lambda percent: percent <= 100)]
+Wait = Annotated[Time, _limit(lambda time: time <= LONGEST_WAIT, "1 h")]
+AmountOfHost = Annotated[
+    Amount, _limit(lambda amount: not isinstance(amount, ShareOfHost) or amount.percent <= 100, "100 %")
+]
+Duty = Annotated[
+    Percent, Quantity(Unit.SHARE, make=_same, positive=True), _limit(lambda percent: percent <= 100, "100 %")
+]
 
 
 _DIRECTIONS = ("at_most", "at_least")

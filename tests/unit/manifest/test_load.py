@@ -99,9 +99,23 @@ def test_more_than_the_whole_host_kept_for_it_is_refused_there_and_nowhere_else(
     [found] = loaded(tmp_path, SMALL.replace("memory: 4 GiB}", kept)).diagnostics
 
     assert (found.code, found.place.path if found.place else "") == (
-        "RARMS029",
+        "RARMS021",
         "hosts.onboard.keep_for_host.processor",
     )
+    assert found.detail == 'hosts.onboard.keep_for_host.processor is "110 %". It must be at most 100 %.'
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "advice"),
+    [
+        ("40", '"40"', "Take away the quotes: 40."),
+        ("mean_response_time", "p100_response_time", "Did you mean maximum_response_time?"),
+    ],
+)
+def test_what_was_meant_is_advised(tmp_path: Path, before: str, after: str, advice: str) -> None:
+    [found] = loaded(tmp_path, SMALL.replace(before, after)).diagnostics
+
+    assert str(found.advice) == advice
 
 
 def test_a_misspelt_key_is_not_missing_too(tmp_path: Path) -> None:

@@ -37,6 +37,7 @@ def told(times: list[float]) -> list[str]:
         ("mean_response_time", 84.0, "ms"),
         ("maximum_response_time", 90.0, "ms"),
     }
+    assert all(f"--at LEVEL --index {each.values['index']}" in str(each.advice) for each in found)
     return [diagnostic.detail for diagnostic in found]
 
 
