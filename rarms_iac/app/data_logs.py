@@ -111,7 +111,7 @@ def _why_log_outdated(subject: LogSubject, folder: Path, host: Host) -> str:
         return "its data log is damaged"
     if log is None:
         return "its data log is gone"
-    return "; ".join(map(str, compare_log(log, subject, Files(folder), observed_platform(host)).changed))
+    return "; ".join(map(str, compare_log(log, subject, Files(folder), known_platform(host)).changed))
 
 
 def used_processors(
@@ -188,6 +188,7 @@ def measured_reservations(manifest: Manifest, states: Mapping[str, State]) -> Me
                 )
 
     def missed_together(names: Names, host: Host) -> Fraction:
+        """The most LPs with which these were shown to miss a threshold together; 0 where they were not measured so."""
         if not all(path.is_file() for path in logs_of(manifest, host, names)):
             return Fraction(0)
         together, group = put_together(system, names)
@@ -248,7 +249,7 @@ def compare_log(log: DataLog, subject: LogSubject, files: Files, platform_facts:
     return compare_header(log.header, subject.setup.members, identity, platform_facts)
 
 
-def observed_platform(host: Host, facts: HostFacts | None = None) -> PartialPlatform:
+def known_platform(host: Host, facts: HostFacts | None = None) -> PartialPlatform:
     """Return what is known of a host now, to be compared with what a data log says of it.
 
     Args:
@@ -256,7 +257,7 @@ def observed_platform(host: Host, facts: HostFacts | None = None) -> PartialPlat
         facts: As it was seen; None: it was not looked at.
 
     Returns:
-        The processor, scheduler and so on; what is not known is left open.
+        Provider, LPs and image as the manifest has them; SMT, scheduler and OS build as seen; the rest is left open.
     """
     image = host.settings.image or "" if isinstance(host.settings, HypervHost) else None
     platform_facts = PartialPlatform(
@@ -455,7 +456,7 @@ def _list_some(things: tuple[object, ...] | list[str]) -> str:
 
 def _kind_of(host: Host, states: Mapping[str, State]) -> _Kind:
     state = states.get(host.name)
-    platform_facts = observed_platform(host, state.facts if state else None)
+    platform_facts = known_platform(host, state.facts if state else None)
     return _Kind(platform=host.platform, platform_facts=platform_facts)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.data_logs import compare_log, measured_reservations, observed_platform, subject_of, used_processors
+from rarms_iac.app.data_logs import compare_log, known_platform, measured_reservations, subject_of, used_processors
 from rarms_iac.app.decision_logs import tunings_of
 from rarms_iac.app.drift import drift_of_hosts
 from rarms_iac.app.experiments.measure_request import refuse_unknown
@@ -173,7 +173,7 @@ def _reported_log(system: System, files: Files, path: Path, log: DataLog) -> Rep
     setup = log.header.setup
     host = next(host for host in system.hosts.values() if host.platform == log.header.platform)
     subject = subject_of(system, host, setup.members, setup.interference)
-    platform_facts = observed_platform(host)
+    platform_facts = known_platform(host)
     comparison = compare_log(log, subject, files, platform_facts)
     used = used_processors(system, host, files, platform_facts)
     number = experiment_of(system, host, setup.members, setup.interference, used=used).setup.processors

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import assert_never
 
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.diff.compare_partitions import neither_off_nor_running
+from rarms_iac.diff.compare_partitions import not_at_rest
 from rarms_iac.model.changes import Address, Adopt, Change, Delete, Reason, Release, Update
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
@@ -60,7 +60,7 @@ def _stop_changes(state: State, request: PlanRequest, locate: Locator) -> Iterat
     for address, before in _partitions(state, request):
         after = stopped_partition(before, request.stopped_by)
         if before.state in {RunState.PAUSED, RunState.BUSY, RunState.CRITICAL}:
-            yield neither_off_nor_running(address, before.state, locate(address))
+            yield not_at_rest(address, before.state, locate(address))
         elif before.settings.running or (
             before.mark != after.mark and before.settings.start_action is not StartAction.NOTHING
         ):
@@ -79,7 +79,7 @@ def _start_changes(state: State, request: PlanRequest, locate: Locator) -> Itera
         if not is_meant:
             continue
         if before.state in {RunState.BUSY, RunState.CRITICAL, RunState.PAUSED}:
-            yield neither_off_nor_running(address, before.state, locate(address))
+            yield not_at_rest(address, before.state, locate(address))
         else:
             yield _update(address, before, _started(before), "rarms start", locate)
 

@@ -29,10 +29,12 @@ from rarms_iac.providers.interface import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunControl:
-    """The caller's part in a run: it hears of each step, may end it after one, and says how long to wait."""
+    """The caller's part in a run: it hears of each step, may end the run between steps, and says how long to wait."""
 
     reporter: RunReporter = RunReporter()
-    should_stop: Callable[[], bool] = lambda: False  # asked before every step
+    should_stop: Callable[[], bool] = lambda: (
+        False
+    )  # asked before every step; of a host elsewhere before every batch of them
     waits: WaitLimits = NO_WAITING
 
 
@@ -88,7 +90,9 @@ def run_steps(host: StepwiseHost, journal: Journal, control: RunControl) -> RunR
             refused = problem.code in {refusals.STEP_MOVED.code, refusals.LOCKED.code}
             return report(RunEnding.REFUSED if refused else RunEnding.FAILED, problem)
 
-    host.record(RunClosed(closing=Closing.DONE))
+    host.record(
+        RunClosed(closing=Closing.DONE)
+    )  # every step is done: another run would find nothing left of a deviation
     deviations = tuple(_deviations(host, started, scope))
     return report(RunEnding.FAILED if deviations else RunEnding.DONE, *deviations)
 
@@ -151,6 +155,7 @@ def _missed(host: StepwiseHost, scope: Scope, steps: Mapping[int, Step]) -> Diag
 
 
 def _perform(host: StepwiseHost, scope: Scope, number: int, step: Step, *, was_begun: bool) -> StepStatus | Diagnostic:
+    """Do one step. In a batch `read` tells what its steps will have made; `_missed` looks at the host afterwards."""
     try:
         live = host.read(step.address, scope)
         if matches(live, step.after):

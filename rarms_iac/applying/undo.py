@@ -50,7 +50,9 @@ def undo(host: LiveHost, origin: RunOrigin, control: RunControl = UNATTENDED) ->
                 if run is None or not can_be_undone(run):
                     return _nothing_to_undo(host, run)
                 job = finish_job(host.name, run) if run.started.run is RunKind.UNDO else undo_job(host.name, run)
-                report = without_rights(host) or run_job(host, job, control)
+                if refused := without_rights(host):
+                    return refused
+                report = run_job(host, job, control)
                 return replace(report, findings=(*report.findings, *not_undone_findings(host.name, run)))
             case _:
                 assert_never(host)
@@ -102,7 +104,7 @@ def abandon(host: LiveHost, waits: WaitLimits = NO_WAITING) -> RunReport:
 
 
 def steps_undone(journal: Journal | ScriptRun) -> tuple[UndoneStep, ...]:
-    """List what an undo would do, in its order, and what it cannot, for a person."""
+    """What an undo would do, in its order, and what it cannot, for a person."""
     match journal:
         case Journal():
             changes = journal.started.host_plan.changes_by_address
@@ -113,7 +115,8 @@ def steps_undone(journal: Journal | ScriptRun) -> tuple[UndoneStep, ...]:
                     level=step.undo.level,
                 )
                 for _, step in steps_to_undo(journal)
-                if step.undo.operation is not None or step.undo.level is not UndoLevel.FULL  # it goes with its machine
+                if step.undo.operation is not None
+                or step.undo.level is not UndoLevel.FULL  # else it goes with its machine
             )
         case ScriptRun():
             return steps_undone_by_script(journal)
@@ -143,7 +146,7 @@ def is_removal(step: Step) -> bool:
 
 
 def not_undone_findings(host: str, journal: Journal | ScriptRun) -> tuple[Diagnostic, ...]:
-    """A warning for each of those steps that cannot be taken back, or not wholly."""
+    """A warning for each step of the run that cannot be taken back, or not wholly."""
     match journal:
         case Journal():
             return tuple(

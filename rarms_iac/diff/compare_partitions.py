@@ -56,8 +56,8 @@ def partition_changes(
         rules: what the manifest says beside the desired partitions.
 
     Returns:
-        Changes and findings by partition's name; nothing is changed at an address with a finding of a machine in
-            the way.
+        Changes in the order of names; findings of moves, marks and machines in the way come before those of changes.
+            Nothing is changed at an address with a machine in the way.
     """
     difference = PartialDifference()
     in_the_way = list(_machines_in_the_way(wanted, managed, observed, rules))
@@ -100,7 +100,7 @@ def _deletion(address: Address, before: Partition, context: HostContext, rules: 
     if address.partition in rules.protected:
         return _protected(address.partition, "it would be removed", place)
     if before.state in {RunState.BUSY, RunState.CRITICAL}:
-        return neither_off_nor_running(address, before.state, place)
+        return not_at_rest(address, before.state, place)
     why = "the manifest no longer names it" if is_unnamed else "it is not wanted on this host"
     loses_nothing = is_unnamed and before.id in context.restorable
     disruption = Disruption.PARTITION_STOP if loses_nothing else Disruption.REMOVAL
@@ -113,9 +113,9 @@ def _update(
     name, place = address.partition, rules.locate(address)
     disruption = disruption_of_update(before, after.settings, context)
     if disruption is Disruption.REMOVAL and name in rules.protected:
-        return _protected(name, "another generation means to make it again", place)
+        return _protected(name, "a change of its generation would remove it and make it anew", place)
     if not can_change_now(before, after.settings, context):
-        return neither_off_nor_running(address, before.state, place)
+        return not_at_rest(address, before.state, place)
     unused = name in rules.unused
     why = "the manifest no longer names it" if unused else _describe_difference(before, after, context)
     return Update(
@@ -128,7 +128,7 @@ def _update(
 
 
 def _is_unchanged(before: Partition, after: Partition) -> bool:
-    """Whether nothing has to be written: settings and mark; what runs by hand may run."""
+    """Whether nothing has to be written: neither settings nor mark."""
     if before.settings != after.settings or before.mark is None or after.mark is None:
         return False
     return (before.mark.name, before.mark.written) == (after.mark.name, after.mark.written)
@@ -245,7 +245,7 @@ def _protected_before(name: str) -> Diagnostic:
     )
 
 
-def neither_off_nor_running(address: Address, state: RunState, place: Place | None) -> Diagnostic:
+def not_at_rest(address: Address, state: RunState, place: Place | None) -> Diagnostic:
     """The finding about a partition that is neither off nor running.
 
     Args:

@@ -161,7 +161,7 @@ def can_change_now(before: Partition, after: PartitionSettings, context: HostCon
         context: which settings of this host change live.
 
     Returns:
-        False: nothing may be planned before the machine is off or runs (`neither_off_nor_running`).
+        False: nothing may be planned before the machine is off or runs (`not_at_rest`).
     """
     off_needed = needs_off(before, after, context)
     match before.state:

@@ -1,7 +1,7 @@
 """The loop of measuring: a strategy asks for a setting, it is run (`setting_run`), and the log records it.
 
-A strategy is a pure function of the recorded settings. So a run that was killed goes on by asking it again, and a
-setting that is recorded is never run a second time.
+A strategy is a pure function of the recorded settings, so a run that was killed goes on by asking it again. It asks for
+a recorded setting again only where that is not finished, or where all is to be measured anew (`--again`).
 """
 
 from contextlib import ExitStack
@@ -51,10 +51,10 @@ def measure_settings(
     Args:
         experiment: what is measured.
         strategy: asked for each next setting.
-        log: settings in it are not run again; new ones are added as they end.
+        log: its settings count as known; new ones are added as they end.
         context: the host, locked, and who is told.
-        count: so many settings are run at least and at most, as was said beforehand: what the last one shows is the
-            answer. None: as many as the strategy asks for.
+        count: after `count.most` new settings the loop ends with what they show; both numbers say how long is left.
+            None: as many settings as the strategy asks for.
 
     Returns:
         How it ended, with all settings that count.
@@ -78,7 +78,7 @@ def measure_settings(
             if not isinstance(decision, Measure):
                 if seed is None:
                     return ended(decision)
-                seed = None  # what was asked for is measured anew: all that counts gives the answer
+                seed = None  # all is measured anew: now it decides by all that counts
                 continue
             if count is not None and new >= count.most:
                 return ended(conclude(known.settings, goal_of(experiment), count.most))

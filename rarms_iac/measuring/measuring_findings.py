@@ -293,14 +293,14 @@ def _unsteady(settings: Iterable[Setting]) -> list[tuple[int, str, str]]:
 def _less_unknown(
     experiment: Experiment, end: Sufficient, settings: tuple[Setting, ...], places: Places
 ) -> Iterator[Diagnostic]:
-    """Where a search would have had a fail close below, and has but settings that neither pass nor fail."""
+    """Warn where between the answer and the next CR that missed there are only settings without a steady state."""
     if end.more_settings or not end.inconclusive or end.reserve - (end.failed or 0) <= WIDTH:
         return
     highest = [setting for setting in settings if setting.reserve == end.inconclusive[-1]]
     reserve, component, reason = _unsteady(highest)[-1]
     more_time = _or_more_time(highest[-1], experiment)
     pronoun = "it" if len(end.inconclusive) == 1 else "they"
-    lowest = f"; {end.failed} % of them is not shown to be" if end.failed else ""
+    lowest = f"; {end.failed} % of them is too little" if end.failed else ""
     yield LESS_UNKNOWN.at(
         places.value("components", experiment.members[0].name, "apt"),
         f"{experiment.name}: {end.reserve} % of its VPs is enough{lowest}. "

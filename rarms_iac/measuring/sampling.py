@@ -1,4 +1,9 @@
-"""The samples of work that runs: from when its host has settled until there are enough, or no more."""
+"""The samples of work that runs: from when its host has settled until there are enough, or no more.
+
+Beside a load that never pauses: the host settles, a first start of the load counts, the load begins anew, some windows
+of the scheduler are left out, the next start counts, and so on; at the looks of `next_look` it is asked whether this is
+enough.
+"""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,8 +20,8 @@ from rarms_iac.statistics.samples import response_times, starts_differ
 from rarms_iac.statistics.setting_time import RESTART_WINDOWS, STARTS, least_starts
 from rarms_iac.statistics.steady_state import answered_before
 
-_LATER = 1.1
-"""What was not enough at the limit is asked again after so many times as long."""
+_LIMIT_GROWTH = 1.1
+"""What was not enough at the limit is asked again when the limit is so many times as late."""
 
 
 def watch(
@@ -38,10 +43,11 @@ def watch(
         is_enough: Asked when every component has as many samples as `next_look` says, and the scheduler's memory has
             passed as often as it must.
         should_stop: Asked after every sample.
-        limit_ms: Of the host's time since the work began: from then on `is_enough` is asked at any count.
-        needs_starts: Asked at each look, where loads that never pause begin anew again and again: whether they must
-            begin so often before `is_enough` is asked; False: it is no point of a curve. From then on a start lasts an
-            eighth of all that counts, unless starts differ. None: loads do not begin anew.
+        limit_ms: Of the host's time since the work began: from then on one sample of each component is enough to ask
+            `is_enough`, and again each time the limit has grown by a tenth.
+        needs_starts: Whether the load must have begun `least_starts` times before `is_enough` is asked; asked from the
+            first look on, until the load has. False: the samples are no point of a curve. None: the load is never
+            begun anew.
 
     Returns:
         The series by component; `TooManyFailures`: a component's jobs failed more often than its manifest allows; None:
@@ -75,9 +81,9 @@ def watch(
             continue
         is_late = running.elapsed_ms() >= limit_ms
         if (least := seen.least) >= (1 if is_late else looks_at) and (
-            seen.has_begun or is_late or not (needs_starts and needs_starts())
+            seen.has_enough_starts or is_late or not (needs_starts and needs_starts())
         ):
-            looks_at, limit_ms = next_look(least), _LATER * limit_ms if is_late else limit_ms
+            looks_at, limit_ms = next_look(least), _LIMIT_GROWTH * limit_ms if is_late else limit_ms
             if seen.counted_ms >= settling.least_ms and is_enough(found := seen.series()):
                 return found
             seen.look()
@@ -95,9 +101,11 @@ class _Seen:
     least_starts: int
     _are_alike: bool = False  # the starts, at the last look
     _samples: dict[str, list[Sample]] = field(default_factory=dict)
-    _starts: dict[str, list[int]] = field(default_factory=dict)  # by component, numbers of samples
+    _starts: dict[str, list[int]] = field(
+        default_factory=dict
+    )  # by component, the samples with which later starts begin
     _cpu_ms: dict[str, float | None] = field(default_factory=dict)  # by component, in what counts
-    _since: "_Mark | None" = None  # since when samples count; None: not yet, or not now
+    _since: "_Moment | None" = None  # since when samples count; None: not yet, or not now
     _counted_ms: float = 0.0  # before that
     _began_anew_ms: float | None = None  # when the load did, and has not settled yet
     _unsettled: str = ""  # why they count for no verdict
@@ -117,13 +125,13 @@ class _Seen:
         return self._counted_ms + (self.running.elapsed_ms() - self._since.elapsed_ms if self._since else 0.0)
 
     @property
-    def has_begun(self) -> bool:
+    def has_enough_starts(self) -> bool:
         """Whether the load began as often as it must."""
         return not self.restarts or len(self._starts[self.names[0]]) >= self.least_starts - 1
 
     def look(self) -> None:
         """Look whether the starts so far are alike: then the next ones are longer."""
-        if self.restarts and self.has_begun:
+        if self.restarts and self.has_enough_starts:
             self._are_alike = not any(
                 starts_differ(response_times(series.samples), answered_before(series, series.starts))
                 for series in self.series().values()
@@ -136,8 +144,8 @@ class _Seen:
             return False
         began_ms = sample.began_ms - self._since.elapsed_ms + self._counted_ms
         self._samples[name].append(replace(sample, began_ms=began_ms))
-        if self.restarts and self._is_start_over():
-            self._begin_anew()
+        if self.restarts and self._has_start_lasted():
+            self._restart_load()
         return True
 
     def _settle(self, name: str) -> None:
@@ -155,8 +163,11 @@ class _Seen:
             self._unsettled = self.settling.excess_message()
             self._since = self._mark()
 
-    def _is_start_over(self) -> bool:
-        """Whether a start lasted its part of what a setting lasts at least, and of the samples of a first look."""
+    def _has_start_lasted(self) -> bool:
+        """Whether a start lasted its part of what a setting lasts at least, and of the samples of a first look.
+
+        Where the starts so far are alike, a start lasts an eighth of all that counts.
+        """
         assert self._since is not None
         least_ms = max(self.settling.least_ms / self.least_starts, self.counted_ms / STARTS if self._are_alike else 0.0)
         if self.running.elapsed_ms() - self._since.elapsed_ms < least_ms:
@@ -164,7 +175,7 @@ class _Seen:
         in_start = (len(self._samples[each]) - (self._starts[each] or [0])[-1] for each in self.names)
         return min(in_start) * self.least_starts >= FIRST_LOOK
 
-    def _begin_anew(self) -> None:
+    def _restart_load(self) -> None:
         if not self.running.restart_load():
             self.restarts = False
             return
@@ -183,9 +194,9 @@ class _Seen:
         began, now = self._since.cpu_ms[name], self.running.cpu_ms(name)
         return None if before is None or began is None or now is None else before + now - began
 
-    def _mark(self) -> "_Mark":
+    def _mark(self) -> "_Moment":
         cpu_ms = {name: self.running.cpu_ms(name) for name in self.names}
-        return _Mark(elapsed_ms=self.running.elapsed_ms(), cpu_ms=cpu_ms)
+        return _Moment(elapsed_ms=self.running.elapsed_ms(), cpu_ms=cpu_ms)
 
     def series(self) -> Mapping[str, Series]:
         """The series of each component so far."""
@@ -206,7 +217,7 @@ class _Seen:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Mark:
+class _Moment:
     """The moment from which samples count, and the processor time of the components until then."""
 
     elapsed_ms: float

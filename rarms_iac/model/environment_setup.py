@@ -37,11 +37,11 @@ class PlatformFacts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnvironmentSetup:
-    """What P1 and P2 are while one data log is measured; only their reserves change from setting to setting."""
+    """What P1 and P2 are in those settings of a data log that count together; only the reserves differ between them."""
 
     members: tuple[str, ...]  # the components in P1, by name
     interference: str  # the load in P2, by its name in the manifest
-    processors: int  # virtual ones, of P1; each setting has its own. P2 has as many as the host has logical ones
+    processors: int  # virtual ones, of P1; settings of other numbers do not count. P2 has as many as the host has LPs
     memory: int  # bytes, of P1
     limit: int  # of P1: per cent of each of its processors
     weight: int  # of P1

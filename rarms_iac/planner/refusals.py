@@ -1,6 +1,7 @@
 """Which hosts a check of the plan would refuse for a partition: the search leaves them out while it has others.
 
-The checks themselves come after the search and name what is wrong; they ask the same functions.
+The checks themselves come after the search and name what is wrong; they ask the same functions (for deadlines,
+`mechanism.deadline_problems` says more).
 """
 
 from collections.abc import Collection

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.status import History
-from rarms_iac.model.journal import PastRun, RunKind
+from rarms_iac.model.journal import Closing, PastRun, RunKind
 from rarms_iac.views.console import STRONG, stack, styled, table
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def history_rows(runs: Sequence[PastRun]) -> Sequence[tuple[str, ...]]:
 
 
 def _describe_kind(run: PastRun) -> str:
-    """What it was; plans of a measurement are none of an engineer."""
+    """What kind of run it was; the stop and start of a measurement are called that."""
     match run.measurement:
         case "stop" if run.run is RunKind.APPLY:
             return "stop to measure"
@@ -54,6 +54,7 @@ def _describe_kind(run: PastRun) -> str:
 
 def _ending(run: PastRun, later: Sequence[PastRun] = ()) -> str:
     """How a run ended, or that one after it took it back."""
-    if run.run is RunKind.APPLY and any(other.run is RunKind.UNDO and other.plan == run.plan for other in later):
+    undos = (other for other in later if other.run is RunKind.UNDO and other.plan == run.plan)
+    if run.run is RunKind.APPLY and any(undo.closing is Closing.DONE for undo in undos):
         return "undone"
     return run.ending

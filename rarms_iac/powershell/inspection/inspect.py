@@ -25,8 +25,8 @@ def inspect(script: bytes, name: str = "script.ps1", *, entry: str = ENTRY) -> t
         entry: the function that its end calls.
 
     Returns:
-        The findings in the order of the script's lines; none where it may be shown and run. Steps are looked at where
-            all around them is as rarms writes it.
+        The findings of the first check that fails: of bytes, of parts, of syntax, of steps. None where the script may
+            be shown and run.
     """
     if problems := tuple(check_bytes(script, name)):
         return problems

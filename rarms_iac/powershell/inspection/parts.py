@@ -131,7 +131,7 @@ def comment_problems(text: str) -> tuple[str, ...]:
     try:
         return tuple(_directive_problems(tokens(text)))
     except NotTokens:
-        return ()  # `sound` reports it
+        return ()  # its parts are not as rarms writes them, which is told instead
 
 
 def _directive_problems(read_tokens: Iterable[Token]) -> Iterator[str]:
@@ -187,7 +187,7 @@ def _template_edges(entry: str, plan_text: str) -> tuple[str, str, str]:
     try:
         impact = impact_of(plan_text)
     except NotTokens:
-        impact = ""  # `sound` reports it
+        impact = ""  # then the opening is not as rarms writes it, which is told
     text = template_text("script.ps1.j2").replace("{{ impact }}", impact)
     opening = text[text.index(PARAMETERS) :].partition("{% for line in facts")[0]
     plan, _, closing = text.partition("{{ module }}\n")

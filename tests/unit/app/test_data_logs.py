@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.app.data_logs import observed_platform
+from rarms_iac.app.data_logs import known_platform
 from tests.builders import a_host
 from tests.builders_measured import a_setting
 from tests.measuring import leave_log, steady
@@ -147,6 +147,6 @@ def test_drift_and_graph_look_the_same_logs_up(here: Path) -> None:
 
 
 def test_bench_facts_that_were_not_looked_at_are_not_compared() -> None:
-    now = observed_platform(a_host())
+    now = known_platform(a_host())
 
     assert (now.smt, now.scheduler, now.processor, now.os_build) == (None, None, None, None)

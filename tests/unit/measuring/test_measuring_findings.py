@@ -96,7 +96,7 @@ def drifting(reserve: int) -> Setting:
         (
             20,
             (44, 45),
-            "46 % of its VPs is enough; 20 % of them is not shown to be. "
+            "46 % of its VPs is enough; 20 % of them is too little. "
             "Of 44 and 45 % of them nothing is known: they reached no",
         ),
         (43, (44, 45), None),

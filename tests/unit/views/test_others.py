@@ -6,18 +6,20 @@ from rich.console import Console
 
 from rarms_iac.app.drift import DriftReport, HostDrift
 from rarms_iac.app.graph import graph_of_layout
+from rarms_iac.app.status import History
 from rarms_iac.applying.refusals import UNDO_PARTIAL
 from rarms_iac.applying.run_report import HostReport, RunBegun, RunEnding, RunReport
 from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Address
-from rarms_iac.model.journal import RunKind, RunStarted, StepStatus
+from rarms_iac.model.journal import Closing, PastRun, RunKind, RunStarted, StepStatus
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.model.totals import Totals
 from rarms_iac.views.console import live_console, render
 from rarms_iac.views.drift import drift_text
 from rarms_iac.views.graph import graph_text, mermaid_quoted
+from rarms_iac.views.history import history_text
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.run import RunProgress, run_text, undo_text
 from tests.builders import the_delivery_robot
@@ -230,3 +232,18 @@ def test_a_graph_nests_hosts_partitions_and_components() -> None:
 
 def test_a_graph_escapes_what_its_language_would_read() -> None:
     assert mermaid_quoted('a"<b>', "#;") == "a#quot;#lt;b#gt;<br/>#35;#59;"
+
+
+def test_only_an_undo_that_ended_well_makes_an_apply_undone() -> None:
+    applied = PastRun(
+        run=RunKind.APPLY, plan="0123", application="robot", started_by="ann", started_at="", closing=Closing.DONE
+    )
+
+    def endings(closing: Closing | None) -> list[str]:
+        undo = replace(applied, run=RunKind.UNDO, closing=closing)
+        shown = render(history_text(History(application="robot", hosts={"onboard": (applied, undo)})))
+        return [line.split()[-1] for line in shown.splitlines()[1:]]
+
+    assert endings(None) == ["unfinished", "done"]
+    assert endings(Closing.ABANDONED) == ["abandoned", "done"]
+    assert endings(Closing.DONE) == ["done", "undone"]
