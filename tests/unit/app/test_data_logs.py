@@ -125,13 +125,13 @@ def test_a_damaged_log_and_one_that_no_apt_is_met_in_are_no(here: Path) -> None:
 
 def test_the_advice_to_choose_a_level_names_the_index_where_there_are_several(here: Path) -> None:
     measure(here, {50: 400.0, 100: 300.0})
-    one = rarms("plan", "-f", str(here)).err
+    advised_of_one = rarms("plan", "-f", str(here)).err
     edit(here / "rarms.yaml", "    run:\n", "      p95_response_time: { at_most: 2 s }\n    run:\n")
 
     several = rarms("plan", "-f", str(here)).err
 
     assert "--at LEVEL --index mean_response_time" in " ".join(several.split())
-    assert "--index" not in one
+    assert "--index" not in advised_of_one
 
 
 def test_drift_and_graph_look_the_same_logs_up(here: Path) -> None:
