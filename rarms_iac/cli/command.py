@@ -190,8 +190,21 @@ def _type(kind: Any, option: Option) -> "click.ParamType[Any]":
     if issubclass(kind, StrEnum):
         return _EnumChoice(kind)
     if kind is int:
-        return click.IntRange(option.least, option.most)
+        return _NumberRange(option.least, option.most)
     return click.STRING
+
+
+class _NumberRange(click.IntRange):
+    """A whole number; a usage error has the bound in words."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Return the number."""
+        number = int(click.INT.convert(value, param, ctx))
+        if self.min is not None and number < self.min:
+            self.fail(f"{number} is too small: it must be at least {self.min}.", param, ctx)
+        if self.max is not None and number > self.max:
+            self.fail(f"{number} is too large: it must be at most {self.max}.", param, ctx)
+        return number
 
 
 class _WordChoice(click.Choice[Any]):

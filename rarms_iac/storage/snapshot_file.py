@@ -51,7 +51,8 @@ def read_snapshot(data: bytes) -> State:
     try:
         document = parse_json(data.decode("utf-8-sig"))
     except ValueError as error:
-        raise SnapshotUnreadable(f"it is not JSON: {error}") from error
+        reason = error.message if isinstance(error, NotDecodable) else f"it is not JSON ({error})"
+        raise SnapshotUnreadable(reason) from error
     if not isinstance(document, dict) or "format_version" not in document:
         raise SnapshotUnreadable("it has no `format_version`")
     if document["format_version"] != FORMAT:

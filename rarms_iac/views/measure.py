@@ -158,7 +158,7 @@ def _reserved_on(host: str, outcome: MeasureOutcome) -> str:
     without = f" without {list_names(missing)}, which {verb} no reservation" if missing else ""
     claims = "".join(f", {text}" for text in describe_other_claims(totals.unmanaged_lp, totals.kept_lp))
     whole = show_processors(totals.host_lp)
-    return f"{show_processors(totals.reserved_lp)} of {whole} in all{note}{without}{claims}, by "
+    return f"a plan reserves {show_processors(totals.reserved_lp)} of {whole} there{note}{without}{claims}, by "
 
 
 def _concluded_indexes(results: Sequence[ExperimentResult]) -> Iterator[MeasuredIndex]:

@@ -90,7 +90,7 @@ def test_how_far_and_how_long() -> None:
         (DatedManifestSource, ["--today", "31.1.2026"], "not a day"),
         (RunOptions, ["--lock-timeout", "60"], "units: us, ms, s, min, h"),
         (PlanLimits, ["--max-disruption", "none"], "partition_stop"),
-        (MeasureRequest, ["--samples", "1"], "x>=2"),
+        (MeasureRequest, ["--samples", "1"], "1 is too small: it must be at least 2."),
         (TuneRequest, ["--repeat"], "belongs to --strategy paper"),
         (RunRequest, ["--for", "0s"], "at least 1 ms"),
         (RunRequest, ["--for", "1s", "--samples", "2"], "not both"),

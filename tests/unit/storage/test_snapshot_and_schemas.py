@@ -50,6 +50,11 @@ def test_a_snapshot_reads_back_as_written() -> None:
     assert read_snapshot(write_snapshot(odd)).partitions[0].settings == odd.partitions[0].settings
 
 
+def test_a_manifest_is_no_snapshot() -> None:
+    with pytest.raises(SnapshotUnreadable, match=r"^it is not JSON \(Expecting value"):
+        read_snapshot(b"schema: rarms/v1")
+
+
 @pytest.mark.parametrize("data", [b"", b"\xff", b"[]", b"{}", b'{"format_version": "rarms-snapshot/2"}'])
 def test_what_is_no_snapshot_says_why(data: bytes) -> None:
     with pytest.raises(SnapshotUnreadable) as refused:

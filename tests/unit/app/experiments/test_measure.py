@@ -133,7 +133,7 @@ def test_the_papers_walk_says_its_message_where_nothing_is_enough(here: Path) ->
     assert "Threshold performance is not achievable on this platform." in ran.err
     assert "vision at 100 % of its VPs: mean_response_time" in ran.err
     assert "not achievable at" in ran.out
-    assert "in all without vision, which has no reservation, by " in " ".join(ran.out.split())
+    assert "there without vision, which has no reservation, by " in " ".join(ran.out.split())
 
 
 def test_the_papers_walk_wants_the_host_to_itself(here: Path) -> None:
