@@ -94,11 +94,7 @@ def findings_of(
                 places.key("components", component),
                 f"{component} at {reserve} % of its VPs: {counted(len(failures), 'sample')} failed, and `run.failures` "
                 f"allows fewer: {reasons}.",
-                prose(
-                    "Run it alone and mend what fails: ",
-                    command("run", component),
-                    f". Or allow it: `run: {{ failures: {len(failures)} }}`.",
-                ),
+                f"Run it alone and mend what fails, or allow it: `run: {{ failures: {len(failures)} }}`.",
                 address=f"component/{component}",
                 values={"component": component, "reserve_percent": reserve, "failed_samples": len(failures)},
             )

@@ -16,7 +16,7 @@ from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, WithinNoise
-from rarms_iac.model.quantities import Unit, show_processors
+from rarms_iac.model.quantities import Unit, show_duration, show_processors
 from rarms_iac.model.state import State
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.model.totals import host_totals
@@ -56,24 +56,28 @@ class WaysOut:
         return facts
 
 
-def proof_findings(hosts: Hosts, proofs: Sequence[LayoutProof], states: Mapping[str, State]) -> Iterator[Diagnostic]:
+def proof_findings(
+    hosts: Hosts, proofs: Sequence[LayoutProof], states: Mapping[str, State], *, load_host: bool
+) -> Iterator[Diagnostic]:
     """Report every threshold that a proof did not show to be met.
 
     Args:
         hosts: of the manifest.
         proofs: by host and load.
         states: of all hosts that could be reached, as they were before the proof.
+        load_host: whether the use of all idle time was asked for, so that it is recommended with the next proof.
 
     Returns:
         Findings in the order of the proofs; a miss has its ways out.
     """
     free = {name: _free_lp(hosts, name, state) for name, state in sorted(states.items())}
+    more_samples = _more_samples(proofs, load_host=load_host)
     for proof in proofs:
         for verdict in proof.not_met:
             measured, ways = verdict.measured, _ways_out(hosts, proof, verdict, free)
             index, load = index_named(measured.index), proof.interference
             with_load = f" beside {load}" if load else ""
-            finding, advice = _finding_of(verdict, ways)
+            finding, advice = _finding_of(verdict, ways, more_samples)
             yield finding.at(
                 hosts.manifest.places.value("components", measured.component, "apt", measured.index),
                 f"{measured.component} on {proof.host}{with_load}: {show_index(measured, helps=ways.helps)}, and its "
@@ -90,28 +94,36 @@ def proof_findings(hosts: Hosts, proofs: Sequence[LayoutProof], states: Mapping[
             )
 
 
-def _finding_of(verdict: IndexVerdict, ways: WaysOut) -> tuple[Finding, Wording]:
+def _finding_of(verdict: IndexVerdict, ways: WaysOut, more_samples: Wording) -> tuple[Finding, Wording]:
     """Return the finding for a verdict that is not met, and the advice with it."""
     match verdict.verdict:
         case Unsteady():
             return measuring_findings.NO_STEADY_STATE, "Look for what grows while it runs."
         case WithinNoise() | TooFewSamples() | TooManyFailures():
-            return measuring_findings.NOT_RESOLVED, _more_samples(verdict)
+            return measuring_findings.NOT_RESOLVED, more_samples if verdict.samples_needed else _TOO_NEAR
         case Met() | Missed():
             return measuring_findings.MISSED, _advice(verdict.measured, ways)
         case _:
             assert_never(verdict.verdict)
 
 
-def _more_samples(verdict: IndexVerdict) -> Wording:
-    if verdict.samples_needed is None:
-        return "It is too near its threshold for any number of samples: raise its reservation, or relax its APT."
-    many = verdict.samples_needed
+_TOO_NEAR = "It is too near its threshold for any number of samples: raise its reservation, or relax its APT."
+
+
+def _more_samples(proofs: Sequence[LayoutProof], *, load_host: bool) -> Wording:
+    """One proof for all that is not shown yet: as many samples as the index needs that needs most."""
+    many = max((verdict.samples_needed or 0 for proof in proofs for verdict in proof.not_met), default=0)
+    takes = show_duration(many * sum(map(_sample_ms, proofs)))
     return prose(
-        f"About {many} samples may tell: ",
-        command("prove", samples=many),
+        f"About {many} samples of each component may tell, in about {takes}: ",
+        command("prove", samples=many, load_host=load_host),
         ". Or raise its reservation.",
     )
+
+
+def _sample_ms(proof: LayoutProof) -> float:
+    """How long its user waited for a sample of each component."""
+    return 1000 * proof.wall_seconds / min((len(series.samples) or 1 for series in proof.series.values()), default=1)
 
 
 def _advice(measured: MeasuredIndex, ways: WaysOut) -> Wording:

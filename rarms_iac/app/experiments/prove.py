@@ -133,7 +133,7 @@ def prove_layout(
         proofs=tuple(proofs),
         findings=(
             *unaccepted_short_secrets(hosts.manifest, _real_components(hosts, layouts)),
-            *proof_findings(hosts, proofs, everywhere),
+            *proof_findings(hosts, proofs, everywhere, load_host=request.load_host),
         ),
         not_proven=tuple(group.name for group in groups_of(hosts.system) if group.name not in proven),
     )

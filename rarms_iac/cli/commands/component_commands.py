@@ -52,8 +52,9 @@ def prove_command(
 
     They run beside the loads of the policy, one after the other, which use all idle time of the hosts: without a
     terminal that needs --load-host. They begin anew at least eight times, until each threshold was shown to be met or
-    missed, for `policy.measuring.proof` at most. What they show is written into the configuration logs. Exit code 4
-    where a threshold is missed or not shown to be met yet; 3 where the manifest asks for something that is not applied.
+    missed, for `policy.measuring.proof` at most; sooner where that time will hardly be enough. What they show is
+    written into the configuration logs. Exit code 4 where a threshold is missed or not shown to be met yet; 3 where the
+    manifest asks for something that is not applied.
     """
     refuse_load_unasked(session, loads=not request.without_load, load_host=request.load_host)
     return prove_and_show(session, select_hosts(load_manifest(source), host_selection), request)

@@ -505,7 +505,7 @@ OTHER_TESTS = {
     "Take it back with that application's manifest: ": "tests/system/test_cli_route.py",
     "Release it first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
     "Release that one first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
-    "samples may tell: ": "tests/unit/app/experiments/test_prove.py",
+    "samples of each component may tell, in about": "tests/unit/app/experiments/test_prove.py",
     "Free some, or prove what it is without a load": "tests/unit/app/experiments/test_prove.py",
     "or prove what holds without a load": "tests/unit/app/experiments/test_prove.py",
     "nothing here defines it. On Windows": "tests/unit/test_rcss.py",

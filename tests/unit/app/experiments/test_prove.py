@@ -143,7 +143,8 @@ def test_what_is_too_near_its_threshold_is_not_shown_yet_with_the_samples_that_w
     change(here, "interference: busy-loop", "interference: busy-loop, measuring: { proof: 1 min }")
     change(here, "at_most: 70 ms", f"at_most: {long_mean * 1.004:.3f} ms")
     code, indexes, found = proven()
-    text = prove().out
+    ran = prove()
+    text, said = ran.out, " ".join(ran.err.split())
 
     assert (code, found) == (4, ["RARMS111"])
     mean = indexes["vision mean_response_time"]
@@ -152,6 +153,8 @@ def test_what_is_too_near_its_threshold_is_not_shown_yet_with_the_samples_that_w
     assert mean["samples_needed"] > 200
     assert f"not shown yet: {mean['samples_needed']} samples may tell" in " ".join(text.split())
     assert "1 not shown yet" in text
+    assert f"About {mean['samples_needed']} samples of each component may tell, in about " in said
+    assert f"rarms prove --samples {mean['samples_needed']} --load-host" in said
     entry = read_entries(configuration_path(here, "onboard", "vision"))[-1]
     assert isinstance(entry, Proven)
     assert (entry.indexes[0].met, entry.indexes[0].samples_needed) == (False, mean["samples_needed"])
