@@ -35,5 +35,5 @@ def fluid(machine: ModelMachine, seed: int) -> Iterator[JobDone]:
 def without_scheduler() -> Iterator[None]:
     """Inside, simulated hosts of commands run the fluid model: for tests of files, questions and what is shown."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulation, "simulate", fluid)
+        patch.setattr(simulation, "SchedulerSimulation", fluid)
         yield
