@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rarms_iac.app.data_logs import path_of, subject_of
 from rarms_iac.manifest.load import load_system
+from rarms_iac.model.host import SimulatedHost
 from rarms_iac.model.series import Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import System
@@ -33,6 +34,8 @@ def leave_log(folder: Path, members: Sequence[str], settings: Iterable[Setting],
     system, recorded = _system(folder), tuple(settings)
     host = system.hosts[min(system.hosts)]
     bench = replace(a_bench(), logical_processors=host.logical_processors, provider=host.provider, os_build=build)
+    if isinstance(host.settings, SimulatedHost):
+        bench = replace(bench, smt=host.settings.smt, scheduler=host.settings.scheduler_type)
     subjects = [subject_of(system, host, tuple(members), load) for load in system.loads_of(tuple(members))]
     for subject in subjects:
         path = path_of(folder, subject)

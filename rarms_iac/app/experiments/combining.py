@@ -109,7 +109,7 @@ def _predicted(subject: TuningSubject, need: int) -> int | None:
     candidates = candidates_of(subject.cois, subject.may_share, most=WHOLE)
     saved = max(
         (
-            total(candidates.members(mask)) - candidate.coi.processors * reserve
+            total(candidates.members(mask)) - candidate.coi.taken_processors * reserve
             for mask, candidate in candidates.by_mask.items()
             if (reserve := expected(candidate, subject.predict)) is not None
         ),

@@ -140,7 +140,7 @@ def next_decision(tuning: Tuning, answers: Sequence[Answer]) -> Decision:
     if best_measured is not None and best_measured.value == best.value:
         return _best(tuning, known.measured, best_measured, answers)
     return _next_question(
-        max(unknown, key=lambda each: (each.coi.processors * (each.highest_open - each.low), each.coi.members)),
+        max(unknown, key=lambda each: (each.coi.taken_processors * (each.highest_open - each.low), each.coi.members)),
         tuning.predict,
     )
 

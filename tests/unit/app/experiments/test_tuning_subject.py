@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import chdir
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
 import pytest
 
+from rarms_iac.app.experiments.combining import _predicted
 from rarms_iac.app.experiments.tune import tuning_findings
 from rarms_iac.app.experiments.tuning_search import search_combinations
 from rarms_iac.app.experiments.tuning_subject import (
@@ -162,3 +164,17 @@ def test_hosts_of_several_platforms_are_tuned_one_after_the_other_by_commands_th
     assert (refused.code, "error[RARMS309]" in refused.err) == (4, True)
     advice = " ".join(refused.err.split())
     assert "Tune one after the other: `rarms tune --host workshop`, `rarms tune --host onboard`." in advice
+
+
+def test_on_whole_cores_an_offer_counts_what_the_compound_takes_of_them(tmp_path: Path) -> None:
+    """One thread and two take a core each, and three together take two: 4 LPs, of which one stands idle."""
+    host = "  onboard: { logical_processors: 4, memory: 4 GiB, simulated: { smt: true } }\n"
+    head, components = MANIFEST.partition("hosts:\n")[0], MANIFEST.partition("components:\n")[2]
+    components = components.replace("30, ", "30, processors: 1, ").replace("20, ", "20, processors: 2, ")
+    with chdir(tmp_path):
+        write(f"{head}hosts:\n{host}components:\n{components}")
+        leave_logs(tmp_path, {"vision": 40, "paths": 40})
+        subject = subject_of("onboard")
+
+    assert {coi.name: (coi.processors, coi.cost) for coi in subject.cois} == {"vision": (1, 80), "paths": (2, 80)}
+    assert _predicted(replace(subject, predict=lambda _members, _processors: 30), need=160) == 120

@@ -349,3 +349,17 @@ def test_components_of_one_thread_can_share_a_core_that_each_takes_for_itself() 
     assert (arm.processors, arm.cost, arm.at_least) == (1, 80, 30)
     assert (both.coi.processors, both.coi.taken_processors) == (2, 2)
     assert (both.low, both.highest) == (13, 79), "30 % of one of two processors, less 2; and less than 160 % on two"
+
+
+def test_the_compound_of_which_least_is_known_is_asked_for_by_whole_cores() -> None:
+    """Three threads take two cores, as four do."""
+    of = [
+        replace(coi, processors=processors, sharing=CoreSharing(threads=2, used=2), host_lp=8)
+        for coi, processors in zip(cois(a=40, b=40, c=25, d=25), (1, 2, 2, 2), strict=True)
+    ]
+    pairs = {("a", "b"), ("c", "d")}
+    tuning = tuning_of(of, objective(of, 200, Minimise.RESERVATION), lambda members: members in pairs)
+    widths = {each.coi.members: each.highest - each.low for each in tuning.candidates.by_mask.values()}
+
+    assert widths == {("a", "b"): 14, ("c", "d"): 13}
+    assert next_decision(tuning, ()) == NextSetting(members=("a", "b"), reserve=32, predicted=None)
