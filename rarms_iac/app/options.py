@@ -174,7 +174,11 @@ lock_timeout_option = partial(
 )
 auto_approve_option = partial(flag, "--auto-approve", help="Do not ask.")
 samples_option = partial(
-    option, "--samples", least=2, help="A setting is judged from so many on. [default: as `run.until` says]"
+    option,
+    "--samples",
+    least=2,
+    help="A search judges a setting from so many of each component on; with --from or --strategy paper it ends there. "
+    "[default: as `run.until` says]",
 )
 busy_host_option = partial(flag, "--on-busy-host", help="Measure although something else runs; the data logs say so.")
 STOP_PARTITIONS = Option(

@@ -150,8 +150,8 @@ def _easiest(choice: "_Choice", loads: Loads) -> str:
     level = _show_level(index, (max if index.smaller_is_better else min)(known))
     apts = [(name, index.name, threshold_of(index, level))]
     reserves = [least_of(log, apts) or log.measured[-1] for log in loads]
-    beside = " beside each load" if len(loads) > 1 else ""
-    return f": {level} holds with {max(reserves)} % of its VPs{beside}"
+    load_suffix = " beside each load" if len(loads) > 1 else ""
+    return f": {level} holds with {max(reserves)} % of its VPs{load_suffix}"
 
 
 def _not_measured_yet(choice: "_Choice", host: Host, loads: Loads) -> tuple[int, int] | None:

@@ -23,7 +23,7 @@ class GuestSnapshot:
     file: str
     host: str
     partition: str
-    seen: Snapshot
+    snapshot: Snapshot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,9 +96,9 @@ def _with_guest(state: State, guest: GuestSnapshot, application: str) -> State:
     machines = [partition for partition in state.partitions if is_marked(partition, application, guest.partition)]
     if len(machines) != 1:
         raise snapshot_error(guest.file, f"{guest.host} has no partition {guest.partition} of {application}")
-    if guest.seen.computer.lower() == state.facts.computer_name.lower():
-        raise snapshot_error(guest.file, f"it was taken on {guest.seen.computer}, the host itself, not in a guest")
-    inside = tuple(replace(task, inside=guest.partition, machine=machines[0].id) for task in guest.seen.tasks)
+    if guest.snapshot.computer.lower() == state.facts.computer_name.lower():
+        raise snapshot_error(guest.file, f"it was taken on {guest.snapshot.computer}, the host itself, not in a guest")
+    inside = tuple(replace(task, inside=guest.partition, machine=machines[0].id) for task in guest.snapshot.tasks)
     tasks = sorted((*state.tasks, *inside), key=lambda task: (task.inside, task.name.lower()))
     return replace(state, tasks=tuple(tasks))
 
@@ -110,7 +110,7 @@ def _guest(option: SnapshotFile, observation: Snapshot | None) -> GuestSnapshot:
         raise SnapshotUnreadable(observation.unread_in_guest.message)
     if not observation.tasks:
         raise SnapshotUnreadable("it shows no task classes, and every Windows has some: they were not read")
-    return GuestSnapshot(file=option.file, host=option.host, partition=option.guest, seen=observation)
+    return GuestSnapshot(file=option.file, host=option.host, partition=option.guest, snapshot=observation)
 
 
 def _as_written(data: bytes) -> Snapshot:

@@ -7,7 +7,7 @@ from typing import assert_never
 from rarms_iac.applying import refusals
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.run_script import apply_job, finish_job, run_job
-from rarms_iac.applying.run_steps import UNATTENDED, RunControl, combined_report, failed_run, run_steps
+from rarms_iac.applying.run_steps import UNATTENDED_RUN, RunControl, combined_report, failed_run, run_steps
 from rarms_iac.applying.undo import raised_serials, without_rights
 from rarms_iac.diff.drift import moved_parts, part_digests
 from rarms_iac.model.diagnostics import Diagnostic
@@ -36,7 +36,7 @@ class FinishedRuns:
     applications: frozenset[str]
 
 
-def finish_unfinished(hosts: Sequence[LiveHost], control: RunControl = UNATTENDED) -> FinishedRuns | None:
+def finish_unfinished(hosts: Sequence[LiveHost], control: RunControl = UNATTENDED_RUN) -> FinishedRuns | None:
     """Finish what was begun on these hosts, each from its own journal; None where nothing was. They are held."""
     reports: list[RunReport] = []
     applications: set[str] = set()
@@ -67,7 +67,7 @@ def _finish(host: LiveHost, run: Journal | ScriptRun, control: RunControl) -> Ru
 
 
 def apply_plan(
-    plan: Plan, hosts: Mapping[str, LiveHost], origin: RunOrigin, control: RunControl = UNATTENDED
+    plan: Plan, hosts: Mapping[str, LiveHost], origin: RunOrigin, control: RunControl = UNATTENDED_RUN
 ) -> RunReport:
     """Do exactly what the plan says, host by host, or refuse before the first step. The hosts are held.
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from rarms_iac.applying.refusals import GO_ON, SCRIPT_REFUSED, STEP_FAILED, STEP_MOVED, lock_held
 from rarms_iac.applying.run_report import HostReport, RunBegun, RunEnding, RunReport, TitledStep
-from rarms_iac.applying.run_steps import UNATTENDED, RunControl
+from rarms_iac.applying.run_steps import UNATTENDED_RUN, RunControl
 from rarms_iac.model.commands import APPLY, DRIFT, prose, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.journal import RunKind, ScriptRun, StepStatus
@@ -129,7 +129,7 @@ def abandon_script(host: ScriptedHost, journal: ScriptRun, waits: WaitLimits) ->
         HostError: the host could not be reached.
     """
     job = finish_job(host.name, journal)
-    listener = RunListener(host.name, job, UNATTENDED)
+    listener = RunListener(host.name, job, UNATTENDED_RUN)
     ended = host.run_script(job.script, waits, listener, abandoning=True)
     return replace(listener.report(ended), hosts=())
 

@@ -38,7 +38,7 @@ class RunControl:
     waits: WaitLimits = NO_WAITING
 
 
-UNATTENDED = RunControl()
+UNATTENDED_RUN = RunControl()
 """No report, no early end, and nothing is waited for."""
 
 

@@ -16,7 +16,7 @@ from rarms_iac.applying.run_script import (
     steps_undone_by_script,
     undo_job,
 )
-from rarms_iac.applying.run_steps import UNATTENDED, RunControl, failed_run, run_steps
+from rarms_iac.applying.run_steps import UNATTENDED_RUN, RunControl, failed_run, run_steps
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import (
     Closing,
@@ -35,7 +35,7 @@ from rarms_iac.model.step_titles import reversal
 from rarms_iac.providers.interface import NO_WAITING, HostError, LiveHost, ScriptedHost, StepwiseHost, WaitLimits
 
 
-def undo(host: LiveHost, origin: RunOrigin, control: RunControl = UNATTENDED) -> RunReport:
+def undo(host: LiveHost, origin: RunOrigin, control: RunControl = UNATTENDED_RUN) -> RunReport:
     """Take the last apply back, finished or not; an undo that was interrupted is finished. The host is held."""
     try:
         match host:

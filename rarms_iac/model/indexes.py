@@ -150,18 +150,18 @@ def threshold_of(index: PerformanceIndex, text: str) -> Threshold:
     return AtMost(value=value) if index.smaller_is_better else AtLeast(value=value)
 
 
-def show_value(index: PerformanceIndex, value: Fraction | float, *beside: Fraction) -> str:
+def show_value(index: PerformanceIndex, value: Fraction | float, *thresholds: Fraction) -> str:
     """A value of the index with its unit.
 
     Args:
         index: which index.
         value: in the index's own unit, which it is shown in, so that values of an index can be compared. A fraction is
             exact (`100 ms`, `95 %`); a float was measured (`97.3 ms`, `0.0123 /s`), and may be infinite (`no bound`).
-        beside: thresholds of the same sentence: a measured value that misses one never reads as it.
+        thresholds: of the same sentence: a measured value that misses one never reads as it.
     """
     if not isinstance(value, float):
         return f"{plain(value)} {index.symbol}"
-    return f"{show_number(value, *map(float, beside))} {index.symbol}" if isfinite(value) else show_number(value)
+    return f"{show_number(value, *map(float, thresholds))} {index.symbol}" if isfinite(value) else show_number(value)
 
 
 def show_range(index: PerformanceIndex, lower: float, upper: float) -> str:

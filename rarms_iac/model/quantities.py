@@ -141,19 +141,19 @@ def plain(value: Fraction | int) -> str:
     return f"{float(exact):.3f}".rstrip("0").rstrip(".")
 
 
-def show_number(value: float, *beside: float) -> str:
+def show_number(value: float, *others: float) -> str:
     """A measured number with three digits that count, and tenths at least: `0.0123`, `88.1`, `1234.6`.
 
     No exponent is ever written, and no infinity: that is `no bound`.
 
     Args:
         value: the number.
-        beside: others of the same sentence; where one that differs would read alike, there are more digits.
+        others: of the same sentence; where one that differs would read alike, there are more digits.
     """
     if not isfinite(value):
         return "no bound"
     places = max(1, 2 - floor(log10(abs(value)))) if value else 1
-    while places < 9 and any(other != value and f"{other:.{places}f}" == f"{value:.{places}f}" for other in beside):
+    while places < 9 and any(other != value and f"{other:.{places}f}" == f"{value:.{places}f}" for other in others):
         places += 1
     return f"{value:.{places}f}".rstrip("0").rstrip(".")
 

@@ -51,13 +51,13 @@ def _verdicts(explanation: Explanation) -> Iterator[Wording]:
     yield from (_verdict(explanation, index) for index in explanation.verdicts)
     if explanation.inconclusive:
         reserves = _list_reserves(explanation.inconclusive)
-        yield f"measured{_beside(explanation)} without a verdict (no steady state, or too few answers): {reserves}"
+        yield f"measured{_load_suffix(explanation)} without a verdict (no steady state, or too few answers): {reserves}"
     yield from explanation.remarks
 
 
 def _why_not_less(explanation: Explanation, less: int) -> Iterator[str]:
     """Why not one per cent less: the index that its curve shows to fail there."""
-    below = f"{_share(explanation, less)}, one less{_beside(explanation)}"
+    below = f"one less, {_share(explanation, less)}{_load_suffix(explanation)}"
     missed = [index for index in explanation.one_less if not index.met]
     for index in missed:
         how = "measured" if index.samples is not None else "estimated between two measured settings"
@@ -114,7 +114,7 @@ def _verdict(explanation: Explanation, index: ExplainedIndex) -> str:
     """What was measured there, beside what the curve, on which every reservation rests, makes of it."""
     estimate = index.estimate
     seen = estimate or index.point
-    setting = f"at {_share(explanation, index.reserve)}{_beside(explanation)}"
+    setting = f"at {_share(explanation, index.reserve)}{_load_suffix(explanation)}"
     value = f"{setting}: {_name(explanation, index)} {_value(index, seen.value)}"
     samples = "" if estimate is None else f" ({counted(estimate.samples, 'sample')})"
     if index_named(index.index).is_extreme:
@@ -136,7 +136,7 @@ def _share(explanation: Explanation, reserve: int) -> str:
     return share_of_processors(reserve, explanation.measured.processors)
 
 
-def _beside(explanation: Explanation) -> str:
+def _load_suffix(explanation: Explanation) -> str:
     """The load whose log a sentence is of, where there are several."""
     log = explanation.measured
     return f" beside {log.interference}" if log is not None and log.other_loads else ""

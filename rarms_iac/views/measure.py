@@ -72,7 +72,7 @@ def _outcome(result: ExperimentResult, loads: str) -> tuple[str, str, str]:
     """The CR, its LPs, and what else is known; NOTE: a plan rests on the curve, so where it differs both are shown."""
     match result.conclusion:
         case Sufficient(reserve=reserve) if result.is_weak:
-            remark = f"no answer: {_amount(result, reserve)} is enough beside loads that left processors idle"
+            remark = f"no answer: the loads left processors idle ({_amount(result, reserve)} was enough beside them)"
         case Sufficient(reserve=reserve, failed=failed, inconclusive=inconclusive, more_settings=more):
             remarks = [
                 _below(result, failed),

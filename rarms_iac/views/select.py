@@ -26,13 +26,13 @@ def _consequences(selection: Selection, index: PerformanceIndex) -> Iterator[Wor
         own = share_of_processors(level.reserve, level.processors)
         share = share_of_host(level.reserved_lp, level.host_lp, level.host)
         yield f"partition {level.partition}: {show_processors(level.reserved_lp)}, {own}, {share}"
-        beside = f" beside {level.interference}" if level.other_loads else ""
+        load_suffix = f" beside {level.interference}" if level.other_loads else ""
         if level.expected is not None:
             expected = level.expected
             bounds = "so far" if index.is_extreme else f"({show_range(index, expected.lower, expected.upper)})"
-            yield f"measured there{beside}: {show_value(index, expected.value)} {bounds}"
+            yield f"measured there{load_suffix}: {show_value(index, expected.value)} {bounds}"
         if selection.file and not level.measured_below and level.may_be_less:
-            yield prose(f"no lower setting was measured{beside}: ", MEASURE, " may find that less is enough")
+            yield prose(f"no lower setting was measured{load_suffix}: ", MEASURE, " may find that less is enough")
     if not selection.depends_on_a_log:
         yield "the manifest fixes its reserve: with `cpu: { reserve: measured }` it follows the APT"
     for headroom in selection.headrooms:

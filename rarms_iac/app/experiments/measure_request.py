@@ -96,7 +96,7 @@ class ExperimentResult:
     log: str  # path
     so_far: int | None = None  # what the loads before this one asked for, in per cent; None: it is the first
     of_loads: Internal[int] = 1  # beside how many loads it was to be measured
-    is_weak: Internal[bool] = False  # no answer: its loads left processors idle, and that was not wanted
+    is_weak: bool = False  # no answer: its loads left processors idle, and that was not wanted
 
     @output
     def components(self) -> tuple[str, ...]:
@@ -190,7 +190,7 @@ class ExperimentResult:
     @output
     def error(self) -> float | None:
         """How probably the answer is wrong; None: there is none."""
-        return ERROR if isinstance(self.conclusion, Sufficient | NotAchievable) else None
+        return ERROR if isinstance(self.conclusion, Sufficient | NotAchievable) and not self.is_weak else None
 
     @output
     def measured(self) -> tuple[MeasuredSetting, ...]:

@@ -1,4 +1,4 @@
-"""Reviews of single changes and steps: what is refused, stopped, shrunk, widened or lost."""
+"""Reviews of single changes and steps: what is refused, stopped, shrunk or lost."""
 
 from collections.abc import Iterator
 

@@ -214,11 +214,12 @@ class _GuestReader:
                 return self._of_end(at, *map(int, text.split(" ")))
 
     def _of_end(self, due: float, ended_ticks: int, code: int) -> Sample | None:
-        if self._run.samples.source == "per_run" and (code == 0 or self._run.rates_success):
+        is_per_run = self._run.samples.source == "per_run"
+        if is_per_run and (code == 0 or self._run.rates_success):
             return self._answered(due, ended_ticks / TICKS_MS - due, successful=code == 0)
         if code == 0 and self._samples:
             return None
-        return self._failed(self._last, f"it ended with exit code {code}")
+        return self._failed(due if is_per_run else self._last, f"it ended with exit code {code}")
 
     def _of_answer(self, answer: JobAnswer | Unreadable | None, at: float) -> Sample | None:
         if answer is None:

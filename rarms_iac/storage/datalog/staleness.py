@@ -103,6 +103,10 @@ def compare_header(
     )
 
 
+_KINDS = frozenset({ABSENT, "Field", "Closed", "Periodic", "Command", "Call"})
+"""Classes of blocks of the manifest, as an identity names them."""
+
+
 def _members(header: Header, members: Sequence[str]) -> Iterator[Changed]:
     was, now = ("+".join(sorted(names)) for names in (header.setup.members, members))
     if was != now:
@@ -115,7 +119,7 @@ def _parts(header: Header, now: Identity) -> Iterator[Changed]:
         before, after = was.get(part, ABSENT), now.parts.get(part, ABSENT)
         is_missing_here = part.startswith(FILE) and after == ABSENT
         is_open = part == PROCESSORS and ABSENT in {before, after}  # each setting says its own number
-        is_kind = {before, after} == {ABSENT, "Field"}  # its name, which has no default, changed with it
+        is_kind = {before, after} <= _KINDS  # what it has that the other kind lacks, changed with it
         if before != after and not is_missing_here and not is_open and not is_kind:
             yield Changed(part=part, before=before, after=after)
 

@@ -45,7 +45,7 @@ def test_a_walk_leads_from_the_apt_to_the_per_cent(here: Path) -> None:
         "headroom: 0.76 LP (38 % of onboard)",
         "limit 2 LP (100 % of its 2 VPs): left open: a cap would falsify what was measured",
         "weight 3000: policy.headroom is by_criticality: 100 times the criticality 30, within 100 to 10000",
-        "61 % of its 2 VPs, one less beside busy-loop: mean_response_time 105 ms (measured)",
+        "one less, 61 % of its 2 VPs beside busy-loop: mean_response_time 105 ms (measured)",
         "on workshop: it would reserve 1.24 LP there too; it does not fit",
     ):
         assert part in said
@@ -244,7 +244,7 @@ def test_a_setting_that_gave_no_verdict_is_not_called_unmeasured(here: Path) -> 
         in said["setting and verdict"]
     )
     assert (
-        "61 % of its 2 VPs, one less beside busy-loop: it was measured and gave no verdict, so it is unknown "
+        "one less, 61 % of its 2 VPs beside busy-loop: it was measured and gave no verdict, so it is unknown "
         "whether it is enough" in said["rejected"]
     )
     assert "nothing so low was measured" not in said["rejected"]
