@@ -18,15 +18,16 @@ from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import now
 from rarms_iac.app.options import busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.app.use_case_errors import RequestError
-from rarms_iac.model.commands import PLAN, command, prose
+from rarms_iac.model.commands import PLAN, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.layout import Infeasible, Layout, Relaxation, RelaxationKind
+from rarms_iac.model.layout import Layout, Relaxation, RelaxationKind
 from rarms_iac.model.quantities import show_lp_percent
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner import planning_findings
-from rarms_iac.planner.combining.oracle import Always, Coi, Consent, PlannerReporter, SilentReporter, total
+from rarms_iac.planner.combining.candidates import candidates_of
+from rarms_iac.planner.combining.oracle import WHOLE, Always, Coi, Consent, PlannerReporter, SilentReporter, total
 from rarms_iac.planner.combining.paper import SUCCESSFUL, UNABLE, Inquiry
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.layout import describe_ways_out, plan_layout, relaxed_levels
@@ -152,7 +153,7 @@ def _result(hosts: Hosts, end: TuningConclusion, request: TuneRequest, edits: Se
     components = (hosts.system.components[name] for coi in started for name in coi.members)
     findings = (
         *unaccepted_short_secrets(hosts.manifest, components),
-        *tuning_findings(end, places),
+        *tuning_findings(end, request.strategy, places),
         *(_still_too_much(hosts, end) if edits else ()),
     )
     return TuningResult(
@@ -180,11 +181,12 @@ def _search_held(session: MeasuringSession, request: TuneRequest, prompt: Tuning
     return replace(end, still_stopped=tuple(still_stopped))
 
 
-def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnostic]:
+def tuning_findings(end: TuningConclusion, strategy: TuningStrategy, places: Places) -> Iterator[Diagnostic]:
     """Report what a user should know of how tuning ended.
 
     Args:
         end: how it ended.
+        strategy: by which it searched.
         places: where things stand in the manifest.
 
     Yields:
@@ -197,9 +199,13 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
         yield planning_findings.NO_ANSWER.at(None, end.unanswered, mend, values={"reason": end.unanswered})
     elif end.ending == "unable":
         reserved, capacity = map(show_lp_percent, (end.before, end.subject.capacity))
-        message = f"{reserved} must be reserved, the capacity is {capacity}, and no combination that was allowed fits."
-        ways, limits = _ways_without_combining(end.subject, places), _limits_on_combining(end.subject)
-        advice = prose(describe_ways_out(ways), f"\nOr lift {limits} and tune again." if limits else "")
+        asked = "tried" if strategy == "paper" else "allowed"
+        message = f"{reserved} must be reserved, the capacity is {capacity}, and no combination that was {asked} fits."
+        ways, advice = _ways_out(end.subject, strategy, places)
+        if strategy == "paper" and len(candidates_of(end.subject.cois, end.subject.may_share, most=WHOLE).by_mask) > 1:
+            advice = prose(advice, "\nOr let the default strategy try other combinations: ", command("tune"), ".")
+        if limits := _limits_on_combining(end.subject):
+            advice = prose(advice, f"\nOr lift {limits} and tune again.")
         if not end.subject.cois:
             message = "The manifest fixes all reserves, they do not fit, and nothing can be combined."
             advice = prose(advice, "\nOr have a reserve measured: `cpu: { reserve: measured }`.")
@@ -217,12 +223,14 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
     yield from _doubtful_compounds(end)
 
 
-def _ways_without_combining(subject: TuningSubject, places: Places) -> Sequence[Relaxation]:
-    """Find what else would make everything fit, levels of APTs among it."""
+def _ways_out(subject: TuningSubject, strategy: TuningStrategy, places: Places) -> tuple[Sequence[Relaxation], Wording]:
+    """Find what else would make everything fit, levels of APTs among it: no pair where tuning has just tried all."""
     problem = subject.problem
     answer = plan_layout(problem.system, problem.reservations, problem.views, places).answer
-    ways = answer.relaxations if isinstance(answer, Infeasible) else ()
-    return [way for way in ways if way.kind is not RelaxationKind.COMBINING]
+    if isinstance(answer, Layout):
+        return (), prose("It fits where other hosts take part: ", PLAN, " shows it.")
+    ways = [way for way in answer.relaxations if strategy == "paper" or way.kind is not RelaxationKind.COMBINING]
+    return ways, describe_ways_out(ways)
 
 
 def _limits_on_combining(subject: TuningSubject) -> str:

@@ -293,7 +293,8 @@ def _pair_relaxation(minor: Group, leader: Group, hosts: Sequence[str], problem:
     missed = source.missed_together(names_of(members), host) if isinstance(source, MeasuredReservations) else 0
     least = max(compound.reserve, 1 + floor(100 * missed / compound.processors))
     reserves = range(least, (total(parts) - 1) // compound.taken_processors + 1)
-    too_little = f", miss with {show_processors(missed)} together" if missed else ""
+    taken_missed = show_processors(missed * Fraction(compound.taken_processors, compound.processors))
+    too_little = f"were shown to miss with {taken_missed}, and " if missed else ""
 
     def edits_at(reserve: int) -> Edits:
         amount = ProcessorTime(guaranteed(reserve, compound.processors))
@@ -309,8 +310,9 @@ def _pair_relaxation(minor: Group, leader: Group, hosts: Sequence[str], problem:
 
         return (
             Edit(
-                f"{minor.name} and {leader.name} reserve {show_lp_percent(total(parts))} apart on "
-                f"{in_a_row(hosts, 'or')}{too_little}, and up to {show_processors(amount.processors)} together fits",
+                f"{minor.name} and {leader.name} reserve {show_lp_percent(total(parts))} in two partitions on "
+                f"{in_a_row(hosts, 'or')}; in one they {too_little}may reserve up to "
+                f"{show_lp_percent(compound.taken_processors * reserve)}",
                 apply,
             ),
         )

@@ -126,8 +126,8 @@ class TunedPartition:
 
     name: str
     components: tuple[str, ...]  # the most critical first
-    processors: int
-    reserve: int  # whole per cent of each of them
+    processors: int  # logical ones that its virtual ones take: under the core scheduler all of their cores
+    reserve: int  # CR: whole per cent of each of its virtual processors, and of each logical one that they take
     parts: Internal[int | None]  # per cent of one logical processor that its parts reserved; None: it was there before
 
     @property

@@ -525,6 +525,8 @@ OTHER_TESTS = {
     "This run changed nothing since": "tests/contracts/test_remote_linux.py",  # another run took the host over
     "`rarms apply` starts what is off": "tests/system/test_linux_advice.py",  # after a restart
     "{left_out} {more}: `rarms plan` shows all": "tests/system/test_pull_requests.py",
+    "It fits where other hosts take part: ": "tests/unit/app/experiments/test_tune.py",
+    "Or let the default strategy try other combinations: ": "tests/unit/app/experiments/test_tuning_subject.py",
     "`rarms tune` goes on with combining": "tests/system/test_interactive_session.py",
     "See what the other one did: ": "tests/contracts/test_remote_linux.py",
     # On Linux, or at another moment, what a situation says:

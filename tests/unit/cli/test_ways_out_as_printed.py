@@ -160,7 +160,7 @@ KINDS: dict[str, tuple[str, Callable[..., None]]] = {
     "processors": (MORE, _processors),
     "apt": (r"(c\d+): mean_response_time at most (\S+ \w+) instead of .*", _apt),
     "combine": (
-        rf"(?:Combining may be enough, .*: )?{COMBINED} reserve .* apart .* up to (\S+ LP) together fits",
+        rf"(?:Combining may be enough, .*: )?{COMBINED} reserve .* in two .* up to (\S+ LP)",
         _together,
     ),
     "anew": (rf"{MORE}(?:, with `processors: (\d+)` for (.*) as now)?,? may be enough.*", _anew),
@@ -295,14 +295,16 @@ def test_a_pair_is_offered_only_above_what_it_was_shown_to_miss_with(tmp_path: P
 
     def pair() -> str:
         said = " ".join(rarms("plan", "-f", str(tmp_path)).err.split())
-        return said.partition("c0 and c1 reserve ")[2].partition(" fits")[0]
+        return said.partition("c0 and c1 reserve ")[2].partition(". ")[0]
 
     def shown_to_miss(*levels: int) -> None:
         settings = [a_setting(level, *(steady(name, 2.0 * APT, jobs=60) for name in ("c0", "c1"))) for level in levels]
         leave_log(tmp_path, ["c0", "c1"], settings)
 
-    assert pair() == "2.7 LP apart on h0, and up to 2 LP together"
+    assert pair() == "2.7 LP in two partitions on h0; in one they may reserve up to 2 LP"
     shown_to_miss(60)
-    assert pair() == "2.7 LP apart on h0, miss with 1.2 LP together, and up to 2 LP together"
+    assert pair() == (
+        "2.7 LP in two partitions on h0; in one they were shown to miss with 1.2 LP, and may reserve up to 2 LP"
+    )
     shown_to_miss(60, 100)
     assert pair() == "", "the host has no more than 2 LP"

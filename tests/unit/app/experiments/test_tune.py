@@ -16,7 +16,7 @@ from rarms_iac.storage.snapshot_file import read_snapshot
 from tests.builders_measured import a_setting
 from tests.files import copy_files
 from tests.fluid import without_scheduler
-from tests.measuring import leave_log, steady
+from tests.measuring import leave_log, leave_logs, steady
 from tests.unit.cli.running import rarms
 from tests.unit.views.test_json import check
 
@@ -183,12 +183,50 @@ def test_where_nothing_may_be_combined_the_answer_is_no(here: Path) -> None:
 
     for strategy in ("default", "paper"):
         ran = rarms("tune", "--strategy", strategy)
+        found = json.loads(rarms("tune", "--strategy", strategy, "--json").out)["findings"]
+        (values,) = [finding["values"] for finding in found if finding["code"] == "RARMS305"]
         assert ran.code == 4
         assert "RARMS305" in ran.err
-        assert re.search(r"mean_response_time at most \S+ ms instead of \S+ ms", ran.err), "a level with which all fits"
+        assert values["relaxed_components"] == ["paths", "vision"], "each has a level with which all fits"
+        for component, level in zip(values["relaxed_components"], values["relaxed_levels"], strict=True):
+            assert f"{component}: mean_response_time at most {level} instead of " in ran.err
         assert "Or lift `dedicated` and tune again." in ran.err
         assert "Unable to reduce total CPU reservation by combining CoIs" in ran.out
     assert (here / "rarms.yaml").read_text(encoding="utf-8") == alone
+
+
+def test_where_the_hosts_that_are_not_tuned_have_room_a_plan_is_the_way(tmp_path: Path) -> None:
+    hosts = "  {}: {{ logical_processors: 1, memory: 4 GiB, platform: alike }}\n"
+    component = (
+        "  {}: {{ criticality: 1, dedicated: true, apt: {{ mean_response_time: {{ at_most: 100 ms }} }}, {} }}\n"
+    )
+    rest = "memory: 64 MiB, simulation: { work: 10 ms }"
+    head, lines = MANIFEST.partition("hosts:\n")[0], [component.format(name, rest) for name in ("arm", "base")]
+    hosts_and_components = ["hosts:\n", *map(hosts.format, ("left", "right")), "components:\n", *lines]
+    (tmp_path / "rarms.yaml").write_text(head + "".join(hosts_and_components), encoding="utf-8", newline="\n")
+    with chdir(tmp_path):
+        leave_logs(tmp_path, {"arm": 68, "base": 68})
+        plan, tune = rarms("plan"), rarms("tune", "--host", "left")
+
+    assert (plan.code, tune.code) == (0, 4), plan.err
+    assert "It fits where other hosts take part: `rarms plan` shows it." in " ".join(tune.err.split())
+    assert "add a host" not in tune.err
+
+
+def test_after_the_papers_procedure_pairs_that_it_does_not_try_are_a_way_out(tmp_path: Path) -> None:
+    """It tries only pairs with the least critical component, which is on its own here."""
+    (tmp_path / "rarms.yaml").write_text(
+        MANIFEST.replace("    criticality: 10\n", "    criticality: 10\n    dedicated: true\n"),
+        encoding="utf-8",
+        newline="\n",
+    )
+    with chdir(tmp_path):
+        leave_logs(tmp_path, {"vision": 45, "paths": 40, "video": 30})
+        ran = rarms("tune", "--strategy", "paper")
+
+    said = " ".join(ran.err.split())
+    assert ran.code == 4
+    assert "Combining may be enough, and `rarms tune` measures it: paths and vision reserve 1.7 LP" in said
 
 
 def test_what_is_not_tuned_counts_in_what_is_reserved_and_in_what_there_is(tmp_path: Path) -> None:
@@ -200,6 +238,20 @@ def test_what_is_not_tuned_counts_in_what_is_reserved_and_in_what_there_is(tmp_p
 
     amount = "1.2 LP are reserved, 1.2 LP of it by partitions whose reserve the manifest fixes; the capacity is 2 LP."
     assert (ran.code, ran.out) == (0, f"onboard: nothing to do, {amount}\n")
+
+
+def test_where_the_manifest_fixes_all_reserves_and_they_do_not_fit_one_may_be_measured(tmp_path: Path) -> None:
+    fixed = MANIFEST.replace("reserve: measured", "reserve: 40 %")
+    (tmp_path / "rarms.yaml").write_text(fixed, encoding="utf-8", newline="\n")
+
+    with chdir(tmp_path):
+        ran = rarms("tune")
+
+    said = " ".join(ran.err.split())
+    assert (ran.code, "error[RARMS305]" in said) == (4, True)
+    assert "The manifest fixes all reserves, they do not fit, and nothing can be combined." in said
+    assert "- video reserves 20 % of host instead of 40 % of host" in said
+    assert "Or have a reserve measured: `cpu: { reserve: measured }`." in said
 
 
 def test_a_protected_partition_takes_others_in_and_is_never_combined_away(here: Path) -> None:

@@ -23,7 +23,9 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.planner.combining.oracle import Coi, Members
 from rarms_iac.planner.combining.paper import Inquiry
+from rarms_iac.planner.infeasibility.relaxations import pair_relaxations
 from rarms_iac.planner.planning_findings import CONTRADICTION
+from rarms_iac.storage.datalog.decisions import TuningStrategy
 from tests.measuring import leave_logs
 from tests.unit.cli.running import rarms
 
@@ -145,7 +147,7 @@ def test_a_setting_that_contradicts_the_assumption_is_told_and_nothing_is_proved
         subject = subject_of("onboard")
         inquiry = Inquiry(oracle=AsIfBroken(), may_share=subject.may_share)
         end = search_combinations(subject, inquiry, "default", repeat=False)
-        diagnostics = list(tuning_findings(end, subject.hosts.manifest.places))
+        diagnostics = list(tuning_findings(end, "default", subject.hosts.manifest.places))
         contradictions = [finding for finding in diagnostics if finding.code == CONTRADICTION.code]
 
     assert [contradiction.message for contradiction in end.contradictions] == [
@@ -154,6 +156,30 @@ def test_a_setting_that_contradicts_the_assumption_is_told_and_nothing_is_proved
     assert not end.proved
     assert len(contradictions) == 1
     assert "So nothing is proved" in contradictions[0].detail
+
+
+class Never:
+    """An oracle of components that miss their thresholds together."""
+
+    def worse(self, members: Members, reserve: int) -> frozenset[str]:
+        return frozenset(members)
+
+    def unresolved(self, members: Members, reserve: int) -> bool:
+        return False
+
+
+def test_after_the_papers_procedure_the_default_strategy_is_a_way_out(here: Path) -> None:
+    write(MANIFEST.replace("0.8 LP", "1 LP") + VIDEO)
+    subject = subject_of("onboard")
+    inquiry = Inquiry(oracle=Never(), may_share=subject.may_share)
+
+    def advice(strategy: TuningStrategy) -> str:
+        end = search_combinations(subject, inquiry, strategy, repeat=False)
+        (finding,) = tuning_findings(end, strategy, subject.hosts.manifest.places)
+        return str(finding.advice)
+
+    assert "Or let the default strategy try other combinations: `rarms tune`." in advice("paper")
+    assert "rarms tune" not in advice("default")
 
 
 def test_hosts_of_several_platforms_are_tuned_one_after_the_other_by_commands_that_are_named(here: Path) -> None:
@@ -166,7 +192,7 @@ def test_hosts_of_several_platforms_are_tuned_one_after_the_other_by_commands_th
     assert "Tune one after the other: `rarms tune --host workshop`, `rarms tune --host onboard`." in advice
 
 
-def test_on_whole_cores_an_offer_counts_what_the_compound_takes_of_them(tmp_path: Path) -> None:
+def test_on_whole_cores_an_offer_and_a_way_out_count_what_the_compound_takes_of_them(tmp_path: Path) -> None:
     """One thread and two take a core each, and three together take two: 4 LPs, of which one stands idle."""
     host = "  onboard: { logical_processors: 4, memory: 4 GiB, simulated: { smt: true } }\n"
     head, components = MANIFEST.partition("hosts:\n")[0], MANIFEST.partition("components:\n")[2]
@@ -178,3 +204,6 @@ def test_on_whole_cores_an_offer_counts_what_the_compound_takes_of_them(tmp_path
 
     assert {coi.name: (coi.processors, coi.cost) for coi in subject.cois} == {"vision": (1, 80), "paths": (2, 80)}
     assert _predicted(replace(subject, predict=lambda _members, _processors: 30), need=160) == 120
+    (pair,) = pair_relaxations(subject.problem, ("vision", "paths"))
+    (edit,) = pair.edits_at(30)
+    assert "reserve 1.6 LP in two partitions on onboard; in one they may reserve up to 1.2 LP" in edit.message

@@ -106,8 +106,8 @@ def test_the_pair_to_combine_is_of_the_least_critical_and_only_may_help() -> Non
     system = a_robot()
 
     assert pair_in(system, EACH_40) == (
-        "Combining may be enough, and `rarms tune` measures it: path and speech reserve 1.6 LP apart "
-        "on onboard, and up to 1.2 LP together fits."
+        "Combining may be enough, and `rarms tune` measures it: path and speech reserve 1.6 LP in two partitions "
+        "on onboard; in one they may reserve up to 1.2 LP."
     )
     for reserve, does in (("60 %", True), ("61 %", False)):
         both = PartitionRequest(name="path", components=("path", "speech"), cpu=a_cpu(reserve=reserve))
@@ -126,7 +126,7 @@ def test_of_several_hosts_the_pair_is_combined_where_both_may_run() -> None:
     offered = pair_in(a_system(hosts=hosts, components=components), logs)
 
     assert offered is not None
-    assert "arm and base reserve 2.4 LP apart on rear, and up to" in offered
+    assert "arm and base reserve 2.4 LP in two partitions on rear; in one they may reserve up to" in offered
 
 
 def test_a_pair_that_must_be_apart_or_is_not_measured_is_not_offered() -> None:
@@ -134,7 +134,7 @@ def test_a_pair_that_must_be_apart_or_is_not_measured_is_not_offered() -> None:
     apart = replace(system.components["path"], apart=("speech",))
     offered = pair_in(replace(system, components={**system.components, "path": apart}), EACH_40)
     assert offered is not None
-    assert "path and vision reserve 1.6 LP apart" in offered
+    assert "path and vision reserve 1.6 LP in two partitions" in offered
 
     fixed = [a_component(name, reserve="40 %") for name in ("path", "speech", "vision")]
     assert pair_in(a_system(components=fixed), {}) is None, "what is fixed adds up, with any sharing"
@@ -246,7 +246,7 @@ def test_the_advice_says_which_help_and_which_may() -> None:
 
     pair, more = str(offered.advice).splitlines()
     assert pair.startswith(
-        "Combining may be enough, and `rarms tune` measures it: path and speech reserve 1.6 LP apart"
+        "Combining may be enough, and `rarms tune` measures it: path and speech reserve 1.6 LP in two partitions"
     )
     assert more.startswith("One more logical processor on onboard, with `processors: 2` for path, speech and vision")
 
