@@ -267,11 +267,12 @@ def _one_job(supervisor: Supervisor, record: SampleRecord, due: float | None) ->
     now = time.perf_counter()
     supervisor.start(now if due is None else due)
     began, late = max(now, due or 0.0), False
+    ends: float | None = None  # by when it has to; a job that has not started could not be stopped
     while True:
-        event = supervisor.next(earliest(None if late else began + record.timeout, record.over))
+        event = supervisor.next(earliest(None if late else ends, record.over))
         match event:
             case ProcessStarted(at=at):
-                began = at
+                began, ends = at, at + record.timeout
                 record.begin(at)
             case ProcessEnded():
                 return _Job(began=began, ended=event, late=late)

@@ -37,6 +37,16 @@ def test_bytes_that_are_no_text_are_an_unreadable_line(tmp_path: Path) -> None:
 
 
 @same_everywhere
+def test_a_timeout_counts_from_when_the_job_has_started_since_it_cannot_be_stopped_before(tmp_path: Path) -> None:
+    program = "from pathlib import Path\ntime.sleep(20)\nPath('whole').touch()"
+
+    samples = all_of(a_run(program, samples=PER_RUN, until=1, timeout=1, failures=1), tmp_path)
+
+    assert failures(samples) == ["no exit within 1 ms"]
+    assert not Path(tmp_path, "whole").exists()
+
+
+@same_everywhere
 def test_a_job_without_an_answer_is_no_failed_sample(tmp_path: Path) -> None:
     samples = all_of(a_run("say('{\"ms\": null}')\ntime.sleep(60)", until=1), tmp_path)
 
