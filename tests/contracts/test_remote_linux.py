@@ -350,6 +350,7 @@ class Recording:
 
 
 @pytest.mark.parametrize("is_unheard", [False, True])
+@pytest.mark.thorough
 def test_an_apply_that_breaks_at_any_effect_reaches_the_same_end_when_it_is_run_again(
     lab: Lab, tmp_path: Path, is_unheard: bool
 ) -> None:
@@ -394,6 +395,7 @@ class CutAtByte:
 
 
 @pytest.mark.parametrize("cuts_answers", [False, True])
+@pytest.mark.thorough
 def test_an_apply_whose_connection_is_cut_at_any_byte_reaches_the_same_end(
     lab: Lab, tmp_path: Path, cuts_answers: bool
 ) -> None:

@@ -11,7 +11,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from http.server import BaseHTTPRequestHandler, HTTPServer
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from pathlib import Path
 from threading import Thread
@@ -236,6 +236,7 @@ def tabs_to(page: "WebDriver", within: str = "", **wanted: str) -> None:
     raise AssertionError(f"no Tab reaches {wanted} {within}")
 
 
+@pytest.mark.thorough
 def test_a_session_by_keys_alone(browser: "WebDriver", tmp_path: Path) -> None:
     from selenium.webdriver import ActionChains, Keys
 
@@ -289,6 +290,7 @@ def test_a_session_by_keys_alone(browser: "WebDriver", tmp_path: Path) -> None:
     assert {proof["met"] for proof in status["proofs"]} == {True}
 
 
+@pytest.mark.thorough
 def test_a_setting_is_measured_and_its_samples_and_the_scripts_difference_are_shown(
     browser: "WebDriver", tmp_path: Path
 ) -> None:
@@ -366,6 +368,7 @@ def test_hostile_text_that_comes_by_script_is_text(browser: "WebDriver", tmp_pat
         assert browser.execute_script(elements) == [0, 0]
 
 
+@pytest.mark.thorough
 def test_a_browser_that_is_closed_and_opened_again_finds_what_runs(slow: Path, tmp_path: Path) -> None:
     with studio(slow) as served:
         with chromium(tmp_path / "profile") as first:
@@ -420,6 +423,7 @@ def opens(page: "WebDriver", served: Studio) -> None:
     waits_for(page, ALIVE)
 
 
+@pytest.mark.thorough
 def test_a_measurement_is_stopped_in_the_middle_and_goes_on(browser: "WebDriver", slow: Path) -> None:
     with studio(slow) as served:
         opens(browser, served)
@@ -447,6 +451,7 @@ def test_a_measurement_is_stopped_in_the_middle_and_goes_on(browser: "WebDriver"
     assert "vision" in rarms(slow, "status")
 
 
+@pytest.mark.thorough
 def test_a_second_tab_and_a_terminal_beside_it_show_the_same(browser: "WebDriver", tmp_path: Path) -> None:
     rarms(tmp_path, "init")
     with studio(tmp_path) as served:
@@ -592,7 +597,7 @@ ATTEMPTS = """
 def test_a_foreign_origin_gets_and_changes_nothing(browser: "WebDriver", tmp_path: Path) -> None:
     rarms(tmp_path, "init")
     seen: list[str] = []
-    server = HTTPServer(("127.0.0.1", 0), type("Handler", (Foreign,), {"cookies": seen}))
+    server = ThreadingHTTPServer(("127.0.0.1", 0), type("Handler", (Foreign,), {"cookies": seen}))
     Thread(target=server.serve_forever, daemon=True).start()
     try:
         with studio(tmp_path) as served:
@@ -725,6 +730,7 @@ def test_long_words_break_lines_and_not_the_page(browser: "WebDriver", tmp_path:
             assert browser.execute_script("return document.documentElement.scrollWidth") <= width
 
 
+@pytest.mark.thorough
 def test_where_it_does_not_fit_each_way_out_shows_its_edit(browser: "WebDriver", tmp_path: Path) -> None:
     (tmp_path / "rarms.yaml").write_text(TIGHT, encoding="utf-8", newline="\n")
     rarms(tmp_path, "measure")
