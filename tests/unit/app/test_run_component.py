@@ -106,16 +106,14 @@ def test_more_failed_samples_than_allowed_are_the_answer_no(tmp_path: Path) -> N
 
 @same_everywhere
 @pytest.mark.parametrize(
-    ("apt", "code", "shown", "finding"),
+    ("apt", "code", "shown"),
     [
-        ("mean_response_time: { at_most: 9 s }", 4, "failed: it ended with exit code 2", "RARMS286"),
-        ("mean_response_time: { at_most: 1 ms }", 4, "failed: it ended with exit code 2", "RARMS286"),
-        ("success_rate: { at_least: 95 % }", 0, "missed here", "RARMS288"),
+        ("mean_response_time: { at_most: 9 s }", 4, "failed: it ended with exit code 2"),
+        ("mean_response_time: { at_most: 1 ms }", 4, "failed: it ended with exit code 2"),
+        ("success_rate: { at_least: 95 % }", 0, "success_rate  0 %"),
     ],
 )
-def test_a_program_that_never_does_its_job_meets_nothing(
-    tmp_path: Path, apt: str, code: int, shown: str, finding: str
-) -> None:
+def test_a_program_that_never_does_its_job_meets_nothing(tmp_path: Path, apt: str, code: int, shown: str) -> None:
     text = (
         HEAD
         + f"  sorter: {{ criticality: 10, memory: 64 MiB, apt: {{ {apt} }}, run: {{ command: [python3, no.py] }} }}"
@@ -126,7 +124,8 @@ def test_a_program_that_never_does_its_job_meets_nothing(
 
     assert ran.code == code
     assert shown in ran.out
-    assert {found for found in ("RARMS286", "RARMS288") if found in ran.err} == {finding}
+    assert ("RARMS286" in ran.err) == bool(code)
+    assert "RARMS288" not in ran.err or not code, "no reserve would help a program that is not there"
     assert "can't open file" in ran.err
 
 
