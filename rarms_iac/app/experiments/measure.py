@@ -21,6 +21,7 @@ from rarms_iac.app.experiments.measure_request import (
     describe_request,
     experiments_of_request,
     method_of,
+    refuses_weak_loads,
     weak_answer,
 )
 from rarms_iac.app.experiments.run_experiment import run_experiment, stop_what_is_in_the_way
@@ -147,7 +148,7 @@ def _measure_all(
                 further = partial(_measure_further, held, loads, request)
                 answered, ended = _with_levels(hosts, decisive(of_loads), prompt, further)
                 of_loads = (*(each for each in of_loads if each.log != answered.log), answered)
-            is_weak = decisive(of_loads).reserve is not None and not request.weak_load and leave_idle(of_loads)
+            is_weak = decisive(of_loads).reserve is not None and refuses_weak_loads(request) and leave_idle(of_loads)
             of_loads = tuple(replace(each, is_weak=is_weak) for each in of_loads)
             findings += _answer_findings(hosts, of_loads)
             results += of_loads

@@ -236,14 +236,23 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
     experiments: list[Experiment] = []
     for members in _members(hosts, request):
         loads = tuple(dict.fromkeys(request.interference or loads_for(system, members, request.strategy)))
-        if isinstance(method_of(request), Search) and request.strategy != PAPER:
-            _refuse_weak(hosts, request, members, loads)
+        if refuses_weak_loads(request):
+            _refuse_weak(hosts, members, loads)
         for host in _hosts_to_measure_on(hosts, members):
             experiments += experiments_of(system, host, members, loads, request.samples)
     return tuple(experiments)
 
 
-def _refuse_weak(hosts: Hosts, request: MeasureRequest, members: tuple[str, ...], loads: tuple[str, ...]) -> None:
+def refuses_weak_loads(request: MeasureRequest) -> bool:
+    """Tell whether what is measured beside weak loads is no answer; a sweep and the paper's procedure take it.
+
+    Args:
+        request: What is asked for.
+    """
+    return isinstance(method_of(request), Search) and request.strategy != PAPER and not request.weak_load
+
+
+def _refuse_weak(hosts: Hosts, members: tuple[str, ...], loads: tuple[str, ...]) -> None:
     """Refuse to search beside loads of which none can take all that P2 reserves; a browser is there by design.
 
     Raises:
@@ -253,7 +262,7 @@ def _refuse_weak(hosts: Hosts, request: MeasureRequest, members: tuple[str, ...]
     described = [system.interference[name] for name in loads]
     for host in _hosts_to_measure_on(hosts, members):
         is_weak = not any(could_take_all(load, host.logical_processors) for load in described)
-        if is_weak and not request.weak_load and not any(isinstance(load, Browser) for load in described):
+        if is_weak and not any(isinstance(load, Browser) for load in described):
             raise UseCaseError(Outcome.NEGATIVE, [weak_answer(hosts, members, loads, host)], hosts.manifest.sources)
 
 
