@@ -385,10 +385,8 @@ def not_met(
             " says how many are needed, and what to give `policy.measuring.setting`, the time for a setting.",
         )
     elif highest < 100:
-        others = [each for each in log_of_each_load if max(each.measured, default=0) != highest]
-        beside = ", ".join(f"{max(other.measured, default=0)} % beside {other.interference}" for other in others)
-        message = f"No setting of {log.path} meets {indexes}: the highest is {highest} % of its VPs"
-        message += f" beside {log.interference}, and {beside}." if beside else "."
+        settings = _highest_settings(log, log_of_each_load)
+        message = f"No setting of {log.path} meets {indexes}: the highest is {settings}."
         advice = prose(relax, "or measure higher settings, as far as the host can give them: ", log.again, ".")
     else:
         message = f"No setting of {log.path} meets {indexes}, not even with all of its VPs."
@@ -404,3 +402,12 @@ def not_met(
             "indexes": tuple(f"{component}/{index}" for component, index in named),
         },
     )
+
+
+def _highest_settings(log: MeasuredTogether, log_of_each_load: Sequence[MeasuredTogether]) -> str:
+    """The highest CR of a log, and those beside other loads where they differ."""
+    highest = {each.interference: max(each.measured, default=0) for each in (log, *log_of_each_load)}
+    own = highest.pop(log.interference)
+    others = [f"{reserve} % beside {load}" for load, reserve in highest.items() if reserve != own]
+    share = f"{own} % of its VPs"
+    return f"{share} beside {log.interference}, and {', '.join(others)}" if others else share
