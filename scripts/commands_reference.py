@@ -29,8 +29,9 @@ What each `--help` says. Data goes to standard output, talk to standard error.
 | 64 | wrong usage |
 | 130, 143 | interrupted by Ctrl-C or SIGTERM: can be resumed |
 
-A command that finds an unfinished run finishes that, and does nothing else: the exit code is 0 where that is what was
-asked (`rarms apply` without PLAN and a run of its own application), and 3 where only another run was finished.
+`apply` without PLAN, `destroy`, `stop`, `start`, `import` and `release` finish an unfinished run first, and then plan.
+`undo` finishes an unfinished undo. So a command that was killed can be run again, and its exit code is 0 when the work
+is done, whichever of the two runs did it.
 
 Where there is no terminal nothing is asked, and the answer is no: exit code 64 before anything is done, and 3 where
 `measure` or `tune` finds partitions that run. Each question has its own way to say yes:

@@ -72,8 +72,7 @@ class Lab:
         return apply_plan(plan, self.hosts, ORIGIN, RunControl(should_stop=should_stop))
 
     def finish(self) -> RunReport | None:
-        finished = finish_unfinished(list(self.hosts.values()))
-        return None if finished is None else finished.report
+        return finish_unfinished(list(self.hosts.values()))
 
     def undo(self, should_stop: Callable[[], bool] = never) -> list[RunReport]:
         return [undo(host, ORIGIN, RunControl(should_stop=should_stop)) for host in self.hosts.values()]

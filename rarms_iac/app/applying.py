@@ -14,7 +14,7 @@ from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.wiring import open_host, unfinished_simulated_hosts
 from rarms_iac.applying import refusals
-from rarms_iac.applying.execute import FinishedRuns, apply_plan, finish_unfinished
+from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.applying.run_steps import RunControl
@@ -154,7 +154,7 @@ def finish_runs(
     waits: WaitLimits = NO_WAITING,
     control: Control = UNATTENDED,
     needs_key: bool = False,
-) -> FinishedRuns | None:
+) -> RunReport | None:
     """Finish what an earlier run left on these hosts, each from its own journal.
 
     Args:
@@ -164,7 +164,7 @@ def finish_runs(
         needs_key: the policy demands signed plans, so nothing is finished where no key is set.
 
     Returns:
-        How that ended, and whose runs they were; None where no host has an unfinished run.
+        How that ended; None if no host has an unfinished run.
 
     Raises:
         UseCaseError: a host is held, or a key is set and a run's plan is not signed with it (refused).

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from rarms_iac.app.data_logs import measured_reservations
-from rarms_iac.app.hosts import Hosts, last_run, observe_hosts, refuse_unfinished
+from rarms_iac.app.hosts import Hosts, last_run, last_runs, observe_hosts, refuse_unfinished
 from rarms_iac.app.plan_key import plan_key
 from rarms_iac.app.requests import PlanLimits
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
@@ -14,11 +14,14 @@ from rarms_iac.applying.preconditions import NO_RIGHTS
 from rarms_iac.diff.compare_partitions import NOT_AT_REST
 from rarms_iac.diff.drift import partitions_after_last_run
 from rarms_iac.manifest.checks.measurement import TOO_FEW_SAMPLES
+from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic, Severity
 from rarms_iac.model.host import SimulatedHost
+from rarms_iac.model.journal import Journal
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.state import State
 from rarms_iac.model.wording import in_a_row, quoted, suggestion
+from rarms_iac.planner.groups import groups_of
 from rarms_iac.storage.plan_file import signed
 
 NO_LIMITS = PlanLimits()
@@ -79,7 +82,20 @@ def plan(hosts: Hosts, request: PlanRequest | None = None) -> Plan:
         is_live = host not in hosts.snapshots.hosts
         return partitions_after_last_run(last_run(hosts, host), application) if is_live else None
 
-    return plan_from_states(hosts, replace(request or plan_request(hosts), after_last_run=after_last_run), states)
+    request = replace(request or plan_request(hosts), after_last_run=after_last_run)
+    if request.purpose is Purpose.DESTROY and request.targets:
+        request = replace(request, gone=_destroyed(hosts))
+    return plan_from_states(hosts, request, states)
+
+
+def _destroyed(hosts: Hosts) -> frozenset[str]:
+    """Addresses whose absence is what a destroy asks for: the manifest's, and those that the last runs changed."""
+    named = {Address(partition=group.name) for group in groups_of(hosts.system)}
+    named |= {Address(task=name) for name in hosts.system.tasks}
+    for _, run in last_runs(hosts):
+        if isinstance(run, Journal) and run.started.application == hosts.system.application.name:
+            named |= {change.address for change in run.started.host_plan.changes}
+    return frozenset(map(str, named))
 
 
 def plan_from_states(hosts: Hosts, request: PlanRequest, states: Mapping[str, State]) -> Plan:
@@ -141,14 +157,14 @@ def hosts_with_machine(hosts: Hosts, machine: str) -> Hosts:
 
 
 def hosts_with_partition(hosts: Hosts, partition: str) -> Hosts:
-    """The host on which the partition carries the application's mark; where none does, all chosen ones.
+    """The host on which the partition carries the application's mark, or where a killed run has taken it off.
 
     Args:
         hosts: the chosen ones are looked at.
         partition: its name in the manifest.
 
     Returns:
-        The same with that host alone, or as they were.
+        The same with that host alone; all chosen ones if no host has a machine of this name.
 
     Raises:
         RequestError: several hosts have it.
@@ -162,6 +178,11 @@ def hosts_with_partition(hosts: Hosts, partition: str) -> Hosts:
         name
         for name in hosts.chosen
         if any(vm.mark and vm.mark.name == partition for vm in states[name].of(application).partitions)
+    ]
+    names = names or [
+        name
+        for name in hosts.chosen
+        if any(vm.mark is None and vm.settings.name == partition for vm in states[name].partitions)
     ]
     if len(names) > 1:
         raise RequestError(f"{partition} is on {in_a_row(names)}: name one of them with --host.")

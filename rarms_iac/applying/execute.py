@@ -1,7 +1,7 @@
 """Applying a plan to live hosts, and finishing what an earlier run left."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import assert_never
 
 from rarms_iac.applying import refusals
@@ -28,30 +28,21 @@ from rarms_iac.providers.interface import HostError, LiveHost, ScriptedHost, Ste
 LastRun = Journal | ScriptRun | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FinishedRuns:
-    """How finishing what was begun ended, and whose it was."""
-
-    report: RunReport
-    applications: frozenset[str]
-
-
-def finish_unfinished(hosts: Sequence[LiveHost], control: RunControl = UNATTENDED_RUN) -> FinishedRuns | None:
-    """Finish what was begun on these hosts, each from its own journal; None where nothing was. They are held."""
+def finish_unfinished(hosts: Sequence[LiveHost], control: RunControl = UNATTENDED_RUN) -> RunReport | None:
+    """Finish what was begun on these hosts, each from its own journal; None if nothing was. They are held."""
     reports: list[RunReport] = []
-    applications: set[str] = set()
     for host in hosts:
         try:
             run = host.unfinished()
             if run is None:
                 continue
-            applications.add(run.started.application)
             reports.append(without_rights(host) or _finish(host, run, control))
+            reports[-1] = replace(reports[-1], hosts=tuple(replace(part, resumed=True) for part in reports[-1].hosts))
         except HostError as error:
             reports.append(failed_run(error))
         if reports[-1].ending is not RunEnding.DONE:
             break
-    return FinishedRuns(report=combined_report(reports), applications=frozenset(applications)) if reports else None
+    return combined_report(reports) if reports else None
 
 
 def _finish(host: LiveHost, run: Journal | ScriptRun, control: RunControl) -> RunReport:

@@ -77,7 +77,7 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
             host_plans.append(planned.host_plan)
             addresses += planned.addresses
             findings += planned.findings
-    findings += unknown_targets(addresses, request.targets)
+    findings += unknown_targets([*addresses, *sorted(request.gone)], request.targets)
     codes = _WHOLE_PLAN_CODES if request.is_whole else CODES  # an acceptance of these without a finding is one itself
     distinct = in_order(tuple(dict.fromkeys(findings)))
     policy, today = request.system.policy, request.today

@@ -24,6 +24,7 @@ class PlanRequest:
     max_disruption: Disruption | None = None  # None: as the manifest's policy says
     hosts: tuple[str, ...] = ()  # names; empty: all
     targets: tuple[str, ...] = ()  # addresses; empty: everything
+    gone: frozenset[str] = frozenset()  # addresses that a target may name although nothing is there any more
     partitions: tuple[str, ...] = ()  # to import or release (one), to stop or start; empty: all that it applies to
     machine: str = ""  # id of the machine to import
     stopped_by: StoppedBy = StoppedBy.USER  # what a stop is marked with; a measurement starts only its own

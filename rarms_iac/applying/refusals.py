@@ -39,8 +39,8 @@ UNSIGNED = Finding.error("RARMS341", "What is to be run is not signed with the k
 OTHERS_RUN = Finding.error("RARMS340", "The last run is another application's or robot's")
 SCRIPT_REFUSED = Finding.error("RARMS251", "The script would not run on the host")
 
-_EITHER = prose(APPLY, " to finish it, ", UNDO, " to take it back, or ", APPLY_ABANDON, " to leave it as it is.")
-GO_ON = prose("Run ", _EITHER)
+_LEAVE = prose(APPLY_ABANDON, " to leave the host as it is.")
+GO_ON = prose("Run the same command again to finish it, ", UNDO, " to take it back, or ", _LEAVE)
 _NEW_PLAN = prose("Make a new plan: ", PLAN_OUT, ".")
 _LOST = prose("rarms cannot bring that back. Afterwards ", PLAN, " says what differs from the manifest.")
 
@@ -81,10 +81,13 @@ def different_host(host: str, serial: int, planned: int) -> Diagnostic:
 def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
     """A run of another plan was begun and never closed."""
     started = journal.started
+    either = prose(APPLY, " to finish it, ", UNDO, " to take it back")
+    if started.run is RunKind.UNDO:
+        either = prose(UNDO, " to finish it")
     return UNFINISHED.of_host(
         host,
         f"{_run(started)} on {host} was begun by {started.started_by} and not finished.",
-        prose("Wait while that process still works. Otherwise run ", _EITHER),
+        prose("Wait while that process still works. Otherwise run ", either, ", or ", _LEAVE),
         run=started.run.value,
         plan=started.plan,
         owner=started.started_by,

@@ -1,11 +1,11 @@
 """Running a plan at a terminal: show it, ask, do it, and report how it ended."""
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.applying import apply, finish_runs
+from rarms_iac.app.applying import apply, combine_reports, finish_runs
 from rarms_iac.app.control import Control
 from rarms_iac.app.files import write_plan_file
 from rarms_iac.app.general_findings import declined
@@ -25,7 +25,6 @@ from rarms_iac.manifest.checks.processors import RESERVE_ROUNDED_UP
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.plan import Plan, Purpose
-from rarms_iac.model.wording import quoted
 from rarms_iac.providers.interface import LiveHost
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.plan import plan_text
@@ -51,56 +50,40 @@ def write_and_advise(session: Session, path: str, plan: Plan) -> None:
 
 
 def finish_first(
-    session: Session,
-    live: tuple[LiveHost, ...],
-    how: RunOptions,
-    is_asked: Callable[[frozenset[str]], bool],
-    *,
-    needs_key: bool = False,
-) -> ExitCode | None:
-    """Finish what an earlier run left on these hosts, asking nothing; None where nothing was left.
-
-    Args:
-        session: of the command.
-        live: hosts, in any order.
-        how: how long to wait.
-        is_asked: whether finishing runs of these applications, and nothing else, is what the command was asked for.
-        needs_key: as of `finish_runs`.
-
-    Returns:
-        How the command ends: done where only what was asked was finished, refused where another run was.
-    """
+    session: Session, live: tuple[LiveHost, ...], how: RunOptions, *, needs_key: bool = False
+) -> RunReport | None:
+    """Finish what an earlier run left on these hosts, asking nothing; None if nothing was unfinished."""
     with TerminalReporter(session, steps_as_json=session.as_json) as reporter:
-        finished = finish_runs(
-            live, waits=how.waits, control=Control(reporter=reporter, stop=session.interrupts), needs_key=needs_key
-        )
-    if finished is None:
-        return None
-    code = report_end(session, finished.report)
-    if code is not ExitCode.DONE:
-        return code
-    is_done = is_asked(finished.applications)
-    whose = "the run" if is_done else f"a run of {' and '.join(map(quoted, sorted(finished.applications)))}"
-    session.terminal.tell(f"That finished {whose} that was begun earlier. No plan was made: run again to plan.")
-    return code if is_done else ExitCode.REFUSED
+        control = Control(reporter=reporter, stop=session.interrupts)
+        return finish_runs(live, waits=how.waits, control=control, needs_key=needs_key)
 
 
 def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: RunOptions) -> ExitCode:
-    """Plan, then write the plan (`how.out`), or show it, ask, and do it."""
+    """Plan, then write the plan (`how.out`), or show it, ask, and do it.
+
+    An unfinished run is finished first. If that did what the command asks for, there is nothing left to ask.
+    """
     if how.out is not None:
         written = make_plan(hosts, request)
         show_plan(session, written, hosts.manifest.sources)
         write_and_advise(session, how.out, written)
         return ExitCode.DONE
-    own = {hosts.system.application.name} if request.purpose is Purpose.APPLY else set()
     live, needs_key = tuple(hosts.open(name) for name in hosts.chosen), hosts.system.policy.signed_plans
+    finished: list[RunReport] = []
     plan = None
     while plan is None:
-        finished = finish_first(session, live, how, lambda whose: whose == own, needs_key=needs_key)
-        if finished is not None:
-            return finished
+        earlier = finish_first(session, live, how, needs_key=needs_key)
+        if earlier is not None:
+            if earlier.ending is not RunEnding.DONE:
+                return report_end(session, earlier, before=finished)
+            tell(session.terminal, earlier.findings)
+            session.terminal.talk(run_text(earlier))
+            finished.append(earlier)
+            if session.interrupts.exit_code is not None:  # asked for during its last step
+                raise Interrupted(session.interrupts.exit_code)
         plan = _plan_or_wait(hosts, request, how)
-    if not (how.auto_approve or session.terminal.answers):
+    is_idle = not any(part.steps for part in plan.hosts)
+    if not (how.auto_approve or session.terminal.answers or (finished and is_idle)):
         raise RequestError(
             "There is no terminal to ask at.",
             prose(
@@ -119,11 +102,11 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
         session.terminal.talk(text)
     else:
         session.terminal.show(text)
-    if not any(part.steps for part in plan.hosts):
-        return report_end(session, RunReport(ending=RunEnding.NOTHING), quiet=True)
+    if is_idle:
+        return report_end(session, RunReport(ending=RunEnding.NOTHING), before=finished, quiet=True)
     if not how.auto_approve:
         ask(session, "Do this?")
-    return report_end(session, apply_and_show(session, plan, hosts.folder, how))
+    return report_end(session, apply_and_show(session, plan, hosts.folder, how), before=finished)
 
 
 def _plan_or_wait(hosts: Hosts, request: PlanRequest, how: RunOptions) -> Plan | None:
@@ -162,15 +145,29 @@ def ask(session: Session, question: str) -> None:
 
 
 def report_end(
-    session: Session, report: RunReport, *, quiet: bool = False, shown: Sequence[Diagnostic] = ()
+    session: Session,
+    report: RunReport,
+    *,
+    quiet: bool = False,
+    shown: Sequence[Diagnostic] = (),
+    before: Sequence[RunReport] = (),
 ) -> ExitCode:
-    """Say how a run ended, but for findings that were shown before it began, and give its exit code."""
+    """Say how a run ended, and give the command's exit code.
+
+    Args:
+        session: of the command.
+        report: of the run.
+        quiet: write no sentence about it.
+        shown: findings that were shown before it began.
+        before: runs of this command whose end was shown; the answer in JSON has them as well.
+    """
     tell(session.terminal, [finding for finding in report.findings if finding not in shown])
-    if session.as_json and not (session.answer_follows and report.ending in {RunEnding.DONE, RunEnding.NOTHING}):
-        session.terminal.data(json_of(report, indent=None))
+    whole = combine_reports([*before, report])
+    if session.as_json and not (session.answer_follows and whole.ending in {RunEnding.DONE, RunEnding.NOTHING}):
+        session.terminal.data(json_of(whole, indent=None))
     elif not quiet and (report.hosts or report.ending in {RunEnding.NOTHING, RunEnding.INTERRUPTED}):
         session.terminal.talk(run_text(report))
-    return code_of(session, report.ending)
+    return code_of(session, whole.ending)
 
 
 def code_of(session: Session, ending: RunEnding) -> ExitCode:

@@ -288,7 +288,7 @@ class FinishAction(Action):
         live = tuple(hosts.open(name) for name in hosts.chosen)
         control = Control(reporter=transcript, stop=stop)
         finished = finish_runs(live, waits=WAITS, control=control, needs_key=hosts.system.policy.signed_plans)
-        return _report_end(RunReport(ending=RunEnding.NOTHING) if finished is None else finished.report, transcript)
+        return _report_end(finished or RunReport(ending=RunEnding.NOTHING), transcript)
 
 
 class UndoAction(Action):

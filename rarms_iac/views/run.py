@@ -19,7 +19,7 @@ from rarms_iac.applying.run_report import (
     StepEnded,
 )
 from rarms_iac.applying.run_script import UndoneStep
-from rarms_iac.model.commands import APPLY, UNDO, Wording, prose
+from rarms_iac.model.commands import UNDO, Wording, prose
 from rarms_iac.model.journal import RunKind, RunStarted, ScriptStarted, StepStatus
 from rarms_iac.model.plan import HostPlan, UndoLevel
 from rarms_iac.model.quantities import show_processors
@@ -271,6 +271,10 @@ def _advice_to_resume(command: str) -> Wording:
     """Say what to do after an interrupt, with a space before it; nothing where the command leaves nothing behind."""
     if command in {"measure", "prove", "tune"}:
         return " What is recorded stays. The same command goes on where it stopped."
-    if command in {"apply", "destroy", "import", "release", "start", "stop", "undo"}:
-        return prose(" If it was changing a host, run ", APPLY, " to finish that, or ", UNDO, " to take it back.")
+    if command == "undo":
+        return " If it was changing a host, run the same command again to finish that."
+    if command in {"apply", "destroy", "import", "release", "start", "stop"}:
+        return prose(
+            " If it was changing a host, run the same command again to finish that, or ", UNDO, " to take it back."
+        )
     return ""

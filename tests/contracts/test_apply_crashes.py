@@ -92,7 +92,7 @@ def apply_again(system: System, host: StepwiseHost) -> RunReport:
     with host.lock("ann@lab"):
         finished = finish_unfinished([host])
         if finished is not None:
-            return finished.report
+            return finished
         return apply_plan(a_plan(system, host), {host.name: host}, builders.ORIGIN)
 
 

@@ -202,7 +202,7 @@ def test_a_connection_that_breaks_in_the_middle_is_unknown_and_the_next_apply_fi
         time.sleep(0.2)
         finished = apply(remote)
     assert finished.code == 0, finished
-    assert "finished the run that was begun earlier" in " ".join(finished.err.split())
+    assert "begun earlier, complete" in " ".join(finished.err.split())
     assert is_as_wanted(remote)
 
 

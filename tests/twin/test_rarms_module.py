@@ -183,7 +183,7 @@ def test_a_run_that_was_killed_is_finished_by_its_own_module_after_an_upgrade(ki
     done = finish_unfinished([live], RunControl(reporter=Reporter()))
 
     assert done is not None
-    assert (done.report.ending, done.report.findings) == (RunEnding.DONE, ())
+    assert (done.ending, done.findings) == (RunEnding.DONE, ())
     assert "done earlier" in heard
     assert "done before" not in heard
     assert seen(host) == seen(undisturbed)

@@ -133,8 +133,8 @@ def finish_stop_or_start(host: MeasuringHost, reporter: Reporter) -> None:
     if journal is None or not part_of_measurement(journal):
         return
     finished = finish_unfinished([host])
-    if finished is None or finished.report.ending is not RunEnding.DONE:
-        raise UseCaseError(Outcome.FAILED, finished.report.findings if finished else ())
+    if finished is None or finished.ending is not RunEnding.DONE:
+        raise UseCaseError(Outcome.FAILED, finished.findings if finished else ())
     reporter.message(f"{host.name}: finished the stop or start of partitions that an earlier measurement had begun.")
 
 

@@ -57,7 +57,7 @@ def apply_command(
 ) -> ExitCode:
     """Do exactly what PLAN says; without PLAN: plan, show, ask, and do it.
 
-    A run that was interrupted is finished first, and no plan is made then. PLAN is refused where it was edited
+    A run that was interrupted is finished first. PLAN is refused where it was edited
     or used, or where a host has moved since it was made. Ctrl-C stops after the running step. With --prove, exit code 4
     says that a threshold is missed in the layout; `rarms undo` takes it back.
     """
@@ -94,8 +94,7 @@ def apply_command(
     if isinstance(hosts, Hosts):
         code = plan_ask_apply(session, hosts, plan_request(hosts, limits), how)
     else:
-        finished = finish_first(session, live, how, lambda _: True)  # whose they should be is not known
-        code = report_end(session, RunReport(ending=RunEnding.NOTHING)) if finished is None else finished
+        code = report_end(session, finish_first(session, live, how) or RunReport(ending=RunEnding.NOTHING))
     return _then_prove(session, source, host_selection, how, code) if options.proving else code
 
 

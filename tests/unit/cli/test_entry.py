@@ -74,11 +74,15 @@ def test_debug_shows_the_trace() -> None:
     assert said.startswith("Traceback (most recent call last):\n")
 
 
+AGAIN = "If it was changing a host, run the same command again to finish that"
+
+
 @pytest.mark.parametrize(
     ("command", "advice"),
     [
-        ("apply", "If it was changing a host, run `rarms apply` to finish that, or `rarms undo` to take it back."),
-        ("stop", "If it was changing a host, run `rarms apply` to finish that, or `rarms undo` to take it back."),
+        ("apply", f"{AGAIN}, or `rarms undo` to take it back."),
+        ("stop", f"{AGAIN}, or `rarms undo` to take it back."),
+        ("undo", f"{AGAIN}."),
         ("measure", "What is recorded stays. The same command goes on where it stopped."),
         ("prove", "What is recorded stays. The same command goes on where it stopped."),
         ("plan", ""),

@@ -99,7 +99,7 @@ def test_a_run_says_how_it_ended_and_what_is_left() -> None:
 
     assert done == "onboard: Apply of plan 0123456789ab complete: 3 steps changed something, 1 had nothing to do.\n"
     assert "1 of 4 left" in stopped
-    assert "rarms undo" in stopped
+    assert "or `rarms apply --abandon` to leave" in stopped
     check(json_of(a_report(RunEnding.DONE)))
 
 

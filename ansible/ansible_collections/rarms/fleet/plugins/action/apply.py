@@ -119,8 +119,7 @@ def _end_unfinished(robot: Robot, how: str, waits: WaitLimits) -> RunReport | No
     match how:
         case "finish":
             needs_key = robot.hosts.system.policy.signed_plans
-            finished = finish_runs([host], waits=waits, needs_key=needs_key)
-            return finished and finished.report
+            return finish_runs([host], waits=waits, needs_key=needs_key)
         case "undo":
             return undo_applies(last_applies(robot.hosts), waits=waits)
         case _:

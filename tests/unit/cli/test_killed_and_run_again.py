@@ -1,0 +1,133 @@
+"""A command that was killed anywhere is run again: exit code 0, and all that it was asked for is done."""
+
+import json
+import re
+import shutil
+from collections.abc import Sequence
+from contextlib import chdir
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.storage import disk
+from tests.crashing import Crash, CrashingDisk, When
+from tests.effort import LONG, Attempt, tried
+from tests.files import copy_files
+from tests.unit.cli.running import rarms
+
+MANIFEST = """\
+schema: rarms/v1
+application: { name: robot }
+hosts:
+  left: { logical_processors: 2, memory: 4 GiB }
+  right: { logical_processors: 2, memory: 4 GiB }
+components:
+  vision: { criticality: 9, memory: 512 MiB, cpu: { reserve: 40 % }, hosts: [left] }
+  speech: { criticality: 5, memory: 512 MiB, cpu: { reserve: 20 % }, hosts: [right] }
+"""
+COMMANDS = {
+    "apply": [],
+    "destroy": [["apply"]],
+    "destroy --target partition/vision": [["apply"]],
+    "undo": [["apply"]],
+    "stop": [["apply"]],
+    "stop vision": [["apply"]],
+    "start": [["apply"], ["stop"]],
+    "start vision": [["apply"], ["stop"]],
+    "release vision": [["apply"]],
+    "import vision": [["apply"], ["release", "vision"]],
+}
+"""Each command after those that prepare its host; what `import` also needs is the id of the machine."""
+
+
+def machines(folder: Path) -> dict[str, object]:
+    """What there is on both hosts by its name: settings, state and mark, without ids."""
+    seen: dict[str, object] = {}
+    for host in ("left", "right"):
+        file = folder / ".rarms" / "hosts" / f"{host}.json"
+        content = json.loads(file.read_text(encoding="utf-8"))["content"] if file.exists() else {"machines": {}}
+        for machine in content["machines"].values():
+            mark = re.sub(r"vm=\w+", "", machine["notes"])
+            seen[f"{host}/{machine['settings']['name']}"] = (machine["settings"], machine["state"], mark)
+    return seen
+
+
+def prepared(folder: Path, before: Sequence[Sequence[str]]) -> Path:
+    """A folder with a manifest, in which these commands ran."""
+    folder.mkdir()
+    (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    with chdir(folder):
+        for words in before:
+            assert rarms(*words, "--auto-approve").code == 0
+    return folder
+
+
+@pytest.mark.parametrize("words", COMMANDS)
+def test_killed_command_run_again_ends_with_zero(tmp_path: Path, words: str) -> None:
+    start = prepared(tmp_path / "start", COMMANDS[words])
+    command = [*words.split(), "--auto-approve"]
+    if command[0] == "import":
+        content = json.loads((start / ".rarms" / "hosts" / "left.json").read_text(encoding="utf-8"))["content"]
+        command += ["--id", next(iter(content["machines"]))]
+    whole, counting = copy_files(start, tmp_path / "whole"), CrashingDisk(0)
+    with chdir(whole), disk.use(counting):
+        assert rarms(*command).code == 0
+    done, effects = machines(whole), len(counting.effects)
+    finished = 0
+
+    for at in range(1, effects + 1) if LONG else (effects // 4, effects * 5 // 8, effects):
+        folder = copy_files(start, tmp_path / "killed")
+        with chdir(folder):
+            with disk.use(CrashingDisk(at, When.AFTER)), pytest.raises(Crash):
+                rarms(*command)
+            tried(Attempt.KILL)
+
+            again = rarms(*command)
+
+            assert again.code == 0, (at, again.err)
+            assert machines(folder) == done, (at, again.err)
+            assert "unfinished" not in rarms("drift").err
+            finished += "begun earlier" in again.err
+        shutil.rmtree(folder)
+    assert finished
+
+
+def test_killed_command_answers_a_program_once(tmp_path: Path) -> None:
+    start = prepared(tmp_path / "start", COMMANDS["destroy"])
+    with chdir(start):
+        with disk.use(CrashingDisk(12)), pytest.raises(Crash):
+            rarms("destroy", "--auto-approve")
+
+        again = rarms("destroy", "--auto-approve", "--json")
+
+    lines = [json.loads(line) for line in again.lines]
+    (run,) = [line for line in lines if line["kind"] == "run"]
+    assert run is lines[-1]
+    assert run["ending"] == "done"
+    assert [(host["host"], host["resumed"]) for host in run["hosts"]] == [("left", True), ("right", False)]
+
+
+def test_killed_undo_is_not_applied_again_unasked(tmp_path: Path) -> None:
+    start = prepared(tmp_path / "start", COMMANDS["undo"])
+    with chdir(start):
+        with disk.use(CrashingDisk(12)), pytest.raises(Crash):
+            rarms("undo", "--auto-approve")
+
+        refused = rarms("plan")
+        applied = rarms("apply")
+
+    assert "Otherwise run `rarms undo` to finish it" in " ".join(refused.err.split())
+    assert (refused.code, applied.code) == (3, 64), "it finishes the undo, and then there is no terminal to ask at"
+    assert list(machines(start)) == ["right/speech"]
+
+
+def test_destroyed_target_may_be_destroyed_again(tmp_path: Path) -> None:
+    start = prepared(tmp_path / "start", [["apply"]])
+    line = next(line for line in MANIFEST.splitlines(keepends=True) if "speech" in line)
+    (start / "rarms.yaml").write_text(MANIFEST.replace(line, ""), encoding="utf-8", newline="\n")
+    with chdir(start):
+        first, again = (rarms("destroy", "--target", "partition/speech", "--auto-approve") for _ in range(2))
+        misspelt = rarms("destroy", "--target", "partition/speach", "--auto-approve")
+
+    assert (first.code, again.code, misspelt.code) == (0, 0, 4)
+    assert 'Did you mean "partition/speech"?' in " ".join(misspelt.err.split())
