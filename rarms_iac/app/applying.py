@@ -29,7 +29,7 @@ from rarms_iac.model.step_titles import reversal
 from rarms_iac.model.wording import quoted
 from rarms_iac.powershell.templates import without_signature
 from rarms_iac.providers.channel import CommandChannel
-from rarms_iac.providers.interface import NO_WAITING, LiveHost, WaitLimits
+from rarms_iac.providers.interface import NO_WAITING, LiveHost, RobotHost, WaitLimits
 from rarms_iac.storage.plan_file import is_signed
 from rarms_iac.storage.reading import STANDARD_INPUT
 from rarms_iac.storage.script_signature import is_signed_script
@@ -67,22 +67,28 @@ def apply(
     """
     if folder is None:
         _refuse_elsewhere(plan)
-    _refuse_unsigned(plan)
+    refuse_unsigned(plan)
     below = folder_of(plan.manifest) if folder is None else Path(folder)
     hosts = {
         part.host.name: open_host(part.host, below, part.state_path, channels.get(part.host.name))
         for part in plan.hosts
     }
     with hold_hosts(tuple(hosts.values()), waits.lock_ms), control.stop.gently():
-        return apply_plan(plan, hosts, run_origin(), _run_control(control, waits))
+        return apply_plan(plan, hosts, run_origin(), run_control(control, waits))
 
 
-def _run_control(control: Control, waits: WaitLimits) -> RunControl:
+def run_control(control: Control, waits: WaitLimits) -> RunControl:
+    """Return the caller's part in a run."""
     return RunControl(reporter=control.reporter.steps, should_stop=control.stop.should_stop, waits=waits)
 
 
-def _refuse_unsigned(plan: Plan) -> None:
-    """Where a key is set, a plan has a signature that fits it; where its manifest demands one, a key is set."""
+def refuse_unsigned(plan: Plan) -> None:
+    """Refuse a plan without a signature that fits the key, or without a key where its manifest demands one.
+
+    Raises:
+        UseCaseError: it is not signed, or no key is set (refused).
+        RequestError: the key is not as it must be.
+    """
     key = plan_key()
     if key is None:
         if plan.needs_key:
@@ -94,8 +100,17 @@ def _refuse_unsigned(plan: Plan) -> None:
         raise UseCaseError(Outcome.REFUSED, findings)
 
 
-def _refuse_unsigned_runs(hosts: Sequence[LiveHost], *, needs_key: bool) -> None:
-    """Where a key is set, an unfinished run is finished only if its journal holds a plan that was signed with it."""
+def refuse_unsigned_runs(hosts: Sequence[LiveHost], *, needs_key: bool) -> None:
+    """Refuse unfinished runs whose journal does not hold a plan that was signed with the key, where one is set.
+
+    Args:
+        hosts: whose unfinished runs are judged.
+        needs_key: a key has to be set.
+
+    Raises:
+        UseCaseError: a run is not signed, or no key is set (refused).
+        RequestError: the key is not as it must be.
+    """
     key = plan_key()
     with host_errors():
         runs = [(host.name, run) for host in hosts if (run := host.unfinished()) is not None]
@@ -171,8 +186,8 @@ def finish_runs(
         RequestError: the key is not as it must be.
     """
     with hold_hosts(tuple(hosts), waits.lock_ms), control.stop.gently():
-        _refuse_unsigned_runs(hosts, needs_key=needs_key)
-        return finish_unfinished(hosts, _run_control(control, waits))
+        refuse_unsigned_runs(hosts, needs_key=needs_key)
+        return finish_unfinished(hosts, run_control(control, waits))
 
 
 def abandon_runs(hosts: Sequence[LiveHost], *, waits: WaitLimits = NO_WAITING) -> Mapping[str, RunReport]:
@@ -348,7 +363,10 @@ def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
             unfinished undo whose journal does not fit the key (refused).
     """
     with host_errors():
-        opened = (hosts.open(name) for name in hosts.chosen)
+        opened = tuple(hosts.open(name) for name in hosts.chosen)
+        for host in opened:
+            if isinstance(host, RobotHost):
+                host.look_once()  # it takes back nothing but the apply that was seen
         all_hosts = tuple(LastApply(host=host, journal=run_to_undo(host.journal())) for host in opened)
     chosen = tuple(last for last in all_hosts if last.can_be_undone) or all_hosts[:1]
     own = hosts.system.application
@@ -360,7 +378,7 @@ def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
     if others:
         raise UseCaseError(Outcome.REFUSED, others)
     undone = [last.host for last in chosen if last.journal and last.journal.started.run is RunKind.UNDO]
-    _refuse_unsigned_runs(undone, needs_key=hosts.system.policy.signed_plans)  # an undo that ended early is finished
+    refuse_unsigned_runs(undone, needs_key=hosts.system.policy.signed_plans)  # an undo that ended early is finished
     plans = {last.host.name: last.journal.started.plan for last in chosen if last.journal is not None}
     if len(set(plans.values())) > 1:
         raise _different_plans(plans)
@@ -418,4 +436,4 @@ def undo_applies(
     """
     hosts = tuple(last.host for last in applies)
     with hold_hosts(hosts, waits.lock_ms), control.stop.gently():
-        return combine_reports([undo(host, run_origin(), _run_control(control, waits)) for host in hosts])
+        return combine_reports([undo(host, run_origin(), run_control(control, waits)) for host in hosts])

@@ -1,8 +1,5 @@
 """The hosts that a command is about: chosen, manifest, and looked at, live or in a snapshot."""
 
-import getpass
-import os
-import platform
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -25,6 +22,8 @@ from rarms_iac.model.wording import natural_order, quoted, suggestion
 from rarms_iac.providers.channel import CommandChannel, one_command_only
 from rarms_iac.providers.interface import DistantHost, HostError, HostLocked, LiveHost, RecordableHost
 from rarms_iac.providers.measuring import MeasuringHost
+from rarms_iac.providers.robot import EndedThere
+from rarms_iac.storage.lock import owner
 from rarms_iac.storage.snapshot_file import write_snapshot
 
 NO_CHANNELS: Mapping[str, CommandChannel] = MappingProxyType({})
@@ -356,6 +355,8 @@ def host_errors() -> Iterator[None]:
         yield
     except HostLocked as error:
         raise UseCaseError(Outcome.REFUSED, [refusals.locked(error)]) from error
+    except EndedThere as error:
+        raise UseCaseError(Outcome(error.outcome), error.findings) from error
     except HostError as error:
         raise UseCaseError(Outcome.FAILED, [refusals.host_failed(error)]) from error
 
@@ -376,19 +377,6 @@ def hold_hosts(hosts: tuple[LiveHost, ...], timeout_ms: int) -> Iterator[None]:
     """
     with host_errors(), hold(hosts, owner(), timeout_ms):
         yield
-
-
-def owner() -> str:
-    """Name this run for people who find a host held.
-
-    Returns:
-        `user@computer, process 123`; stand-ins where the system does not know the user or the computer.
-    """
-    try:
-        user = getpass.getuser()
-    except (OSError, KeyError, ImportError):
-        user = "an unknown user"
-    return f"{user}@{platform.node() or 'this computer'}, process {os.getpid()}"
 
 
 def run_origin() -> RunOrigin:

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from rarms_iac.app.hosts import host_errors, owner
+from rarms_iac.app.hosts import host_errors
 from rarms_iac.app.wiring import start_after_boot
+from rarms_iac.storage.lock import owner
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

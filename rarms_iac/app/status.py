@@ -24,7 +24,7 @@ from rarms_iac.model.system import System
 from rarms_iac.model.totals import HostTotals, host_totals
 from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.providers.interface import StepwiseHost
+from rarms_iac.providers.interface import RobotHost, StepwiseHost
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -243,7 +243,7 @@ def _holder(hosts: Hosts, name: str) -> str:
     if name in hosts.snapshots.hosts:
         return ""
     host = hosts.open(name)
-    return host.holder() if isinstance(host, StepwiseHost) else ""
+    return host.holder() if isinstance(host, StepwiseHost | RobotHost) else ""
 
 
 def _host_overviews(hosts: Hosts) -> tuple[tuple[HostOverview, ...], tuple[Diagnostic, ...]]:

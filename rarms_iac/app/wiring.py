@@ -14,7 +14,7 @@ from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.names import is_name
 from rarms_iac.model.state import State, TaskClass
 from rarms_iac.model.system import System
-from rarms_iac.providers.channel import CommandChannel
+from rarms_iac.providers.channel import CommandChannel, ssh_channel
 from rarms_iac.providers.interface import HostDamaged, HostFailed, LiveHost
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork
 from rarms_iac.running.start import ProcessPlace
@@ -50,20 +50,22 @@ def open_host(host: Host, folder: Path, state_path: str, channel: CommandChannel
             from rarms_iac.providers.hyperv.provider import open_hyperv
 
             return open_hyperv(host, folder / SIGNED, channel)
-        case ProviderKind.LINUX if channel is not None:
-            from rarms_iac.providers.cgroups.remote import through_channel
+        case ProviderKind.LINUX if (way := channel or way_to_robot(host)) is not None:
+            from rarms_iac.providers.robot import RobotByChannel
 
-            return through_channel(host, channel)
-        case ProviderKind.LINUX if isinstance(host.connect, Connect):
-            from rarms_iac.providers.cgroups.remote import open_remote
-
-            return open_remote(host, host.connect)
+            return RobotByChannel(host, way)
         case ProviderKind.LINUX if host.connect is not None:
             raise HostFailed(host.name, "WinRM does not reach a Linux host", "Reach it by `connect: {ssh: user@host}`.")
         case ProviderKind.LINUX:
             from rarms_iac.providers.cgroups.provider import LinuxHostProvider
 
             return LinuxHostProvider(host)
+
+
+def way_to_robot(host: Host) -> CommandChannel | None:
+    """Return ssh to a Linux host; None: it is this machine, or is not reached by ssh."""
+    is_robot = host.provider is ProviderKind.LINUX and isinstance(host.connect, Connect)
+    return ssh_channel(host.name, host.connect) if is_robot and isinstance(host.connect, Connect) else None
 
 
 def state_folder(host: Host) -> Path | None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import assert_never
 
 from rarms_iac.applying import refusals
+from rarms_iac.applying.robot_runs import ApplyJob, RunJob, run_there, with_plan
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.run_script import apply_job, finish_job, run_job
 from rarms_iac.applying.run_steps import UNATTENDED_RUN, RunControl, combined_report, failed_run, run_steps
@@ -23,13 +24,14 @@ from rarms_iac.model.journal import (
 )
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.powershell.render import script_name
-from rarms_iac.providers.interface import HostError, LiveHost, ScriptedHost, StepwiseHost
+from rarms_iac.providers.interface import HostError, LiveHost, RobotHost, ScriptedHost, StepwiseHost
+from rarms_iac.storage.plan_file import write_plan
 
 LastRun = Journal | ScriptRun | None
 
 
 def finish_unfinished(hosts: Sequence[LiveHost], control: RunControl = UNATTENDED_RUN) -> RunReport | None:
-    """Finish what was begun on these hosts, each from its own journal; None if nothing was. They are held."""
+    """Finish what was begun on these hosts, each from its own journal; None if nothing was. All but robots are held."""
     reports: list[RunReport] = []
     for host in hosts:
         try:
@@ -47,6 +49,11 @@ def finish_unfinished(hosts: Sequence[LiveHost], control: RunControl = UNATTENDE
 
 def _finish(host: LiveHost, run: Journal | ScriptRun, control: RunControl) -> RunReport:
     match host:
+        case RobotHost():
+            assert isinstance(run, Journal), "a host keeps the runs of its kind"
+            job = RunJob(plan=run.started.plan, waits=control.waits)
+            report = run_there(host, "finish", job, control)
+            return with_plan(report, run.started.host_plan) if run.started.run is RunKind.APPLY else report
         case StepwiseHost():
             assert isinstance(run, Journal), "a host keeps the runs of its kind"
             return run_steps(host, run, control)
@@ -63,7 +70,13 @@ def apply_plan(
     """Do exactly what the plan says, host by host, or refuse before the first step. The hosts are held.
 
     A plan of several hosts that was interrupted goes on where it stopped: hosts that it finished are passed over.
+    A robot refuses by itself; it is asked beforehand where the plan has other hosts, too.
     """
+    if len(plan.hosts) == 1 and isinstance(robot := hosts[plan.hosts[0].host.name], RobotHost):
+        try:
+            return _apply_there(robot, plan, plan.hosts[0], control)
+        except HostError as error:
+            return failed_run(error)
     try:
         journals = {host_plan.host.name: hosts[host_plan.host.name].journal() for host_plan in plan.hosts}
         problems = [
@@ -85,6 +98,8 @@ def apply_plan(
             continue
         try:
             match host:
+                case RobotHost():
+                    report = _apply_there(host, plan, host_plan, control)
                 case StepwiseHost():
                     run = _begin_or_resume(host, plan, host_plan, origin, journal)
                     report = run_steps(host, run, control)
@@ -99,6 +114,11 @@ def apply_plan(
         if report.ending is not RunEnding.DONE:
             break
     return combined_report(reports)
+
+
+def _apply_there(host: RobotHost, plan: Plan, part: HostPlan, control: RunControl) -> RunReport:
+    job = ApplyJob(plan=write_plan(plan).decode("utf-8"), waits=control.waits)
+    return with_plan(run_there(host, "apply", job, control), part)
 
 
 def refusals_of(plan: Plan, host_plan: HostPlan, host: LiveHost, journal: LastRun) -> list[Diagnostic]:

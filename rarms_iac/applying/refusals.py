@@ -3,24 +3,15 @@
 from collections.abc import Sequence
 
 from rarms_iac.diff.readings import VALUE
-from rarms_iac.model.commands import (
-    APPLY,
-    APPLY_ABANDON,
-    DRIFT,
-    HISTORY,
-    PLAN,
-    PLAN_OUT,
-    UNDO,
-    command,
-    prose,
-    sentences,
-)
+from rarms_iac.model.commands import APPLY, APPLY_ABANDON, DRIFT, PLAN, PLAN_OUT, UNDO, command, prose, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Readings, Step
 from rarms_iac.model.system import Application
+from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import quoted
-from rarms_iac.providers.interface import HostDamaged, HostError, HostLocked, HostTakenOver, HostUnreachable
+from rarms_iac.providers.interface import HostDamaged, HostError, HostLocked, HostUnreachable
+from rarms_iac.providers.robot import OtherVersion
 
 USED = Finding.error("RARMS181", "The plan was used, or another run came after it was made")
 MOVED = Finding.error("RARMS182", "The host has moved since the plan was made")
@@ -30,6 +21,7 @@ STEP_MOVED = Finding.error("RARMS185", "A setting changed since the plan was mad
 STEP_FAILED = Finding.error("RARMS186", "A step failed")
 STEP_MISSED = Finding.error("RARMS187", "A step did not take effect")
 HOST_FAILED = Finding.error("RARMS189", "The host could not be read or changed")
+OTHER_VERSION = Finding.error("RARMS410", "The host has another version of rarms")
 HOST_UNREACHABLE = Finding.error("RARMS232", "The host cannot be reached")
 DAMAGED = Finding.error("RARMS190", "What the host keeps for rarms is damaged")
 NOT_REACHED = Finding.error("RARMS191", "The host is not as the plan left it")
@@ -151,14 +143,7 @@ def run_of_another(host: str, journal: Journal | ScriptRun, application: Applica
 
 
 def locked(error: HostLocked) -> Diagnostic:
-    """Another run holds the host, or took it over from this one."""
-    if isinstance(error, HostTakenOver):
-        return LOCKED.of_host(
-            error.host,
-            f"This run asked for nothing on {error.host} for a minute, and {error.owner} took it over.",
-            prose("This run changed nothing since. See what the other one did: ", HISTORY, "."),
-            owner=error.owner,
-        )
+    """Another run holds the host."""
     return lock_held(error.host, error.message)
 
 
@@ -218,6 +203,9 @@ def host_failed(error: HostError) -> Diagnostic:
     detail, reason = f"{error.host}: {error.message}.", error.message
     if isinstance(error, HostUnreachable):
         return HOST_UNREACHABLE.of_host(error.host, detail, error.advice, reason=reason, unreachable=True)
+    if isinstance(error, OtherVersion):
+        installed = error.installed
+        return OTHER_VERSION.of_host(error.host, detail, error.advice, installed=installed, version=__version__)
     finding = DAMAGED if isinstance(error, HostDamaged) else HOST_FAILED
     return finding.of_host(error.host, detail, error.advice, reason=reason)
 

@@ -4,10 +4,9 @@ The same walk serves a fresh run and one that was killed: the journal says where
 step looks before it acts, so that a step which was begun and did its work is found done.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from itertools import groupby
 
 from rarms_iac.applying import refusals
 from rarms_iac.applying.run_report import HostReport, RunBegun, RunEnding, RunReport, RunReporter
@@ -15,16 +14,9 @@ from rarms_iac.diff.readings import readings
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunStarted, StepRecorded, StepStatus
-from rarms_iac.model.plan import Reading, Readings, Scope, Step, owner_of
-from rarms_iac.providers.interface import (
-    NO_WAITING,
-    BatchingHost,
-    HostError,
-    HostLocked,
-    LiveHost,
-    StepwiseHost,
-    WaitLimits,
-)
+from rarms_iac.model.plan import Reading, Readings, Scope, Step
+from rarms_iac.providers.interface import NO_WAITING, HostError, HostLocked, LiveHost, StepwiseHost, WaitLimits
+from rarms_iac.providers.robot import EndedThere
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,9 +24,7 @@ class RunControl:
     """The caller's part in a run: it hears of each step, may end the run between steps, and says how long to wait."""
 
     reporter: RunReporter = RunReporter()
-    should_stop: Callable[[], bool] = lambda: (
-        False
-    )  # asked before every step; of a host elsewhere before every batch of them
+    should_stop: Callable[[], bool] = lambda: False  # asked before every step
     waits: WaitLimits = NO_WAITING
 
 
@@ -77,18 +67,17 @@ def run_steps(host: StepwiseHost, journal: Journal, control: RunControl) -> RunR
         return RunReport(ending=ending, hosts=(host_report,), findings=problems)
 
     total = len(started.steps)
-    for numbers in _batches(host, [number for number in range(total) if number not in done], started.steps):
+    for number in (number for number in range(total) if number not in done):
         if control.should_stop():
             return report(RunEnding.INTERRUPTED)
-        for number in numbers:
-            reporter.step_started(host.name, number + 1, total, started.steps[number])
-        outcomes, problem = _perform_batch(host, scope, {number: started.steps[number] for number in numbers}, begun)
-        for number, status in outcomes.items():
-            done[number] = status
-            reporter.step_ended(host.name, number + 1, total, started.steps[number], status)
-        if problem is not None:
-            refused = problem.code in {refusals.STEP_MOVED.code, refusals.LOCKED.code}
-            return report(RunEnding.REFUSED if refused else RunEnding.FAILED, problem)
+        step = started.steps[number]
+        reporter.step_started(host.name, number + 1, total, step)
+        outcome = _perform(host, scope, number, step, was_begun=number in begun)
+        if isinstance(outcome, Diagnostic):
+            refused = outcome.code in {refusals.STEP_MOVED.code, refusals.LOCKED.code}
+            return report(RunEnding.REFUSED if refused else RunEnding.FAILED, outcome)
+        done[number] = outcome
+        reporter.step_ended(host.name, number + 1, total, step, outcome)
 
     host.record(
         RunClosed(closing=Closing.DONE)
@@ -97,65 +86,7 @@ def run_steps(host: StepwiseHost, journal: Journal, control: RunControl) -> RunR
     return report(RunEnding.FAILED if deviations else RunEnding.DONE, *deviations)
 
 
-def _batches(host: StepwiseHost, numbers: Sequence[int], steps: Sequence[Step]) -> Iterator[tuple[int, ...]]:
-    """Yield the steps that go to the host together: neighbours of one partition where it can, else each alone."""
-    if not (isinstance(host, BatchingHost) and host.is_distant):
-        yield from ((number,) for number in numbers)
-        return
-    for _, batch in groupby(numbers, key=lambda number: owner_of(steps[number])):
-        yield tuple(batch)
-
-
-def _perform_batch(
-    host: StepwiseHost, scope: Scope, steps: Mapping[int, Step], begun: Set[int]
-) -> tuple[Mapping[int, StepStatus], Diagnostic | None]:
-    """Do these steps, in order.
-
-    Returns:
-        The status of each that is done; what kept the next from it, if anything did.
-    """
-    outcomes: dict[int, StepStatus] = {}
-    try:
-        with host.in_one_batch() if isinstance(host, BatchingHost) and len(steps) > 1 else nullcontext():
-            for number, step in steps.items():
-                outcome = _perform(host, scope, number, step, was_begun=number in begun)
-                if isinstance(outcome, Diagnostic):
-                    return outcomes, outcome
-                outcomes[number] = outcome
-    except HostLocked:
-        raise
-    except HostError as error:
-        done = _recorded(host, steps)
-        failed = next((number for number in steps if number not in done), None)
-        if failed is None or len(steps) == 1:  # it was not an operation that failed
-            raise
-        return done, refusals.step_failed(host.name, steps[failed], error)
-    return outcomes, _missed(host, scope, steps) if len(steps) > 1 else None
-
-
-def _recorded(host: StepwiseHost, steps: Mapping[int, Step]) -> Mapping[int, StepStatus]:
-    """Those of these steps that the host's journal says are done; none where it cannot be asked."""
-    try:
-        journal = host.unfinished()
-    except HostError:
-        return {}
-    records = () if journal is None else journal.steps
-    ended = {record.number: record.status for record in records if record.status is not StepStatus.BEGUN}
-    return {number: ended[number] for number in steps if number in ended}
-
-
-def _missed(host: StepwiseHost, scope: Scope, steps: Mapping[int, Step]) -> Diagnostic | None:
-    """Look again after a batch: the first address that does not show what its steps made."""
-    for address, wanted in _expected(steps.values()).items():
-        live = host.read(address, scope)
-        if not matches(live, wanted):
-            last = next(step for step in reversed(tuple(steps.values())) if step.address == address)
-            return refusals.step_missed(host.name, last, live)
-    return None
-
-
 def _perform(host: StepwiseHost, scope: Scope, number: int, step: Step, *, was_begun: bool) -> StepStatus | Diagnostic:
-    """Do one step. In a batch `read` tells what its steps will have made; `_missed` looks at the host afterwards."""
     try:
         live = host.read(step.address, scope)
         if matches(live, step.after):
@@ -221,6 +152,9 @@ def failed_run(error: HostError) -> RunReport:
     """The report of a run that ended with this error."""
     if isinstance(error, HostLocked):
         return RunReport(ending=RunEnding.REFUSED, findings=(refusals.locked(error),))
+    if isinstance(error, EndedThere):
+        ending = RunEnding.REFUSED if error.outcome == RunEnding.REFUSED.value else RunEnding.FAILED
+        return RunReport(ending=ending, findings=error.findings)
     return RunReport(ending=RunEnding.FAILED, findings=(refusals.host_failed(error),))
 
 

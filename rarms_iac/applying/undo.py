@@ -6,6 +6,7 @@ from typing import assert_never
 
 from rarms_iac.applying import refusals
 from rarms_iac.applying.preconditions import no_rights
+from rarms_iac.applying.robot_runs import RunJob, run_there
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.run_script import (
     UndoneStep,
@@ -32,13 +33,28 @@ from rarms_iac.model.journal import (
 from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.model.state import Rights
 from rarms_iac.model.step_titles import reversal
-from rarms_iac.providers.interface import NO_WAITING, HostError, LiveHost, ScriptedHost, StepwiseHost, WaitLimits
+from rarms_iac.providers.interface import (
+    NO_WAITING,
+    HostError,
+    LiveHost,
+    RobotHost,
+    ScriptedHost,
+    StepwiseHost,
+    WaitLimits,
+)
 
 
 def undo(host: LiveHost, origin: RunOrigin, control: RunControl = UNATTENDED_RUN) -> RunReport:
     """Take the last apply back, finished or not; an undo that was interrupted is finished. The host is held."""
     try:
         match host:
+            case RobotHost():
+                last = host.journal()
+                journal = run_to_undo(last)
+                if journal is None or not can_be_undone(journal):
+                    return _nothing_to_undo(host, journal)
+                asked = RunJob(plan=journal.started.plan, waits=control.waits)
+                return run_there(host, "undo", asked, control)
             case StepwiseHost():
                 last = host.journal()
                 journal = run_to_undo(last)
@@ -85,9 +101,15 @@ def _walk_back(
 
 
 def abandon(host: LiveHost, waits: WaitLimits = NO_WAITING) -> RunReport:
-    """Close an unfinished run; the host stays as it is. The host is held."""
+    """Close an unfinished run; the host stays as it is. The host is held, but for a robot, which holds itself."""
     try:
         match host:
+            case RobotHost():
+                unfinished = host.unfinished()
+                if unfinished is None:
+                    return RunReport(ending=RunEnding.NOTHING)
+                asked = RunJob(plan=unfinished.started.plan, waits=waits)
+                return run_there(host, "abandon", asked, UNATTENDED_RUN)
             case StepwiseHost():
                 journal = host.journal()  # read whole: one that is damaged anywhere tells of no run that ended
                 if journal is None or not journal.unfinished:

@@ -68,10 +68,12 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
         show_plan(session, written, hosts.manifest.sources)
         write_and_advise(session, how.out, written)
         return ExitCode.DONE
-    live, needs_key = tuple(hosts.open(name) for name in hosts.chosen), hosts.system.policy.signed_plans
+    needs_key = hosts.system.policy.signed_plans
     finished: list[RunReport] = []
     plan = None
     while plan is None:
+        looked = hosts.with_one_look()
+        live = tuple(looked.open(name) for name in hosts.chosen)
         earlier = finish_first(session, live, how, needs_key=needs_key)
         if earlier is not None:
             if earlier.ending is not RunEnding.DONE:
@@ -81,7 +83,7 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
             finished.append(earlier)
             if session.interrupts.exit_code is not None:  # asked for during its last step
                 raise Interrupted(session.interrupts.exit_code)
-        plan = _plan_or_wait(hosts, request, how)
+        plan = _plan_or_wait(looked if earlier is None else hosts, request, how)
     is_idle = not any(part.steps for part in plan.hosts)
     if not (how.auto_approve or session.terminal.answers or (finished and is_idle)):
         raise RequestError(

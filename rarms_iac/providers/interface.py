@@ -14,6 +14,7 @@ from rarms_iac.model.journal import Journal, JournalRecord, RunStarted, ScriptRu
 from rarms_iac.model.operations import Operation
 from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import State
+from rarms_iac.storage.codec import Json
 
 
 class HostError(Exception):
@@ -48,10 +49,6 @@ class HostLocked(HostError):
     def __init__(self, host: str, owner: str) -> None:
         super().__init__(host, f"it is held by {owner}", "Wait for it, or give --lock-timeout.")
         self.owner = owner
-
-
-class HostTakenOver(HostLocked):
-    """Another run took the host over while this one held it; this one changes nothing any more."""
 
 
 class ReadableHost(Protocol):
@@ -308,27 +305,6 @@ class DistantHost(Protocol):
         """Answer from now on from one look, the first that is asked for: of a host that is only read."""
 
 
-@runtime_checkable
-class BatchingHost(Protocol):
-    """A host that can be told several steps at once, with the journal between them."""
-
-    @property
-    def is_distant(self) -> bool:
-        """Whether each batch is a way of its own, so that fewer are quicker."""
-
-    def in_one_batch(self) -> AbstractContextManager[None]:
-        """Inside, what is executed and recorded goes to the host together, in order, when the context ends.
-
-        What is read meanwhile is what the steps so far will have made; after it, what the host shows.
-
-        Returns:
-            A context to enter on a held host.
-
-        Raises:
-            HostError: when it ends: an operation failed. What came before it is done, and the journal says so.
-        """
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservedHost:
     """One observation of a host: its State, its condition, and the findings of its provider."""
@@ -368,4 +344,85 @@ class RecordableHost(Protocol):
         """
 
 
-LiveHost = StepwiseHost | ScriptedHost
+class RobotListener(Protocol):
+    """Follows a command that a robot's rarms does; its methods must not raise, but for arguments that do not fit."""
+
+    def on_call(self, target: str, method: str, arguments: Json) -> bool | None:
+        """Take a call of a reporter, in the order in which the robot made it.
+
+        Args:
+            target: which reporter.
+            method: of the reporter.
+            arguments: encoded.
+
+        Returns:
+            The answer to a question; None: the call asks nothing.
+
+        Raises:
+            NotDecodable: there is no such call, or the arguments do not fit it.
+        """
+
+    def should_stop(self) -> bool:
+        """Whether the command should end at the next safe place; asked a few times a second."""
+
+
+class _Unheard:
+    """Hears nothing, and lets the command end by itself."""
+
+    def on_call(self, target: str, method: str, arguments: Json) -> bool | None:
+        """Drop the call."""
+
+    def should_stop(self) -> bool:
+        """Return False."""
+        return False
+
+
+UNHEARD: RobotListener = _Unheard()
+"""The listener of a command that only reads."""
+
+
+@runtime_checkable
+class RobotHost(ReadableHost, Protocol):
+    """A host whose own rarms does whole commands: it holds itself, keeps the journal and guards every step."""
+
+    def journal(self) -> Journal | None:
+        """The last run on this host.
+
+        Returns:
+            As of `StepwiseHost`.
+        """
+
+    def unfinished(self) -> Journal | None:
+        """The run that is under way on this host.
+
+        Returns:
+            As of `StepwiseHost`.
+        """
+
+    def holder(self) -> str:
+        """Tell who holds the host now.
+
+        Returns:
+            As of `StepwiseHost`.
+        """
+
+    def look_once(self) -> None:
+        """Answer from now on from one look, as of `DistantHost`; a command ends that."""
+
+    def ask(self, command: str, job: Json, listener: RobotListener) -> Json:
+        """Have the robot's rarms do a command, and return its result.
+
+        Args:
+            command: one that it knows.
+            job: what the command needs, encoded.
+            listener: hears its calls, and is asked whether to stop.
+
+        Returns:
+            The result, encoded.
+
+        Raises:
+            HostError: the host cannot be reached, has another version, or ended without a result.
+        """
+
+
+LiveHost = StepwiseHost | ScriptedHost | RobotHost

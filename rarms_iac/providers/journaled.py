@@ -1,9 +1,9 @@
 """Lock and journal of a host that rarms changes step by step: two files, the journal as JSON Lines."""
 
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Protocol, cast
+from typing import cast
 
 from rarms_iac.model.journal import Journal, JournalRecord, RunClosed, RunStarted, StepRecorded
 from rarms_iac.model.plan_names import wrong_name
@@ -17,57 +17,42 @@ from rarms_iac.storage.reading import STATE_LIMIT, read_file
 from rarms_iac.storage.replace import replace
 
 
-class HostFiles(Protocol):
+class LocalFiles:
     """The files that rarms keeps on a host. What raises OSError passes on its answer."""
 
     def content(self, path: Path) -> bytes | None:
         """Return the bytes of a file; None: there is none."""
-
-    def replace(self, path: Path, data: bytes) -> None:
-        """Make a file exactly these bytes, durably, in a folder that is made."""
-
-    def append(self, path: Path, record: Record) -> None:
-        """Add a record to a log, durably, in a folder that is made."""
-
-    def hold(self, lock: Path, owner: str, timeout_ms: int) -> AbstractContextManager[None]:
-        """Hold the host while the context lasts; what killed writers left is gone then. Raises Locked, HostLocked."""
-
-    def holder(self, lock: Path) -> str:
-        """Return the owner of the run that holds the host now; empty: none that can be seen from here."""
-
-
-class LocalFiles:
-    """Files of this machine."""
-
-    def content(self, path: Path) -> bytes | None:
         try:
             return read_file(path, STATE_LIMIT)
         except FileNotFoundError:
             return None
 
     def replace(self, path: Path, data: bytes) -> None:
+        """Make a file exactly these bytes, durably, in a folder that is made."""
         make_folder_for(path)
         replace(path, data)
 
     def append(self, path: Path, record: Record) -> None:
+        """Add a record to a log, durably, in a folder that is made."""
         make_folder_for(path)
         append(path, record)
 
     @contextmanager
     def hold(self, lock: Path, owner: str, timeout_ms: int) -> Iterator[None]:
-        """Held until this process ends at the latest."""
+        """Hold the host while the context lasts, at most until this process ends. Raises Locked."""
         make_folder_for(lock)
         with hold(lock, owner, timeout_ms):
             yield
 
     def holder(self, lock: Path) -> str:
+        """Return the owner of the run that holds the host now; empty: none that can be seen from here."""
         return read_holder(lock)
 
 
 class JournaledHost:
     """The part of a `StepwiseHost` that lies in files: its lock, its journal, and what is said where they fail."""
 
-    def __init__(self, name: str, journal: Path, lock: Path, files: HostFiles) -> None:
+    def __init__(self, name: str, journal: Path, lock: Path, files: LocalFiles) -> None:
         self._name = name
         self._journal_path = journal
         self._lock_path = lock

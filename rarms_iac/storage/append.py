@@ -164,22 +164,6 @@ def last_in(data: bytes, path: Path) -> dict[str, Json] | None:
     return None if text is None else _object(path, 1, text)
 
 
-def sound_size(data: bytes, path: Path) -> int:
-    """How many of these bytes are whole records: all, or those before a last one that a crash tore.
-
-    Args:
-        data: the bytes of a log.
-        path: for messages.
-
-    Returns:
-        The number of bytes.
-
-    Raises:
-        Damaged: a record is not as it was written.
-    """
-    return _size_of_sound_lines(io.BytesIO(data), path)
-
-
 def _checksum(text: bytes) -> bytes:
     return hashlib.sha256(text).hexdigest().encode("ascii")
 

@@ -172,6 +172,8 @@ def _encoder(hint: Any) -> Encode:
         return _encode_union(arguments)
     if origin is tuple:
         return _encode_tuple(arguments)
+    if origin is Sequence:
+        return _encode_tuple((arguments[0], ...))
     if origin is frozenset:
         encode_item = _encoder(arguments[0])
         return lambda value: [encode_item(item) for item in sorted(value)]
@@ -203,6 +205,8 @@ def _decoder(hint: Any) -> Decode:
         return _decode_union(arguments)
     if origin is tuple:
         return _decode_tuple(arguments)
+    if origin is Sequence:
+        return _decode_tuple((arguments[0], ...))
     if origin is frozenset:
         many = _decode_tuple((arguments[0], ...))
         return lambda data, path: frozenset(many(data, path))

@@ -5,11 +5,14 @@ there cannot be read. It excludes threads as well as processes. The file stays w
 would let two hold "it" at once.
 """
 
+import getpass
 import os
+import platform
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 
 from rarms_iac.storage.disk import give_to_owner, open_to_write
@@ -151,3 +154,31 @@ else:
 
     def _unlock(descriptor: int) -> None:
         fcntl.flock(descriptor, fcntl.LOCK_UN)
+
+
+_acting_for: ContextVar[str] = ContextVar("_acting_for", default="")
+
+
+def owner() -> str:
+    """Name this run for people who find a host held.
+
+    Returns:
+        `user@computer, process 123`, of the computer that asked for it; stand-ins where the system does not know the
+        user or the computer.
+    """
+    if by := _acting_for.get():
+        return by
+    try:
+        user = getpass.getuser()
+    except (OSError, KeyError, ImportError):
+        user = "an unknown user"
+    return f"{user}@{platform.node() or 'this computer'}, process {os.getpid()}"
+
+
+def act_for(by: str) -> None:
+    """Have `owner` answer with the run on another computer that asked this one.
+
+    Args:
+        by: what `owner` returned there.
+    """
+    _acting_for.set(by)

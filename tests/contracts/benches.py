@@ -14,13 +14,12 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.model.host import Host, LinuxHost, ProviderKind
-from rarms_iac.providers.cgroups.effects import LocalEffects
+from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree
-from rarms_iac.providers.cgroups.machine import LinuxMachine, read_machine
+from rarms_iac.providers.cgroups.machine import read_machine
 from rarms_iac.providers.cgroups.provider import LinuxHostProvider
-from rarms_iac.providers.cgroups.remote import through_channel
-from rarms_iac.providers.channel import CommandChannel, ProgramChannel
+from rarms_iac.providers.channel import ProgramChannel
 from rarms_iac.providers.interface import StepwiseHost
 from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage import disk
@@ -73,7 +72,7 @@ def open_simulated(host: Host, folder: Path) -> SimulatedHostProvider:
 
 def open_linux(host: Host, folder: Path, boot: str = "") -> LinuxHostProvider:
     """This machine, with the processors and the memory that the manifest tells; `boot`: another start of it."""
-    machine = read_machine(LocalEffects())
+    machine = read_machine(LinuxEffects())
     machine = replace(
         machine, logical_processors=host.logical_processors, memory=int(host.memory), boot=boot or machine.boot
     )
@@ -85,27 +84,8 @@ def shell_channel(*words: str) -> ProgramChannel:
     return ProgramChannel(host="onboard", target="ann@onboard", words=words or ("sh", "-c"))
 
 
-def open_remote(host: Host, folder: Path, channel: CommandChannel | None = None) -> LinuxHostProvider:
-    """This machine as if it were another, behind a shell instead of ssh."""
-    described, machine = _another_machine(host, folder)
-    return through_channel(described, channel or shell_channel(), folder, machine)
-
-
-def open_slice_here(host: Host, folder: Path) -> LinuxHostProvider:
-    """The host of `open_remote`, as rarms on the host itself sees it."""
-    described, machine = _another_machine(host, folder)
-    return LinuxHostProvider(described, folder, groups_of(folder), machine)
-
-
-def _another_machine(host: Host, folder: Path) -> tuple[Host, LinuxMachine]:
-    described = replace(on_linux(host), settings=LinuxHost(slice=slice_of(folder)))
-    machine = read_machine(LocalEffects())
-    return described, replace(machine, logical_processors=host.logical_processors, memory=int(host.memory))
-
-
 BENCHES = {
     "linux": Bench(open_linux, needs=("control-groups",), stride=1 if LONG else 13),
-    "linux-remote": Bench(open_remote, needs=("control-groups",), is_here=False, without_channel=open_slice_here),
     "simulated": Bench(
         open_simulated,
         described=lambda host: host,
@@ -132,12 +112,12 @@ def kernel_effects_on_disk() -> Iterator[None]:
     """Inside, each effect on control groups is also one of the disk in use, so that a crash may come before it."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("write", "make", "remove"):
-            patch.setattr(LocalEffects, name, _counted(name, getattr(LocalEffects, name)))
+            patch.setattr(LinuxEffects, name, _counted(name, getattr(LinuxEffects, name)))
         yield
 
 
 def _counted(name: str, effect: Callable[..., None]) -> Callable[..., None]:
-    def counted(effects: LocalEffects, path: Path, *rest: object) -> None:
+    def counted(effects: LinuxEffects, path: Path, *rest: object) -> None:
         in_use = disk.current()
         if isinstance(in_use, CrashingDisk):
             in_use.meet(f"{name} {path}")

@@ -18,8 +18,7 @@ OWN_FILES = (
 )
 """What is about the files of rarms alone: they are the same under both versions, and are tried outside."""
 
-CHOSEN = f"(linux or groups) and not simulated and not ({OWN_FILES}) and (not remote or set_cpu or set_memory)"
-"""Over ssh, what reads and writes version 2's own files, which is slow there: each command starts a shell."""
+CHOSEN = f"(linux or groups) and not simulated and not ({OWN_FILES})"
 
 OPTIONS = "-p no:cacheprovider -p no:xdist -p no:cov -q --durations=5 --basetemp=/tmp/pytest-in-machine"
 

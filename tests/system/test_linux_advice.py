@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.providers.cgroups.effects import LocalEffects
+from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.machine import read_machine
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from tests.contracts.benches import forget_groups, groups_of, slice_of
@@ -63,7 +63,7 @@ def test_after_a_restart_of_the_machine_an_apply_or_its_line_starts_what_is_off(
     groups_of(folder).remove("eyes")
     for definition in (STATE_FOLDER / slice_of(folder)).glob("*.json"):
         text = definition.read_text(encoding="ascii")
-        definition.write_text(text.replace(read_machine(LocalEffects()).boot, "an earlier start"), encoding="ascii")
+        definition.write_text(text.replace(read_machine(LinuxEffects()).boot, "an earlier start"), encoding="ascii")
 
     advised = run(folder, "doctor")
     assert "`rarms apply` starts what is off" in advised

@@ -8,7 +8,7 @@ from typing import Literal
 
 from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.experiments.stopping import finish_stop_or_start, own_running, start_again, stop_to_measure
-from rarms_iac.app.hosts import Hosts, host_errors, owner, refuse_unfinished
+from rarms_iac.app.hosts import Hosts, host_errors, refuse_unfinished
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.partitions import remove_test_partitions
@@ -22,6 +22,7 @@ from rarms_iac.model.loads import Interference
 from rarms_iac.model.system import Component
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.providers.measuring import MeasuringHost
+from rarms_iac.storage.lock import owner
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

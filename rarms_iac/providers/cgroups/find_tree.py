@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from rarms_iac.providers.cgroups.effects import LinuxEffects, LocalEffects
+from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.systemd import GroupTreeSystemd, slice_unit
 from rarms_iac.providers.cgroups.versions import CONTROLLERS_V2, GroupTreeV1, GroupTreeV2
@@ -39,7 +39,7 @@ def find_tree(
         The groups below the slice, which need not be there yet; or what is missing (where both versions lack
         something: of version 1 where the machine has any of it).
     """
-    effects = effects or LocalEffects()
+    effects = effects or LinuxEffects()
     unified = next(
         (path for path in (root, root / "unified") if _controllers(effects, path) >= set(CONTROLLERS_V2)), root
     )

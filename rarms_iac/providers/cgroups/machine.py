@@ -16,11 +16,6 @@ _ID, _MEMORY, _HOSTNAME = Path("/etc/machine-id"), Path("/proc/meminfo"), Path("
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
 _RUNTIME, _PERIOD = (Path(f"/proc/sys/kernel/sched_rt_{name}_us") for name in ("runtime", "period"))
 _SMT, _PROCESSORS = Path("/sys/devices/system/cpu/smt/active"), Path("/sys/devices/system/cpu/online")
-MACHINE_FILES = tuple(
-    file.as_posix() for file in (_ID, _MEMORY, _HOSTNAME, _BOOT, _RUNTIME, _PERIOD, _SMT, _PROCESSORS)
-)
-"""All that `read_machine` reads."""
-
 MEBIBYTE = 2**20
 
 

@@ -10,7 +10,7 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import DOCTOR, PLAN, prose
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.host import Host, LinuxHost
-from rarms_iac.model.journal import Journal, JournalRecord, RunClosed, RunStarted
+from rarms_iac.model.journal import Journal
 from rarms_iac.model.operations import (
     CreatePartition,
     Operation,
@@ -37,7 +37,7 @@ from rarms_iac.providers.cgroups.definitions import (
     new_definition,
     restored_definition,
 )
-from rarms_iac.providers.cgroups.effects import LinuxEffects, LocalEffects
+from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.find_tree import MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.group_settings import (
     RunningGroup,
@@ -52,7 +52,7 @@ from rarms_iac.providers.cgroups.machine import LinuxMachine, facts_of, read_mac
 from rarms_iac.providers.cgroups.processes import orphans
 from rarms_iac.providers.cgroups.refusals import lack_of_memory, lack_of_reserve, out_of_range
 from rarms_iac.providers.interface import HostFailed, HostRefused, ObservedHost
-from rarms_iac.providers.journaled import JournaledHost, report_failure
+from rarms_iac.providers.journaled import JournaledHost
 
 GroupOperation = SettingOperation | RemovePartition | StartPartition | StopPartition
 """Operations on a partition that exists."""
@@ -63,7 +63,7 @@ ASK_DOCTOR = prose("See what this kernel lacks: ", DOCTOR, ".")
 
 
 class LinuxHostProvider(JournaledHost):
-    """A `StepwiseHost` whose partitions are control groups, of this machine or of one behind a channel.
+    """A `StepwiseHost` whose partitions are control groups of this machine.
 
     What it keeps lies in `<state folder>/<slice>/`: `<id>.json` a partition, `journal.jsonl` and `lock`.
     """
@@ -74,7 +74,6 @@ class LinuxHostProvider(JournaledHost):
         state_folder: Path = STATE_FOLDER,
         tree: GroupTree | None = None,
         machine: LinuxMachine | None = None,
-        effects: LinuxEffects | None = None,
     ) -> None:
         """Prepare; nothing is read before the first call.
 
@@ -83,22 +82,16 @@ class LinuxHostProvider(JournaledHost):
             state_folder: what all slices of the machine keep lies below it.
             tree: the control groups; None: the kernel's, below the slice of the manifest.
             machine: None: as it shows itself.
-            effects: of the machine; None: this one.
         """
         settings = host.settings if isinstance(host.settings, LinuxHost) else LinuxHost()
         self._linux = settings
         self._folder = state_folder / settings.slice
-        self._effects: LinuxEffects = effects or LocalEffects()
+        self._effects = LinuxEffects()
         self._definitions = DefinitionFiles(host.name, self._folder, self._effects)
         super().__init__(host.name, self._folder / "journal.jsonl", self._folder / "lock", self._effects)
         self._host = host
         self._known_tree = tree
         self._described_machine = self._known_machine = machine
-        self._is_held = False
-        self._looks_once = self._has_looked = False
-
-    def look_once(self) -> None:
-        self._looks_once = True
 
     @property
     def tree(self) -> GroupTree:
@@ -130,66 +123,15 @@ class LinuxHostProvider(JournaledHost):
     def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
         self._definitions.refuse_writable_folder()
         with super().lock(owner, timeout_ms):
-            self._is_held = True
-            try:
-                yield
-                with report_failure(self.name, self._folder):
-                    self._effects.commit()
-            finally:
-                self._is_held = False
-
-    @property
-    def is_distant(self) -> bool:
-        return not isinstance(self._effects, LocalEffects)
-
-    @contextmanager
-    def in_one_batch(self) -> Iterator[None]:
-        """On this machine each effect is done at once."""
-        with self._kernel_errors(self._linux.slice):
-            try:
-                with self._effects.in_one_batch():
-                    yield
-            except OSError:
-                self._effects.look()  # what was asked for and not done is forgotten
-                raise
+            yield
 
     def journal(self) -> Journal | None:
-        self._look_unless_held()
         self._definitions.refuse_writable_folder()
         return super().journal()
 
     def unfinished(self) -> Journal | None:
-        self._look_unless_held()
         self._definitions.refuse_writable_folder()
         return super().unfinished()
-
-    def start_run(self, started: RunStarted) -> None:
-        """On a held host a record may be written with the next effects, before them."""
-        super().start_run(started)
-        self._commit_record(is_last=False)
-
-    def record(self, record: JournalRecord) -> None:
-        """On a held host it may be written with the next effects, as in `start_run`."""
-        super().record(record)
-        self._commit_record(is_last=isinstance(record, RunClosed))
-
-    def _commit_record(self, *, is_last: bool) -> None:
-        if is_last or not self._is_held:
-            with report_failure(self.name, self._journal_path):
-                self._effects.commit()
-
-    def _look_unless_held(self) -> None:
-        """Look at the host anew where it may have changed: between the batches of a run no other run changes it."""
-        if not self._is_held:
-            self._refresh()
-
-    def _refresh(self) -> None:
-        if self._looks_once and self._has_looked:
-            return
-        with report_failure(self.name, self._folder):
-            self._effects.look()
-        self._known_machine = self._described_machine
-        self._has_looked = True
 
     def observe(self) -> State:
         return self._look()[0]
@@ -219,7 +161,6 @@ class LinuxHostProvider(JournaledHost):
         for definition in stopped:
             with self._kernel_errors(definition.settings.name):
                 self._start(definition, state)
-                self._effects.commit()
             state, _ = self._seen()
         return tuple(definition.settings.name for definition in stopped)
 
@@ -232,12 +173,12 @@ class LinuxHostProvider(JournaledHost):
         return sorted(off, key=lambda definition: definition.settings.name)
 
     def _look(self) -> tuple[State, Mapping[str, GroupDefinition]]:
-        """Return the host's state, and the definition of each partition by its id."""
-        self._refresh()
+        """Look at the machine, too, which a run does not: return state and definitions as `_seen`."""
+        self._known_machine = self._described_machine
         return self._seen()
 
     def _seen(self) -> tuple[State, Mapping[str, GroupDefinition]]:
-        """Return what was seen last."""
+        """Return the host's state, and the definition of each partition by its id."""
         try:
             return self._state_and_definitions()
         except (ArithmeticError, LookupError, OSError, StopIteration, ValueError) as problem:
@@ -257,16 +198,13 @@ class LinuxHostProvider(JournaledHost):
         return state, {definition.id: definition for definition in known}
 
     def read(self, address: Address, scope: Scope) -> Readings:
-        self._look_unless_held()
         return readings(self._seen()[0], address, scope)
 
     def execute(self, operation: Operation, scope: Scope) -> None:
         """A definition that is replaced in between says what `_recover` takes back after a kill."""
-        self._look_unless_held()
         state, known = self._seen()
         with self._kernel_errors(self._linux.slice if isinstance(operation, TaskOperation) else operation.partition):
             self._do(operation, scope, state, known)
-            self._effects.commit()
 
     def _do(self, operation: Operation, scope: Scope, state: State, known: Mapping[str, GroupDefinition]) -> None:
         match operation:
@@ -340,10 +278,8 @@ class LinuxHostProvider(JournaledHost):
             self._make_group(before.group)  # a group made by hand may lack a controller
             self.tree.write(before.group, self._values(after.settings))
             self._definitions.save(after)
-            self._effects.commit()
         except OSError as problem:
             self._restore(replace(before, changing=True))
-            self._effects.commit()
             message = f"{after.settings.name}: the kernel refuses: {problem.strerror or problem}"
             raise HostRefused(self.name, message, ASK_DOCTOR) from None
 
@@ -376,7 +312,6 @@ class LinuxHostProvider(JournaledHost):
         self._definitions.refuse_writable_folder()
         with self._kernel_errors(self._linux.slice):
             self.tree.limit_slice(slice_limit(self._host, self._processors))
-            self._effects.commit()
         for definition in self._definitions.all():
             with self._kernel_errors(definition.settings.name):
                 if definition.group and not definition.boot:
@@ -384,13 +319,11 @@ class LinuxHostProvider(JournaledHost):
                     self._definitions.save(replace(definition, group=""))
                 elif definition.changing:
                     self._restore(definition)
-                self._effects.commit()
 
     def _restore(self, definition: GroupDefinition) -> None:
         if self._runs(definition):
             with suppress(OSError):  # refused only where its processes took more memory meanwhile
                 self.tree.write(definition.group, self._values(definition.settings))
-                self._effects.commit()
         self._definitions.save(replace(definition, changing=False))
 
     def _start_with_machine(self, definition: GroupDefinition) -> None:

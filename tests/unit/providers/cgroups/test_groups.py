@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.providers.cgroups.effects import LocalEffects
+from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
 from tests.needs import require
@@ -124,7 +124,7 @@ def test_a_group_that_goes_after_its_file_was_opened_is_one_that_is_gone(tree: G
     opened = os.open(tree.place("vision").join[0], os.O_RDWR)
     tree.remove("vision")
 
-    for touch in (LocalEffects().read, lambda file: LocalEffects().write(file, "0")):
+    for touch in (LinuxEffects().read, lambda file: LinuxEffects().write(file, "0")):
         with pytest.raises(FileNotFoundError):
             touch(Path(f"/proc/self/fd/{opened}"))
     os.close(opened)

@@ -2,7 +2,6 @@
 
 import os
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,19 +10,14 @@ from rarms_iac.model.operations import CreatePartition, RemovePartition, SetActi
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import RunState, StartAction
 from rarms_iac.providers.cgroups import effects, provider, systemd
-from rarms_iac.providers.cgroups.definitions import new_definition, write_definition
-from rarms_iac.providers.cgroups.effects import LocalEffects
+from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.find_tree import SYSTEMD_FOLDER, MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.groups import GroupValues
 from rarms_iac.providers.cgroups.machine import read_machine
 from rarms_iac.providers.cgroups.provider import LinuxHostProvider
-from rarms_iac.providers.cgroups.remote import through_channel
 from rarms_iac.providers.cgroups.systemd import GroupTreeSystemd
-from rarms_iac.providers.channel import CommandResult
 from rarms_iac.providers.interface import HostRefused
-from rarms_iac.providers.marks import write_mark
 from tests import builders
-from tests.builders import a_mark
 from tests.contracts.benches import on_linux
 
 pytestmark = pytest.mark.needs("linux")
@@ -79,7 +73,7 @@ class Lab:
         (folder / "kernel").mkdir()
         (folder / "kernel" / "cpuset.cpus.effective").write_text("0-1\n")
         slices = dict.fromkeys(("cpu", "cpuset", "memory"), folder / "kernel" / "rarms.slice")
-        self.tree = GroupTreeSystemd(LocalEffects(), slices)
+        self.tree = GroupTreeSystemd(LinuxEffects(), slices)
 
     def asked(self) -> list[str]:
         """What systemctl was asked for since the last call."""
@@ -153,14 +147,14 @@ def test_what_systemd_refuses_is_said_in_its_own_words(lab: Lab) -> None:
 
 def test_a_controller_that_is_not_on_yet_is_waited_for(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
     lab.tree.make(VISION)
-    read, looks = LocalEffects.read, [FileNotFoundError(), FileNotFoundError()]
+    read, looks = LinuxEffects.read, [FileNotFoundError(), FileNotFoundError()]
 
-    def read_later(effects: LocalEffects, path: Path) -> str:
+    def read_later(effects: LinuxEffects, path: Path) -> str:
         if looks and path.name == "cpu.weight":
             raise looks.pop()
         return read(effects, path)
 
-    monkeypatch.setattr(LocalEffects, "read", read_later)
+    monkeypatch.setattr(LinuxEffects, "read", read_later)
 
     lab.tree.write(VISION, GroupValues(shares_percent=80))
 
@@ -204,7 +198,7 @@ def test_below_systemd_only_version_2_is_used_unless_the_manifest_asks_for_versi
 
 
 def test_a_restart_keeps_partitions_but_those_that_start_by_hand(lab: Lab) -> None:
-    machine, host = read_machine(LocalEffects()), lab.host()
+    machine, host = read_machine(LinuxEffects()), lab.host()
     for name in ("vision", "speech"):
         host.execute(CreatePartition(partition=name, generation=2, memory=64 * MIB), SCOPE)
         host.execute(SetCpu(partition=name, reserve=20, limit=50, weight=100), SCOPE)
@@ -222,44 +216,3 @@ def test_a_restart_keeps_partitions_but_those_that_start_by_hand(lab: Lab) -> No
     assert after[StartAction.NOTHING].state is RunState.OFF
     host.execute(RemovePartition(partition="speech"), SCOPE)
     assert len(lab.units()) == 2
-
-
-def test_over_a_channel_the_first_partition_brings_the_limit_of_the_slice_in_the_same_batch() -> None:
-    described = on_linux(builders.a_host(keep_processor="10 %"))
-    made = new_definition(CreatePartition(partition="vision", generation=0, memory=64 * MIB), "vision", "cell", ())
-    notes = write_mark("", a_mark(made.id, "robot", "vision", "0" * 12))
-    definition = replace(made, settings=replace(made.settings, processors=2, reserve=40), notes=notes)
-    shown = {
-        "/sys/fs/cgroup/cgroup.controllers": "cpuset cpu io memory",
-        "/sys/fs/cgroup/cpuset.cpus.effective": "0-1",
-        "/sys/devices/system/cpu/online": "0-1",
-        "/proc/sys/kernel/hostname": "cell",
-        "/proc/sys/kernel/random/boot_id": "a start",
-        "/proc/meminfo": "MemTotal: 4194304 kB",
-        f"/var/lib/rarms/rarms/{made.id}.json": write_definition(definition).decode("ascii").rstrip("\n"),
-    }
-    lines = ["rarms: ready", "w /sys/fs/cgroup", "d /run/systemd/system", "d /var/lib/rarms/rarms"]
-    for name, text in shown.items():
-        lines += [f"f {name}", *(f" {line}" for line in text.split("\n"))]
-    sent: list[str] = []
-
-    class Told:
-        """A host that always shows the same."""
-
-        target = "cell"
-
-        def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:
-            sent.append(data.decode("ascii").partition("batch() {\n")[2])
-            return CommandResult(code=0, output="\n".join([*lines, "end", ""]), error="")
-
-    through_channel(described, Told()).execute(StartPartition(partition="vision"), SCOPE)
-
-    calls = [line for line in sent[-1].split("\n") if "systemctl" in line]
-    assert calls == [
-        "effect run systemctl start rarms-vision.slice",
-        "effect run systemctl set-property rarms.slice CPUWeight=10000",
-        "effect run systemctl set-property rarms.slice CPUQuota=180.00% CPUQuotaPeriodSec=20000us",
-        "effect run systemctl set-property rarms-vision.slice CPUWeight=80 CPUQuota= CPUQuotaPeriodSec=100000us "
-        f"MemoryMax={64 * MIB} AllowedCPUs=",
-        "effect run systemctl disable --no-reload --quiet rarms-vision.slice",
-    ]

@@ -223,7 +223,7 @@ def warm_up() -> None:
     Ansible imports an action before it forks a process for each robot. What rarms imports and works out when it is
     first needed is then there for all of them: it takes 0.2 s once instead of 40 ms a robot.
     """
-    importlib.import_module("rarms_iac.providers.cgroups.remote")
+    importlib.import_module("rarms_iac.providers.robot")
     with TemporaryDirectory(prefix="rarms-") as folder:
         manifest = Path(folder) / "rarms.yaml"
         manifest.write_text(WARM_UP_MANIFEST, encoding="utf-8")

@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,15 +9,14 @@ from typing import Any
 import pytest
 
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER
-from rarms_iac.providers.channel import ProgramChannel
 from tests.contracts.benches import forget_groups, groups_of, slice_of
 from tests.needs import require
+from tests.robot_install import robot_rarms
 from tests.standin.remote import Remote, a_server
 from tests.system.test_linux_walk import MANIFEST
 from tests.unit.cli.running import Ran, rarms
 
-MANY = 8
-"""A batch of so many effects is the steps of a partition."""
+__all__ = ["robot_rarms"]
 
 pytestmark = [pytest.mark.needs("ssh", "control-groups"), pytest.mark.alone]
 
@@ -31,7 +29,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Remote]:
 
 
 @pytest.fixture
-def folder(server: Remote, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def folder(server: Remote, robot_rarms: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A manifest whose host is reached over ssh; its control groups are gone after the test."""
     text = MANIFEST.format(slice=slice_of(tmp_path)).replace("linux\n", "linux\n    connect: { ssh: cell }\n")
     (tmp_path / "rarms.yaml").write_text(text, encoding="utf-8")
@@ -84,35 +82,6 @@ def test_plan_apply_drift_undo_and_destroy(folder: Path) -> None:
     assert run(folder, "undo", "--auto-approve").code == 0
     assert run(folder, "destroy", "--auto-approve").code == 0
     assert tree.names() == ()
-
-
-def test_a_cut_connection_is_told_and_another_apply_finishes_the_run(
-    folder: Path, server: Remote, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    real, cut, after = ProgramChannel.run, list[bytes](), list[bytes]()
-
-    def cut_steps_in_their_middle(channel: ProgramChannel, command: str, data: bytes, silence_s: float) -> object:
-        program, begin, calls = data.partition(b"batch() {\n")
-        if cut:
-            after.append(data)
-        elif calls.count(b"\neffect ") > MANY:
-            cut.append(data)
-            first, effect, rest = calls.rpartition(b"\neffect ")
-            data = program + begin + first + b"\nsleep 10" + effect + rest
-            threading.Timer(1.5, server.cut).start()
-        return real(channel, command, data, silence_s)
-
-    monkeypatch.setattr(ProgramChannel, "run", cut_steps_in_their_middle)
-    broken = apply(folder)
-    assert broken.code == 1
-    assert (len(cut), len(after)) == (1, 1), "it tries to give the host back"
-    assert "the connection to cell broke" in " ".join(broken.err.split())
-    assert "to finish it" in " ".join(broken.err.split())
-
-    finished = apply(folder)
-    assert finished.code == 0, finished.err
-    assert run(folder, "plan").code == 0
-    assert run(folder, "undo", "--auto-approve").code == 0
 
 
 def test_a_host_with_another_key_is_not_trusted(folder: Path, server: Remote) -> None:

@@ -1,0 +1,75 @@
+"""Runs that a robot's own rarms does whole: what is asked of it, and the reports that come back.
+
+`rarms_iac.robot` does at the other end what this side asks for here. Begin at `run_there`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from rarms_iac.applying.run_report import RunReport, RunReporter
+from rarms_iac.applying.run_steps import RunControl
+from rarms_iac.model.plan import HostPlan
+from rarms_iac.providers.interface import HostFailed, RobotHost, WaitLimits
+from rarms_iac.providers.robot import perform_call
+from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
+
+STEPS = "steps"
+"""The `RunReporter` of this side, as calls name it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ApplyJob:
+    """A plan for the robot: its whole file."""
+
+    plan: str
+    waits: WaitLimits
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunJob:
+    """A run of the robot that is finished, closed or undone: the one of this plan, or nothing is done."""
+
+    plan: str  # its id
+    waits: WaitLimits
+
+
+@dataclass(frozen=True, slots=True)
+class _StepListener:
+    """A `RobotListener` that passes on what a run reports of its steps."""
+
+    reporter: RunReporter
+    should_stop: Callable[[], bool]
+
+    def on_call(self, target: str, method: str, arguments: Json) -> None:
+        if target != STEPS:
+            raise NotDecodable("target", f"a run has no {target[:40]}")
+        perform_call(self.reporter, RunReporter, method, arguments)
+
+
+def run_there(host: RobotHost, command: str, job: ApplyJob | RunJob, control: RunControl) -> RunReport:
+    """Have the robot do a run, and return its report.
+
+    Args:
+        host: the robot.
+        command: `apply`, `finish`, `abandon` or `undo`.
+        job: what the command needs.
+        control: hears of each step, and is asked whether to stop.
+
+    Raises:
+        HostError: the robot cannot be reached, refuses, or the connection broke.
+    """
+    answer = host.ask(command, encode(job), _StepListener(control.reporter, control.should_stop))
+    try:
+        return decode(RunReport, answer)
+    except NotDecodable as problem:
+        raise HostFailed(host.name, f"its report cannot be read: {problem}", "Look there: rarms history.") from None
+
+
+def without_plans(report: RunReport) -> RunReport:
+    """Return a report as it travels, without its plan, which the other side has."""
+    return replace(report, hosts=tuple(replace(host, host_plan=None) for host in report.hosts))
+
+
+def with_plan(report: RunReport, part: HostPlan) -> RunReport:
+    """Return a report that came, with the plan whose run it is about."""
+    return replace(report, hosts=tuple(replace(host, host_plan=part) for host in report.hosts))

@@ -1,0 +1,380 @@
+"""A Linux host whose own rarms looks, changes and measures: this side sends a request over a channel and follows it.
+
+In: a command with its job, as JSON. Out: the answer of the rarms there, after the calls that it made meanwhile. Begin
+at `RobotByChannel`; `rarms_iac.robot` is the other end. One request is one line on standard input. The answer is lines
+on standard output: `READY`, then calls, and last a result or a failure. A line has at most `LINE_LIMIT` bytes.
+"""
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any, Literal, cast, get_type_hints
+
+from rarms_iac.model.commands import Prose, command, prose
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.host import Host
+from rarms_iac.model.journal import Journal
+from rarms_iac.model.state import State
+from rarms_iac.model.version import __version__
+from rarms_iac.providers.channel import (
+    SSH_FAILED,
+    CommandChannel,
+    CommandResult,
+    Conversation,
+    ProgramChannel,
+    SilenceTimeout,
+    last_of,
+    open_channel,
+)
+from rarms_iac.providers.interface import (
+    UNHEARD,
+    HostDamaged,
+    HostError,
+    HostFailed,
+    HostRefused,
+    HostUnreachable,
+    ObservedHost,
+    RobotListener,
+)
+from rarms_iac.storage.codec import Json, NotDecodable, decode, decode_union, encode
+from rarms_iac.storage.json_text import parse_json
+from rarms_iac.storage.lock import owner
+
+LINE_LIMIT = 64 * 2**20
+"""Bytes of a request, and of each line of an answer."""
+
+INSTALLED = "/opt/rarms"
+"""The folder on a robot that has a virtual environment for each installed version."""
+
+READY = "rarms: ready"
+VERSIONS = "rarms: installed"
+STOP, YES, NO, ALL_SENT = "stop", "yes", "no", "all sent"
+"""Lines behind a request. `STOP` asks for an end after the running step; `ALL_SENT` says that no line follows, so that
+the end of the input does not mean that the connection broke."""
+
+SILENCE_S = 24 * 3600.0
+"""Seconds without a line after which a command is given up: one setting may take hours."""
+
+_NOISE_LINES = 1_000  # of a login, before the robot's rarms speaks
+_MISSING = 69  # exit code of the entry command where this version is not installed
+
+
+def entry_command(installed: str, version: str = __version__) -> str:
+    """Return what a channel runs: rarms of this version as root, or a list of the versions that are there.
+
+    No text of a manifest is in it.
+
+    Args:
+        installed: the folder of all versions.
+        version: the one that is called.
+    """
+    python = f"{installed}/{version}/bin/python"
+    return (
+        f"""sh -c 'run="/usr/bin/env -i {python} -I -m rarms_iac.robot"; """
+        f"""if [ ! -e {python} ]; then echo "{VERSIONS}" $(ls {installed} 2>/dev/null); exit {_MISSING}; """
+        """elif [ "$(id -u)" = 0 ]; then exec $run; else exec sudo -n $run; fi'"""
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostProblem:
+    """A `HostError` as it travels."""
+
+    name: str  # of its class
+    message: str
+    advice: Prose
+
+    def on(self, host: str) -> HostError:
+        """Return the error again, for a host of this name."""
+        return _PROBLEMS.get(self.name, HostFailed)(host, self.message, self.advice)
+
+
+_PROBLEMS = {error.__name__: error for error in (HostDamaged, HostFailed, HostRefused, HostUnreachable)}
+
+
+def problem_of(error: HostError) -> HostProblem:
+    """Return an error as it travels; a class that does not becomes `HostFailed`."""
+    return HostProblem(name=type(error).__name__, message=error.message, advice=prose(error.advice))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Look:
+    """Everything that one look at a host shows; a problem stands for what could not be read."""
+
+    observed: ObservedHost | HostProblem
+    last_run: Journal | HostProblem | None
+    holder: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """The part of a request that does not depend on the command."""
+
+    version: str
+    command: str
+    by: str  # who asks, as of `storage.lock.owner`
+    host: Host  # as the manifest describes it, without `connect`
+    listens: bool  # this side hears calls as they are made, and answers questions
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReporterCall:
+    """A call of a method of a reporter on this side."""
+
+    kind: Literal["call"] = "call"
+    target: str
+    method: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Failure:
+    """Why a command ended without a result."""
+
+    outcome: str  # the value of an `Outcome`
+    findings: tuple[Diagnostic, ...]
+
+
+class EndedThere(HostError):
+    """The robot's rarms ended without a result, for reasons that its findings have."""
+
+    def __init__(self, host: str, failure: Failure) -> None:
+        super().__init__(host, "; ".join(f"{each.summary} ({each.code})" for each in failure.findings), "")
+        self.outcome = failure.outcome
+        self.findings = failure.findings
+
+
+class OtherVersion(HostFailed):
+    """The robot has other versions of rarms, or none."""
+
+    def __init__(self, host: str, installed: tuple[str, ...]) -> None:
+        there = f"it has rarms {', '.join(installed)}" if installed else "rarms is not installed there"
+        advice = prose("Install this version there: ", command("install", host=host), ".")
+        super().__init__(host, f"{there}; this is rarms {__version__}", advice)
+        self.installed = installed
+
+
+class RobotByChannel:
+    """A `RobotHost`. One look answers each kind of question once; a second question of a kind looks again."""
+
+    def __init__(self, host: Host, channel: CommandChannel, installed: str | None = None) -> None:
+        """Prepare; nothing is sent before the first call.
+
+        Args:
+            host: as the manifest describes it.
+            channel: to the host.
+            installed: where rarms lies there; None: `INSTALLED`.
+        """
+        self._host = replace(host, connect=None)
+        self._channel = channel
+        self._installed = installed or INSTALLED
+        self._look: Look | None = None
+        self._answered: set[str] = set()
+        self._looks_once = False
+
+    @property
+    def name(self) -> str:
+        return self._host.name
+
+    def look_once(self) -> None:
+        self._looks_once = True
+
+    def examined(self) -> ObservedHost:
+        return self._observed("examined")
+
+    def observe(self) -> State:
+        return self._observed("state").state
+
+    def journal(self) -> Journal | None:
+        last_run = self._looked("journal").last_run
+        if isinstance(last_run, HostProblem):
+            raise last_run.on(self.name)
+        return last_run
+
+    def unfinished(self) -> Journal | None:
+        journal = self.journal()
+        return journal if journal is not None and journal.unfinished else None
+
+    def holder(self) -> str:
+        return self._looked("holder").holder
+
+    def _observed(self, question: str) -> ObservedHost:
+        observed = self._looked(question).observed
+        if isinstance(observed, HostProblem):
+            raise observed.on(self.name)
+        return observed
+
+    def _looked(self, question: str) -> Look:
+        if self._look is None or (question in self._answered and not self._looks_once):
+            look = self.ask("look", None, UNHEARD)
+            self._look, self._answered = self._decoded(Look, look), set()
+        self._answered.add(question)
+        return self._look
+
+    def ask(self, command: str, job: Json, listener: RobotListener) -> Json:
+        self._look = None
+        listens = isinstance(self._channel, ProgramChannel)
+        request = encode(Request(version=__version__, command=command, by=owner(), host=self._host, listens=listens))
+        data = json.dumps({"request": request, "job": job}, separators=(",", ":")).encode("ascii") + b"\n"
+        if len(data) > LINE_LIMIT:
+            message = f"the request to it has {len(data):,} bytes, and at most {LINE_LIMIT:,} are sent"
+            raise HostFailed(self.name, message, "Ask for less at a time, or move data logs away that are not used.")
+        with self._conversation(data) as conversation:
+            return self._follow(conversation, listener)
+
+    @contextmanager
+    def _conversation(self, data: bytes) -> Iterator[Conversation]:
+        words = entry_command(self._installed)
+        if isinstance(self._channel, ProgramChannel):
+            with open_channel(self.name, (*self._channel.words, words)) as program:
+                program.send(data)
+                yield program
+        else:
+            yield _Ended(self._channel.run(words, data + f"{ALL_SENT}\n".encode("ascii"), SILENCE_S))
+
+    def _follow(self, conversation: Conversation, listener: RobotListener) -> Json:
+        """Return the result; what the robot calls meanwhile is passed on."""
+        has_stopped = False
+
+        def look() -> None:
+            nonlocal has_stopped
+            if not has_stopped and listener.should_stop():
+                has_stopped = True
+                conversation.send(f"{STOP}\n".encode("ascii"))
+
+        try:
+            self._await_ready(conversation, look)
+            while (line := conversation.next_line(SILENCE_S, look)) is not None:
+                answer = self._parsed(line)
+                if "result" in answer:
+                    return cast("Json", answer["result"])
+                if "failure" in answer:
+                    raise EndedThere(self.name, self._decoded(Failure, answer["failure"]))
+                call = self._decoded(ReporterCall, answer.get("call"))
+                with self._readable():
+                    reply = listener.on_call(call.target, call.method, answer.get("arguments"))
+                if reply is not None:
+                    conversation.send(f"{YES if reply else NO}\n".encode("ascii"))
+        except SilenceTimeout:
+            raise self._broken(f"it said nothing for {SILENCE_S / 3600:.0f} hours") from None
+        code = conversation.code()
+        why = last_of(conversation.error_lines).rstrip(".")
+        raise self._broken(why if code == SSH_FAILED else f"the rarms there ended without a result: {why}")
+
+    def _await_ready(self, conversation: Conversation, look: Callable[[], None]) -> None:
+        """Pass over what a login prints, until the robot's rarms speaks."""
+        for _ in range(_NOISE_LINES):
+            line = conversation.next_line(SILENCE_S, look)
+            if line == READY:
+                return
+            if line is not None and line.startswith(VERSIONS):
+                installed = line.removeprefix(VERSIONS).split()
+                raise OtherVersion(self.name, tuple(sorted(set(installed) - {"current"})))
+            if line is None:
+                raise self._not_reached(conversation)
+        raise self._garbage("before it, rarms did not begin")
+
+    def _not_reached(self, conversation: Conversation) -> HostFailed:
+        target, error = self._channel.target, last_of(conversation.error_lines).rstrip(".")
+        if conversation.code() == SSH_FAILED:
+            advice = f"Try it by hand, as rarms does, without questions: `ssh -o BatchMode=yes {target}`."
+            return HostUnreachable(self.name, f"ssh does not reach {target}: {error}", advice)
+        advice = "Connect as root, or let this user start rarms by sudo without a password (docs/linux.md)."
+        return HostFailed(self.name, f"rarms does not start on {target}: {error}", advice)
+
+    def _parsed(self, line: str) -> dict[str, Any]:
+        try:
+            answer = parse_json(line)
+        except NotDecodable as problem:
+            raise self._garbage(problem.message) from None
+        if not isinstance(answer, dict):
+            raise self._garbage("a line is not an object")
+        return answer
+
+    def _decoded(self, hint: type[Any], data: Json) -> Any:
+        with self._readable():
+            return decode(hint, data)
+
+    @contextmanager
+    def _readable(self) -> Iterator[None]:
+        try:
+            yield
+        except NotDecodable as problem:
+            raise self._garbage(str(problem)) from None
+
+    def _garbage(self, why: str) -> HostFailed:
+        message = f"the answer of {self._channel.target} is not of rarms {__version__}: {why[:300]}"
+        return HostFailed(self.name, message, "Look at what the host prints for each command of this user.")
+
+    def _broken(self, why: str) -> HostFailed:
+        message = f"the connection to {self._channel.target} broke: {why}"
+        return HostFailed(self.name, message, "Run the same command again: it reports what was done, and continues.")
+
+
+class _Ended:
+    """A `Conversation` with a command that has ended."""
+
+    def __init__(self, result: CommandResult) -> None:
+        self._lines = iter(result.output.splitlines())
+        self._code = result.code
+        self.error_lines = tuple(result.error.splitlines())
+
+    def send(self, data: bytes) -> None:
+        """It has ended: drop the data."""
+
+    def next_line(self, silence_s: float, look: Callable[[], None]) -> str | None:  # noqa: ARG002 - the protocol's
+        return next(self._lines, None)
+
+    def code(self) -> int | None:
+        return self._code
+
+
+def calls_sent_by(interface: type[Any], target: str, send: Callable[[ReporterCall, Json], None]) -> Any:
+    """Return a reporter whose calls travel to the other side.
+
+    Args:
+        interface: class of the reporter; its methods take values that the codec knows.
+        target: what the other side calls it.
+        send: takes each call with its arguments.
+    """
+
+    def forward(method: str) -> Callable[..., None]:
+        hints = _argument_hints(interface, method)
+
+        def call(_self: object, *arguments: object) -> None:
+            data: Json = [encode(value, hint) for value, hint in zip(arguments, hints, strict=True)]
+            send(ReporterCall(target=target, method=method), data)
+
+        return call
+
+    methods = {name: forward(name) for name in _methods_of(interface)}
+    return type(f"Sent{interface.__name__}", (interface,), methods)()
+
+
+def perform_call(reporter: Any, interface: type[Any], method: str, arguments: Json) -> None:
+    """Make a call of the other side here.
+
+    Args:
+        reporter: of this side.
+        interface: its class, as of `calls_sent_by`.
+        method: one of its methods.
+        arguments: as they came.
+
+    Raises:
+        NotDecodable: there is no such method, or the arguments do not fit it.
+    """
+    if method not in _methods_of(interface):
+        raise NotDecodable("method", f"{interface.__name__} has no {method[:40]}")
+    hints = _argument_hints(interface, method)
+    if not isinstance(arguments, list) or len(arguments) != len(hints):
+        raise NotDecodable("arguments", f"{interface.__name__}.{method} takes {len(hints)}")
+    getattr(reporter, method)(*(decode_union(hint, each) for hint, each in zip(hints, arguments, strict=True)))
+
+
+def _methods_of(interface: type[Any]) -> tuple[str, ...]:
+    return tuple(name for name, each in vars(interface).items() if callable(each) and not name.startswith("_"))
+
+
+def _argument_hints(interface: type[Any], method: str) -> tuple[Any, ...]:
+    hints = get_type_hints(getattr(interface, method))
+    return tuple(hint for name, hint in hints.items() if name != "return")

@@ -1,0 +1,181 @@
+"""Answers one request: `python -I -m rarms_iac.robot`, as root, from folders that only root can write to."""
+
+import json
+import os
+import signal
+import stat
+import sys
+import threading
+import traceback
+from collections.abc import Mapping
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from queue import SimpleQueue
+from typing import BinaryIO
+
+from rarms_iac.app.general_findings import bug_finding, system_finding
+from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
+from rarms_iac.applying import refusals
+from rarms_iac.cli.ending import Interrupted, Interrupts
+from rarms_iac.model.commands import Wording
+from rarms_iac.model.version import __version__
+from rarms_iac.providers.interface import HostRefused
+from rarms_iac.providers.robot import ALL_SENT, LINE_LIMIT, NO, READY, STOP, YES, Failure, Request
+from rarms_iac.robot.caller import Caller
+from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
+from rarms_iac.storage.json_text import parse_json
+from rarms_iac.storage.lock import act_for
+from rarms_iac.storage.reading import read_file
+
+SETTINGS_FILE = Path("/etc/rarms/environment")
+"""Variables of the robot, `NAME=VALUE` a line: what `from_env` reads there, and the key of plans."""
+
+USUAL_PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
+_SETTINGS_BYTES = 2**20
+
+
+MODULES = {"look": "look", "apply": "runs", "finish": "runs", "abandon": "runs", "undo": "runs"}
+"""The module whose `COMMANDS` have what the other side may ask for; each is imported when it is needed."""
+
+
+def main() -> int:
+    """Answer one request. Return 0 if a result was sent."""
+    output = os.dup(1)
+    os.dup2(2, 1)  # what else is printed must not stand between the lines
+
+    def send(answer: Mapping[str, Json]) -> None:
+        _write(output, json.dumps(answer, separators=(",", ":")))
+
+    _write(output, READY)
+    interrupts, ended = Interrupts(), threading.Event()
+    caller = Caller(send, interrupts, SimpleQueue())
+    signal.signal(signal.SIGHUP, lambda _number, frame: interrupts.receive(signal.SIGTERM, frame))
+    try:
+        with interrupts.listening():
+            refuse_writable_code()
+            set_environment(SETTINGS_FILE)
+            request, job = read_request(sys.stdin.buffer)
+            threading.Thread(target=_listen, args=(sys.stdin.buffer, caller, ended), daemon=True).start()
+            act_for(request.by)
+            module = import_module(f"rarms_iac.robot.{MODULES[request.command]}")
+            result = module.COMMANDS[request.command](request.host, job, caller)
+        ended.set()
+        send({"result": result})
+    except BaseException as error:  # noqa: BLE001 - the other side is told of everything
+        ended.set()
+        send({"failure": encode(_failure_of(error))})
+        return 1
+    return 0
+
+
+def read_request(lines: BinaryIO) -> tuple[Request, Json]:
+    """Read the line of a request.
+
+    Raises:
+        UseCaseError: it is not a request to this version (failed).
+    """
+    data = lines.readline(LINE_LIMIT + 1)
+    try:
+        request, job = _parts_of(data)
+    except (NotDecodable, UnicodeDecodeError) as problem:
+        raise _refused(f"the request cannot be read: {problem}", "Call this program by rarms, not by hand.") from None
+    if request.version != __version__ or request.command not in MODULES:
+        message = f"the request {request.command[:20]} is for rarms {request.version[:20]}; this is rarms {__version__}"
+        raise _refused(message, "Install the same version on both sides.")
+    return request, job
+
+
+def _parts_of(data: bytes) -> tuple[Request, Json]:
+    if not data.endswith(b"\n"):
+        raise NotDecodable("", f"it is not one line of at most {LINE_LIMIT:,} bytes")
+    document = parse_json(data.decode("utf-8"))
+    if not isinstance(document, dict) or set(document) != {"request", "job"}:
+        raise NotDecodable("", "it does not have a request and a job")
+    return decode(Request, document["request"]), document["job"]
+
+
+def refuse_writable_code(paths: tuple[str, ...] = (__file__, *sys.path)) -> None:
+    """Refuse to run code that others than root can change.
+
+    Args:
+        paths: of code; each with all folders above it counts, where links lead to, too.
+
+    Raises:
+        UseCaseError: this is not root, or one of them can be written by others (failed).
+    """
+    if os.geteuid() != 0:
+        raise _refused("this user is not root", "Connect as root, or by sudo (docs/linux.md).")
+    for path in dict.fromkeys(Path(path).resolve() for path in paths if path and Path(path).exists()):
+        for part in (path, *path.parents):
+            status = part.stat()
+            if status.st_uid != 0 or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+                raise _refused(
+                    f"others than root may write to {part}, so rarms there does not run as root",
+                    f"Let root alone write there: `chown root:root {part}` and `chmod go-w {part}`.",
+                )
+
+
+def set_environment(file: Path) -> None:
+    """Take over the variables of the robot; without a file there is the usual PATH alone.
+
+    Raises:
+        UseCaseError: the file is not root's alone to write, or has a line that is not `NAME=VALUE` (failed).
+    """
+    os.environ.setdefault("PATH", USUAL_PATH)
+    if not file.exists():
+        return
+    refuse_writable_code((str(file),))
+    for number, line in enumerate(read_file(file, _SETTINGS_BYTES).decode("utf-8", "surrogateescape").splitlines(), 1):
+        name, equals, value = line.strip().partition("=")
+        if not name or name.startswith("#"):
+            continue
+        if not equals:
+            raise _refused(f"line {number} of {file} is not NAME=VALUE", "Correct that line.")
+        os.environ[name] = value
+
+
+def _listen(lines: BinaryIO, caller: Caller, ended: threading.Event) -> None:
+    """Hear what the other side says. The end of its input is a stop, unless all was sent: the other side is gone."""
+    is_complete = False
+    while (line := lines.readline(64)) and not ended.is_set():
+        match line.decode("ascii", "replace").strip():
+            case text if text == STOP:
+                os.kill(os.getpid(), signal.SIGINT)
+                is_complete = True  # a connection that is closed after that asks for nothing more
+            case text if text == ALL_SENT:
+                is_complete = True
+            case text if text in {YES, NO}:
+                caller.answers.put(text == YES)
+    caller.answers.put(False)
+    if not is_complete and not ended.is_set():
+        os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _write(output: int, line: str) -> None:
+    """Write a line; where the other side is gone, the end of its input says so, too."""
+    data = memoryview(line.encode("ascii") + b"\n")
+    with suppress(OSError):
+        while data:
+            data = data[os.write(output, data) :]
+
+
+def _failure_of(error: BaseException) -> Failure:
+    if isinstance(error, UseCaseError):
+        return Failure(outcome=error.outcome.value, findings=tuple(error.findings))
+    if isinstance(error, RequestError):
+        return _failure_of(_refused(error.message, error.advice))
+    if isinstance(error, Interrupted):
+        finding = refusals.host_failed(HostRefused("the robot", "the command was stopped", "Run it again."))
+        return Failure(outcome=Outcome.INTERRUPTED.value, findings=(finding,))
+    traceback.print_exception(error)
+    finding = system_finding(error) if isinstance(error, OSError) else bug_finding(error)  # type: ignore[arg-type]
+    return Failure(outcome=Outcome.FAILED.value, findings=(finding,))
+
+
+def _refused(message: str, advice: Wording) -> UseCaseError:
+    return UseCaseError(Outcome.FAILED, [refusals.host_failed(HostRefused("the robot", message, advice))])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
