@@ -65,6 +65,7 @@ class CrashingDisk(disk.FileEffects):
         self.end = end
         self.effects: list[str] = []
         self._busy = False
+        self._crashed = False
         self._real = disk.FileEffects()
 
     def make_folder(self, folder: Path) -> None:
@@ -103,6 +104,8 @@ class CrashingDisk(disk.FileEffects):
             self._effect(name, do)
 
     def _effect(self, name: str, do: Callable[[], None], half: Callable[[], None] = _nothing) -> None:
+        if self._crashed:
+            raise Crash  # clean-up of a process that has ended
         self.effects.append(name)
         self._busy = True
         try:
@@ -111,6 +114,7 @@ class CrashingDisk(disk.FileEffects):
                 return
             if self.when is not When.BEFORE:
                 (half if self.when is When.HALF else do)()
+            self._crashed = self.end is crash
             self.end()
         finally:
             self._busy = False

@@ -15,6 +15,7 @@ from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.wiring import open_host, unfinished_simulated_hosts
 from rarms_iac.applying import refusals
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
+from rarms_iac.applying.preconditions import marked_resources
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.applying.run_steps import RunControl
@@ -359,8 +360,8 @@ def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
 
     Raises:
         RequestError: their last applies are of different plans.
-        UseCaseError: a host cannot be reached or read (failed); its last run is another application's, or an
-            unfinished undo whose journal does not fit the key (refused).
+        UseCaseError: a host cannot be reached or read, or its journal is missing (failed); its last run is another
+            application's, or an unfinished undo whose journal does not fit the key (refused).
     """
     with host_errors():
         opened = tuple(hosts.open(name) for name in hosts.chosen)
@@ -368,6 +369,10 @@ def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
             if isinstance(host, RobotHost):
                 host.look_once()  # it takes back nothing but the apply that was seen
         all_hosts = tuple(LastApply(host=host, journal=run_to_undo(host.journal())) for host in opened)
+        states = {last.host.name: last.host.observe() for last in all_hosts if last.journal is None}
+    missing = {name: marked for name, state in states.items() if (marked := marked_resources(state))}
+    if missing:
+        raise UseCaseError(Outcome.FAILED, [refusals.journal_missing(name, marked) for name, marked in missing.items()])
     chosen = tuple(last for last in all_hosts if last.can_be_undone) or all_hosts[:1]
     own = hosts.system.application
     others = [

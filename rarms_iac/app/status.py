@@ -10,9 +10,10 @@ from rarms_iac.app.hosts import Hosts, last_runs, observe_host
 from rarms_iac.app.report import measured_report
 from rarms_iac.app.report_model import ComponentProof, Report
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
-from rarms_iac.applying.preconditions import no_rights
+from rarms_iac.applying.preconditions import marked_resources, no_rights
 from rarms_iac.applying.state_after import totals_after
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
+from rarms_iac.measuring.partitions import is_test_partition, partition_name
 from rarms_iac.model.commands import APPLY, DRIFT, MEASURE, PLAN, START, RecommendedCommand, command
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.environment_setup import TEST_PARTITIONS
@@ -45,19 +46,24 @@ class PartitionStatus:
         return guaranteed(self.reserve, self.processors)
 
     @property
-    def is_test_partition(self) -> bool:
-        """Whether a measurement made it, which removes it at its end."""
-        return self.name in TEST_PARTITIONS
-
-    @property
     def is_left_by_measurement(self) -> bool:
-        """Whether it is as a measurement needs it: it ends that way only where it is killed."""
-        return self.is_test_partition or (self.is_stopped and self.stopped_by is StoppedBy.MEASUREMENT)
+        """Whether a measurement stopped it and has not started it again."""
+        return self.is_stopped and self.stopped_by is StoppedBy.MEASUREMENT
 
     @property
     def is_stopped(self) -> bool:
         """Whether rarms stopped it, and it was not started since."""
         return self.stopped_by is not StoppedBy.NO_USER and not self.running
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TestPartitionStatus:
+    """A partition that a measurement made for itself and removes at its end; a killed one leaves it."""
+
+    name: str
+    application: str  # whose measurement; empty: it is not marked yet
+    reserved_lp: Fraction
+    running: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,8 +73,11 @@ class HostOverview:
     name: str
     totals: Internal[HostTotals | None] = None  # None: it could not be looked at
     partitions: tuple[PartitionStatus, ...] = ()  # by name
+    test_partitions: tuple[TestPartitionStatus, ...] = ()  # of any application, by name; they count in no total
+    is_measured: Internal[bool] = False  # a test partition of this application is there
     other_drift: tuple[ResourceDrift, ...] = ()  # of what is no partition there: task classes, what is not made yet
     last_run: PastRun | None = None
+    unrecorded: tuple[str, ...] = ()  # as of `History`
     problems: tuple[Diagnostic, ...] = ()  # why it could not be looked at; then nothing else is known
     held_by: str = ""  # who runs something on it now, as `hosts.owner` names them; empty: no run that can be seen
     machine: Internal[str] = ""  # its own identity
@@ -109,7 +118,12 @@ class HostOverview:
     @property
     def is_left_by_measurement(self) -> bool:
         """Whether a measurement was cut off there."""
-        return not self.held_by and any(partition.is_left_by_measurement for partition in self.partitions)
+        return not self.held_by and self.is_at_measurement
+
+    @property
+    def is_at_measurement(self) -> bool:
+        """Whether a measurement of the application is at work there, or left something when it was killed."""
+        return self.is_measured or any(partition.is_left_by_measurement for partition in self.partitions)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,6 +141,8 @@ class History:
     kind: Literal["history"] = "history"
     application: str
     hosts: Mapping[str, tuple[PastRun, ...]]  # the oldest run of each first
+    # By host without a run: what bears a mark of rarms there. Where there is any, the journal is missing.
+    unrecorded: Mapping[str, tuple[str, ...]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,10 +209,14 @@ def history_of_hosts(hosts: Hosts) -> History:
         The runs by host, the oldest first.
 
     Raises:
-        UseCaseError: a journal cannot be read.
+        UseCaseError: a journal cannot be read, or a host without a journal cannot be looked at.
     """
     runs = {name: history_of(run) for name, run in last_runs(hosts)}
-    return History(application=hosts.system.application.name, hosts=runs)
+    return History(
+        application=hosts.system.application.name,
+        hosts=runs,
+        unrecorded={name: marked_resources(observe_host(hosts.open(name))) for name, past in runs.items() if not past},
+    )
 
 
 def _proofs_of_these_hosts(
@@ -248,14 +268,14 @@ def _holder(hosts: Hosts, name: str) -> str:
 
 def _host_overviews(hosts: Hosts) -> tuple[tuple[HostOverview, ...], tuple[Diagnostic, ...]]:
     """Each chosen host, and the errors that keep the manifest from having a layout on those that were looked at."""
-    seen: dict[str, tuple[State, Sequence[PastRun]]] = {}
+    seen: dict[str, tuple[State, History]] = {}
     holders: dict[str, str] = {}
     problems: dict[str, tuple[Diagnostic, ...]] = {}
     for name in hosts.chosen:
         try:
             before = _holder(hosts, name)
-            runs = history_of_hosts(hosts.only(name)).hosts.get(name, ())
-            seen[name] = _observe_alone(hosts, name), runs
+            history = history_of_hosts(hosts.only(name))
+            seen[name] = _observe_alone(hosts, name), history
             holders[name] = before or _holder(hosts, name)  # a run that began or ended meanwhile was seen half
         except UseCaseError as error:
             problems[name] = error.findings
@@ -277,9 +297,12 @@ def _host_overviews(hosts: Hosts) -> tuple[tuple[HostOverview, ...], tuple[Diagn
 
 
 def _host_overview(
-    system: System, name: str, state: State, runs: Sequence[PastRun], drifted: Sequence[ResourceDrift]
+    system: System, name: str, state: State, history: History, drifted: Sequence[ResourceDrift]
 ) -> HostOverview:
-    application = system.application.name
+    application, runs = system.application.name, history.hosts.get(name, ())
+    tests = [partition for partition in state.partitions if is_test_partition(partition)]
+    state = replace(state, partitions=tuple(each for each in state.partitions if each not in tests))
+    drifted = [drift for drift in drifted if drift.address.partition not in TEST_PARTITIONS]
     components = {group.name: tuple(member.name for member in group.members) for group in groups_of(system)}
     kinds = {
         drift.address.partition: drift.drift for drift in drifted if drift.address.partition and not drift.address.task
@@ -310,7 +333,18 @@ def _host_overview(
             for partition in sorted(own, key=lambda partition: partition.mark.name if partition.mark else "")
             if partition.mark
         ),
+        test_partitions=tuple(
+            TestPartitionStatus(
+                name=partition_name(partition),
+                application=partition.mark.application if partition.mark else "",
+                reserved_lp=Fraction(guaranteed(partition.settings.reserve, partition.settings.processors)),
+                running=partition.settings.running,
+            )
+            for partition in sorted(tests, key=partition_name)
+        ),
+        is_measured=any(partition.mark and partition.mark.application == application for partition in tests),
         other_drift=tuple(drift for drift in drifted if drift.address.task or drift.address.partition not in names),
+        unrecorded=history.unrecorded.get(name, ()),
         last_run=runs[-1] if runs else None,
     )
 

@@ -3,12 +3,13 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-from rarms_iac.model.changes import Address
+from rarms_iac.model.changes import RESPONSIVENESS, Address
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places
+from rarms_iac.model.environment_setup import TEST_PARTITIONS
 from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.state import HostFacts, Rights, State
 from rarms_iac.model.system import Application
-from rarms_iac.model.wording import quoted
+from rarms_iac.model.wording import natural_order, quoted
 from rarms_iac.planner.refusals import IGNORED_RESERVES, asks_for_processors, ignores_reserves
 
 OTHER_ROBOT = Finding.error("RARMS342", "A partition or a task class is another robot's")
@@ -69,6 +70,23 @@ def _other_robot(
         address=address,
         values={"host": host, **values, "robot": robot, "own_robot": application.robot},
     )
+
+
+def marked_resources(state: State) -> tuple[str, ...]:
+    """Name what runs of any application left on a host: without a journal there, the journal is missing.
+
+    Args:
+        state: the host as observed.
+
+    Returns:
+        Partitions and task classes in short form, sorted; not test partitions, of which no journal knows.
+    """
+    marks = (partition.mark for partition in state.partitions)
+    found = {mark.name for mark in marks if mark is not None and mark.name not in TEST_PARTITIONS}
+    found |= {Address(partition=task.inside, task=task.name).in_short for task in state.tasks if task.record}
+    if state.responsiveness is not None and state.responsiveness.record:
+        found.add(RESPONSIVENESS.in_short)
+    return tuple(sorted(found, key=natural_order))
 
 
 def no_rights(facts: HostFacts, place: Place | None = None) -> Diagnostic:

@@ -9,7 +9,7 @@ from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, Scr
 from rarms_iac.model.plan import Readings, Step
 from rarms_iac.model.system import Application
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import quoted
+from rarms_iac.model.wording import in_a_row, quoted
 from rarms_iac.providers.interface import HostDamaged, HostError, HostLocked, HostUnreachable
 from rarms_iac.providers.robot import OtherVersion
 
@@ -208,6 +208,22 @@ def host_failed(error: HostError) -> Diagnostic:
         return OTHER_VERSION.of_host(error.host, detail, error.advice, installed=installed, version=__version__)
     finding = DAMAGED if isinstance(error, HostDamaged) else HOST_FAILED
     return finding.of_host(error.host, detail, error.advice, reason=reason)
+
+
+def journal_missing(host: str, marked: Sequence[str]) -> Diagnostic:
+    """Something bears a mark of rarms, and no run is recorded that made it."""
+    return DAMAGED.of_host(
+        host,
+        f"{describe_missing_journal(host, marked)} Nothing can be undone there.",
+        "Nothing was changed. Restore the journal from a copy, or undo the other hosts with --host.",
+        marked=tuple(marked),
+    )
+
+
+def describe_missing_journal(host: str, marked: Sequence[str]) -> str:
+    """Say that the journal of a host is missing, and how that shows."""
+    bear = "bears" if len(marked) == 1 else "bear"
+    return f"The journal of {host} is missing: no run is recorded there, but {in_a_row(marked)} {bear} a mark of rarms."
 
 
 def not_reached(host: str, address: str, difference: str) -> Diagnostic:

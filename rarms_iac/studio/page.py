@@ -15,7 +15,8 @@ from rarms_iac.app.experiments.tune import TuneRequest
 from rarms_iac.app.options import STOP_PARTITIONS, Option
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import ManifestSource
-from rarms_iac.app.status import HostOverview, NextCommand, PartitionStatus
+from rarms_iac.app.status import HostOverview, NextCommand, PartitionStatus, TestPartitionStatus
+from rarms_iac.applying.refusals import describe_missing_journal
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.model.commands import PLAN, START, plain_text, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Sources
@@ -31,7 +32,7 @@ from rarms_iac.views.reports.html import render_page
 from rarms_iac.views.reports.page import on_page
 from rarms_iac.views.reports.table import show_cell
 from rarms_iac.views.reports.tables import RESERVE, RESERVE_LP, levels_of_component
-from rarms_iac.views.status import describe_holders, describe_other_claims, describe_partition
+from rarms_iac.views.status import describe_holders, describe_other_claims, describe_partition, describe_test_partition
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -286,8 +287,8 @@ def _host_on_page(host: HostOverview, remark: str) -> HostOnPage:
         name=host.name,
         sentence=sentence,
         parts=tuple(_parts([*amounts, unpromised], totals.host_lp)),
-        partitions=tuple(map(_partition, own)),
-        problems=(),
+        partitions=(*map(_partition, own), *map(_test_partition, host.test_partitions)),
+        problems=(describe_missing_journal(host.name, host.unrecorded),) if host.unrecorded else (),
         remark=remark,
     )
 
@@ -311,6 +312,11 @@ def _partition(partition: PartitionStatus) -> tuple[str, str, str, str]:
         share_of_processors(partition.reserve, partition.processors),
         describe_partition(partition),
     )
+
+
+def _test_partition(partition: TestPartitionStatus) -> tuple[str, str, str, str]:
+    remark = f"test partition, not counted above; {describe_test_partition(partition)}"
+    return partition.name, show_processors(partition.reserved_lp), "", remark
 
 
 def _components(known: Knowledge, report: Report) -> Iterator[ComponentOnPage]:

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.status import History
+from rarms_iac.applying.refusals import describe_missing_journal
 from rarms_iac.model.journal import Closing, PastRun, RunKind
-from rarms_iac.views.console import STRONG, stack, styled, table
+from rarms_iac.views.console import CHANGED, STRONG, paragraph, stack, styled, table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -21,7 +22,10 @@ def history_text(history: History) -> "RenderableType":
     """Show the runs on each host, the last one first; what was taken back is said at the apply."""
     parts: list[RenderableType] = []
     for host, runs in history.hosts.items():
-        parts.append(styled((f"Host {host}", STRONG), "" if runs else "  nothing was applied here"))
+        marked = history.unrecorded.get(host)
+        parts.append(styled((f"Host {host}", STRONG), "" if runs or marked else "  nothing was applied here"))
+        if marked:
+            parts.append(paragraph(styled((describe_missing_journal(host, marked), CHANGED)), indent=2, more=2))
         rows = history_rows(runs)
         parts.append(table(rows, wrap=(0, 4), indent=2))
     return stack(*parts)

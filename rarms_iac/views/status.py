@@ -5,7 +5,8 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import ComponentProof
-from rarms_iac.app.status import HostOverview, Overview, PartitionStatus
+from rarms_iac.app.status import HostOverview, Overview, PartitionStatus, TestPartitionStatus
+from rarms_iac.applying.refusals import describe_missing_journal
 from rarms_iac.model.commands import prose, sentences
 from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.journal import RunKind
@@ -60,7 +61,7 @@ def describe_holders(hosts: Sequence[HostOverview]) -> str:
 def _work_of_holder(host: HostOverview) -> str:
     if host.last_run is not None and host.last_run.closing is None:
         return "applies a plan" if host.last_run.run is RunKind.APPLY else "takes an apply back"
-    if any(partition.is_left_by_measurement for partition in host.partitions):
+    if host.is_at_measurement:
         return "measures"
     return "is at work"
 
@@ -90,9 +91,14 @@ def _host_overview(host: HostOverview) -> "Iterator[RenderableType]":
             right=(1, 2),
             indent=2,
         )
+    if host.test_partitions:
+        yield paragraph("Test partitions of a measurement, not counted above:", indent=2)
+        yield table([_test_row(partition) for partition in host.test_partitions], wrap=(2,), right=(1,), indent=4)
     for drift in host.other_drift:
         name = drift.address.in_short
         yield paragraph(styled(f"{name}: ", (TITLES[drift.drift], CHANGED)), indent=2, more=2)
+    if host.unrecorded:
+        yield paragraph(styled((describe_missing_journal(host.name, host.unrecorded), CHANGED)), indent=2, more=2)
     if host.last_run:
         yield paragraph(styled((f"Last run: {describe_run(host.last_run)}", DIM)), indent=2, more=2)
     yield ""
@@ -123,14 +129,22 @@ def _row(partition: PartitionStatus) -> tuple[str, ...]:
     )
 
 
+def _test_row(partition: TestPartitionStatus) -> tuple[str, ...]:
+    return partition.name, show_processors(partition.reserved_lp), describe_test_partition(partition)
+
+
+def describe_test_partition(partition: TestPartitionStatus) -> str:
+    """Say whether it runs, and for whose measurement."""
+    whose = f"of {partition.application}" if partition.application else "not marked yet"
+    return f"{'running' if partition.running else 'off'}, {whose}"
+
+
 def describe_partition(partition: PartitionStatus) -> str:
     """Say whether it runs, and what is not as it was applied or is wanted."""
     return "; ".join(_remarks(partition))
 
 
 def _remarks(partition: PartitionStatus) -> Iterator[str]:
-    if partition.is_test_partition:
-        yield "test partition of a measurement"
     match partition.stopped_by:
         case StoppedBy.USER if not partition.running:
             yield "stopped by `rarms stop`"

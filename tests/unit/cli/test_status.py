@@ -1,6 +1,7 @@
 """`rarms status`, `rarms history` and `rarms simulate change`, and what drift and plan say of an intruder."""
 
 import json
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -340,3 +341,41 @@ def test_after_a_proof_with_too_few_samples_as_many_as_may_tell_are_next() -> No
     (proof,) = json.loads(rarms("status", "--json").out)["proofs"]
 
     assert f"Next: `rarms prove --samples {proof['samples_needed']}` runs all" in " ".join(rarms("status").out.split())
+
+
+def test_test_partitions_of_a_killed_measurement_stand_apart() -> None:
+    Path("rarms.yaml").write_text(MANIFEST + MEASURED, encoding="utf-8")
+    words = ("measure", "planner", "--from", "50%", "--to", "50%", "--samples", "20")
+    for at in range(80, 200, 10):
+        with disk.use(CrashingDisk(at)), suppress(Crash):
+            rarms(*words)
+        status = json.loads(rarms("status", "--json").out)
+        (host,) = status["hosts"]
+        if sum(test["reserved_lp"] for test in host["test_partitions"]) == 2:  # P2 has what is kept for the host, too
+            break
+
+    assert [(test["name"], test["application"]) for test in host["test_partitions"]] == [
+        ("rarms-p1", "robot"),
+        ("rarms-p2", "robot"),
+    ]
+    assert (host["partitions"], host["reserved_lp"], host["free_lp"]) == ([], 0, 1.8)
+    text = rarms("status").out
+    assert "Test partitions of a measurement, not counted above:" in text
+    assert "Next: `rarms start`" in text
+
+
+def test_a_missing_journal_is_reported() -> None:
+    never_applied = (rarms("undo", "--auto-approve").code, rarms("history").out)
+    assert rarms("apply", "--auto-approve").code == 0
+    Path(".rarms/hosts/onboard.journal.jsonl").unlink()
+
+    undone, history, status = rarms("undo", "--auto-approve"), rarms("history"), rarms("status")
+
+    assert never_applied == (0, "Host onboard  nothing was applied here\n")
+    missing = "The journal of onboard is missing: no run is recorded there, but speech and vision bear a mark of rarms."
+    assert undone.code == 1
+    assert "error[RARMS190]" in undone.err
+    for text in (undone.err, history.out, status.out):
+        assert missing in " ".join(text.split())
+    assert json.loads(rarms("history", "--json").out)["unrecorded"] == {"onboard": ["speech", "vision"]}
+    assert rarms("start", "vision", "--auto-approve").code == 0

@@ -241,7 +241,7 @@ def test_only_an_undo_that_ended_well_makes_an_apply_undone() -> None:
 
     def endings(closing: Closing | None) -> list[str]:
         undo = replace(applied, run=RunKind.UNDO, closing=closing)
-        shown = render(history_text(History(application="robot", hosts={"onboard": (applied, undo)})))
+        shown = render(history_text(History(application="robot", hosts={"onboard": (applied, undo)}, unrecorded={})))
         return [line.split()[-1] for line in shown.splitlines()[1:]]
 
     assert endings(None) == ["unfinished", "done"]
