@@ -30,9 +30,10 @@ def steady(component: str, mean: float, jobs: int = _JOBS) -> Series:
 
 
 def leave_log(folder: Path, members: Sequence[str], settings: Iterable[Setting], *, build: int = 26100) -> Path:
-    """The data logs of these components, one a load, with these settings, on the first host; the path of the first."""
+    """Write data logs, one for each load, on the first host that the components may use; return the first path."""
     system, recorded = _system(folder), tuple(settings)
-    host = system.hosts[min(system.hosts)]
+    usable = (name for name in system.hosts if all(system.components[each].may_run_on(name) for each in members))
+    host = system.hosts[min(usable)]
     bench = replace(a_bench(), logical_processors=host.logical_processors, provider=host.provider, os_build=build)
     if isinstance(host.settings, SimulatedHost):
         bench = replace(bench, smt=host.settings.smt, scheduler=host.settings.scheduler_type)

@@ -153,7 +153,7 @@ class Relaxation:
     changes: tuple[str, ...]  # needed together
     levels: tuple[RelaxedLevel, ...] = ()  # of the changes, those of an APT
     kind: RelaxationKind = RelaxationKind.CERTAIN
-    host: str = ""  # where it has to be measured, if the hosts differ in platform
+    hosts: tuple[str, ...] = ()  # where it has to be measured, each for itself, if the hosts differ in platform
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

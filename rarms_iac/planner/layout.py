@@ -162,14 +162,16 @@ def describe_possibility(way: Relaxation) -> Wording:
         A sentence.
     """
     changes = in_a_list(way.changes)
-    tune = command("tune", host=way.host) if way.host else command("tune")
+    tunes = [command("tune", host=name) for name in way.hosts] or [command("tune")]
+    tune = prose(tunes[0], *(piece for each in tunes[1:] for piece in (" and ", each)))
     match way.kind:
         case RelaxationKind.LOWER_SETTINGS:
             return prose(f"{changes}: ", MEASURE, " may find that less is enough.")
         case RelaxationKind.FEWER_PROCESSORS:
             return prose("Fewer virtual processors may be enough, and ", MEASURE, f" tells: {changes}.")
         case RelaxationKind.COMBINING:
-            return prose("Combining may be enough, and ", tune, f" measures it: {changes}.")
+            verb = "measure" if len(tunes) > 1 else "measures"
+            return prose("Combining may be enough, and ", tune, f" {verb} it: {changes}.")
         case RelaxationKind.MORE_PROCESSORS:
             return prose(
                 f"{changes[:1].upper()}{changes[1:]} may be enough. How much each partition needs there, ",

@@ -1,6 +1,6 @@
 """The packing problem, made of manifest and hosts; and its answer, turned into a layout."""
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from rarms_iac.model.capacity import CheckedCapacity, capacity_of, core_sharing, foreign_claims
@@ -156,6 +156,38 @@ def problem_of(
         for host in by_name(system.hosts)
     )
     return replace(problem, items=items, bins=tuple(bins))
+
+
+def system_around(problem: Problem, hosts: Collection[str]) -> System:
+    """Return the part of a manifest that shares hosts with these, directly or through another partition.
+
+    What is left out neither takes room there nor can make room there.
+
+    Args:
+        hosts: Names of hosts of the problem; all of them are in the part.
+
+    Returns:
+        The manifest with the hosts, the partitions and the components of that part only.
+    """
+    homes = {group.name: _homes(group, problem) for group in problem.groups}
+    reached = set(hosts)
+    while more := set().union(*(names for names in homes.values() if names & reached)) - reached:
+        reached |= more
+    system, part = problem.system, [group for group in problem.groups if homes[group.name] & reached]
+    members = {member.name for group in part for member in group.members}
+    names = {group.name for group in part}
+    return replace(
+        system,
+        hosts={name: host for name, host in system.hosts.items() if name in reached},
+        components={name: each for name, each in system.components.items() if name in members},
+        partitions={name: each for name, each in system.partitions.items() if name in names},
+    )
+
+
+def _homes(group: Group, problem: Problem) -> set[str]:
+    """Where the search may place a partition; if its size is not known, where the manifest allows it."""
+    item = next((item for item in problem.items if item.name == group.name and item.claims), None)
+    return set(item.claims) if item else {name for name in problem.system.hosts if group.may_run_on(name)}
 
 
 def _current_hosts(system: System, groups: Sequence[Group], views: Mapping[str, HostView]) -> Mapping[str, str]:

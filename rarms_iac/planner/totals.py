@@ -1,11 +1,13 @@
 """The totals of hosts by the manifest and the data logs, for commands that show sums without making a plan."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rarms_iac.model.layout import Layout, PlacedPartition
-from rarms_iac.model.system import System
+from rarms_iac.model.system import Disruption, System
 from rarms_iac.model.totals import HostTotals, host_totals, totals_of
+from rarms_iac.planner.packing.first_fit import partial_first_fit
+from rarms_iac.planner.packing.values import claims_by_host
 from rarms_iac.planner.problem import HostView, Problem, problem_of, solve
 from rarms_iac.planner.reservations import ReservationSource
 
@@ -28,7 +30,8 @@ def planned_totals(system: System, reservations: ReservationSource, views: Mappi
     Returns:
         The totals of every host of the manifest.
     """
-    partitions = _placement_of(problem_of(system, reservations, views, may_move=False))
+    may_move = system.policy.max_disruption is Disruption.REMOVAL
+    partitions = _placement_of(problem_of(system, reservations, views, may_move=may_move))
     return PlannedTotals(partitions=partitions, hosts=totals_by_host(system, partitions, views))
 
 
@@ -53,11 +56,17 @@ def totals_by_host(
 
 
 def _placement_of(problem: Problem) -> tuple[PlacedPartition, ...]:
-    """Return the layout; without one, each partition of known size where it is, or on the first host it may use."""
+    """Return the layout; without one, each partition of known size on one host, so that what must be there counts.
+
+    A partition with a choice takes what those without one leave; if no host has room for it, it counts on the first.
+    """
     answer = solve(problem)
     if isinstance(answer, Layout):
         return answer.partitions
-    chosen = ((name, problem.current_hosts.get(name, ""), sizes) for name, sizes in problem.sizes.items() if sizes)
-    return tuple(
-        problem.partition_on(name, host if host in sizes else min(sizes)) for name, host, sizes in sorted(chosen)
-    )
+    items = sorted((item for item in problem.items if item.claims), key=lambda item: item.name)
+    host_of = {item.name: min(item.claims) for item in items}
+    forced = [item for item in items if len(item.claims) == 1]
+    taken = claims_by_host(forced, problem.bins, host_of)
+    bins = [replace(host, foreign_claims=tuple(taken[host.name])) for host in problem.bins]
+    host_of |= partial_first_fit([item for item in items if item not in forced], bins)
+    return tuple(problem.partition_on(name, host) for name, host in sorted(host_of.items()))

@@ -77,8 +77,9 @@ def combine_question(offer: CombiningOffer) -> Question:
     """Ask whether to combine components, since they need more than there is."""
     need, have = (show_lp_percent(amount) for amount in (offer.need, offer.have))
     then = "" if offer.predicted is None else f", predicted {show_lp_percent(offer.predicted)} combined"
+    misfit = "" if offer.need > offer.have else ", but no placement on the hosts"
     return Question(
-        text=f"Need {need}, have {have}{then}. Combine components?",
+        text=f"Need {need}, have {have}{misfit}{then}. Combine components?",
         help_text="y measures components together, each combination after a question, as `rarms tune --interactive` "
         "does; q ends.",
     )

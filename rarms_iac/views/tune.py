@@ -86,7 +86,7 @@ def partitions_table(partitions: Sequence[TunedPartition]) -> "RenderableType":
 def _sentences(result: TuningResult) -> Sequence[str]:
     run, hosts = result.run, ", ".join(result.hosts)
     before, after, capacity = map(show_lp_percent, (run.before, run.after, run.capacity))
-    fixed = f", {show_lp_percent(run.fixed)} of it by partitions whose reserve the manifest fixes" if run.fixed else ""
+    fixed = f", {show_lp_percent(run.fixed)} of it by partitions that are not tuned" if run.fixed else ""
     match run.ending:
         case "nothing_to_do":
             return [f"{hosts}: nothing to do, {before} are reserved{fixed}; the capacity is {capacity}."]

@@ -10,7 +10,7 @@ from rarms_iac.app.control import Control
 from rarms_iac.app.experiments.level_prompt import SessionEnded
 from rarms_iac.app.experiments.stopping import stopped_to_measure
 from rarms_iac.app.experiments.tune import TuneRequest, TuningPrompt, TuningResult, tune_components
-from rarms_iac.app.experiments.tuning_subject import TuningSubject, subject_of_tuning, tuning_host
+from rarms_iac.app.experiments.tuning_subject import LayoutFit, TuningSubject, subject_of_tuning, tuning_host
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.planner.combining.candidates import candidates_of
@@ -100,7 +100,7 @@ def combining_offer(hosts: Hosts) -> CombiningOffer | None:
             return None
         raise
     need = total(subject.cois) + subject.fixed
-    if need <= subject.capacity:
+    if LayoutFit(subject=subject).fits(subject.cois):
         return None
     return CombiningOffer(need=need, have=subject.capacity, predicted=_predicted(subject, need))
 

@@ -5,33 +5,39 @@ from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 from rarms_iac.app.control import UNATTENDED, Control
-from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.decision_logs import record_tuning
 from rarms_iac.app.experiments.measure import record_reservations
 from rarms_iac.app.experiments.session import MeasuringSession, hold_measuring_hosts, starting_again
 from rarms_iac.app.experiments.stopping import stopped_to_measure
 from rarms_iac.app.experiments.tuning_search import TuningConclusion, search_combinations
-from rarms_iac.app.experiments.tuning_subject import Experiments, TuningSubject, subject_of_tuning, tuning_host
+from rarms_iac.app.experiments.tuning_subject import (
+    Experiments,
+    TuningSubject,
+    problem_around,
+    subject_of_tuning,
+    tuning_host,
+)
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.manifest_edits import FileEdit, edit_partitions, emptied_partitions, write_edits
 from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import now
 from rarms_iac.app.options import busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.app.use_case_errors import RequestError
-from rarms_iac.model.commands import PLAN, Wording, command, prose
+from rarms_iac.model.commands import PLAN, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.layout import Layout, Relaxation, RelaxationKind
+from rarms_iac.model.layout import Infeasible, Layout, Relaxation, RelaxationKind
 from rarms_iac.model.quantities import show_lp_percent
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import in_a_row
+from rarms_iac.model.wording import in_a_row, list_names
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.combining.candidates import candidates_of
 from rarms_iac.planner.combining.oracle import WHOLE, Always, Coi, Consent, PlannerReporter, SilentReporter, total
 from rarms_iac.planner.combining.paper import SUCCESSFUL, UNABLE, Inquiry
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.layout import describe_ways_out, plan_layout, relaxed_levels
-from rarms_iac.planner.problem import host_view
+from rarms_iac.planner.packing.values import least_cost
+from rarms_iac.planner.problem import solve
 from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun, TuningStrategy, UnprovedNeed
 
 
@@ -66,7 +72,7 @@ class TuningResult:
 
     kind: Literal["tune"] = "tune"
     platform: str
-    hosts: tuple[str, ...]  # of the platform, that share the run's capacity
+    hosts: tuple[str, ...]  # that have the run's capacity: the chosen ones, and those with partitions in common
     run: TuningRun
     findings: tuple[Diagnostic, ...]
     removed: tuple[str, ...] = ()  # entries of the manifest's partitions whose components are elsewhere now
@@ -158,7 +164,7 @@ def _result(hosts: Hosts, end: TuningConclusion, request: TuneRequest, edits: Se
     )
     return TuningResult(
         platform=end.subject.host.platform,
-        hosts=tuple(sorted(hosts.chosen)),
+        hosts=tuple(sorted(end.subject.problem.system.hosts)),
         run=tuning_run(end, request.strategy, written=bool(edits)),
         findings=findings,
         removed=tuple(emptied_partitions(hosts.system, end.compounds)) if edits else (),
@@ -195,15 +201,17 @@ def tuning_findings(end: TuningConclusion, strategy: TuningStrategy, places: Pla
     """
     yield from end.still_stopped
     if end.unanswered:
-        mend = "Mend the component's `run`, allow more `run.failures`, or keep it `apart`; then the command goes on."
-        yield planning_findings.NO_ANSWER.at(None, end.unanswered, mend, values={"reason": end.unanswered})
+        correct = "Correct the component's `run`, allow more `run.failures`, or keep it `apart`; then run it again."
+        yield planning_findings.NO_ANSWER.at(None, end.unanswered, correct, values={"reason": end.unanswered})
     elif end.ending == "unable":
         reserved, capacity = map(show_lp_percent, (end.before, end.subject.capacity))
         asked = "tried" if strategy == "paper" else "allowed"
-        message = f"{reserved} must be reserved, the capacity is {capacity}, and no combination that was {asked} fits."
+        need = f"{reserved} must be reserved{_fixed_part(end.subject)}, the capacity is {capacity}"
+        message = f"{need}, and no combination that was {asked} fits."
         ways, advice = _ways_out(end.subject, strategy, places)
         if strategy == "paper" and len(candidates_of(end.subject.cois, end.subject.may_share, most=WHOLE).by_mask) > 1:
-            advice = prose(advice, "\nOr let the default strategy try other combinations: ", command("tune"), ".")
+            default = _tune_again(end.subject)
+            advice = prose(advice, "\nOr let the default strategy try other combinations: ", default, ".")
         if limits := _limits_on_combining(end.subject):
             advice = prose(advice, f"\nOr lift {limits} and tune again.")
         if not end.subject.cois:
@@ -227,10 +235,25 @@ def _ways_out(subject: TuningSubject, strategy: TuningStrategy, places: Places) 
     """Find what else would make everything fit, levels of APTs among it: no pair where tuning has just tried all."""
     problem = subject.problem
     answer = plan_layout(problem.system, problem.reservations, problem.views, places).answer
-    if isinstance(answer, Layout):
-        return (), prose("It fits where other hosts take part: ", PLAN, " shows it.")
-    ways = [way for way in answer.relaxations if strategy == "paper" or way.kind is not RelaxationKind.COMBINING]
+    found = answer.relaxations if isinstance(answer, Infeasible) else ()
+    ways = [way for way in found if strategy == "paper" or way.kind is not RelaxationKind.COMBINING]
     return ways, describe_ways_out(ways)
+
+
+def _fixed_part(subject: TuningSubject) -> str:
+    """As in: , 0.3 LP of it by camera and door, which are not tuned; empty where all are tuned."""
+    tuned = {coi.name for coi in subject.cois}
+    names = [item.name for item in subject.problem.items if item.name not in tuned and least_cost(item)]
+    if not names:
+        return ""
+    verb = "is" if len(names) == 1 else "are"
+    return f", {show_lp_percent(subject.fixed)} of it by {list_names(sorted(names))}, which {verb} not tuned"
+
+
+def _tune_again(subject: TuningSubject, **options: str | bool) -> RecommendedCommand:
+    """The command that tunes the same hosts; on one host, where others are not tuned."""
+    is_whole = set(subject.hosts.chosen) == set(subject.system.hosts)
+    return command("tune", host=False if is_whole else subject.host.name, **options)
 
 
 def _limits_on_combining(subject: TuningSubject) -> str:
@@ -278,12 +301,7 @@ def _doubtful_compounds(end: TuningConclusion) -> Iterator[Diagnostic]:
 
 def _still_too_much(hosts: Hosts, end: TuningConclusion) -> Iterator[Diagnostic]:
     """Whether what the manifest says now can be planned."""
-    manifest = hosts.reloaded().manifest
-    system = manifest.system
-    states = observe_hosts(hosts)
-    reservations = measured_reservations(manifest, states)
-    views = {name: host_view(state, system.application.name) for name, state in states.items()}
-    if isinstance(plan_layout(system, reservations, views, manifest.places).answer, Layout):
+    if isinstance(solve(problem_around(hosts.reloaded(), observe_hosts(hosts))), Layout):
         return
     now, capacity = map(show_lp_percent, (end.after, end.subject.capacity))
     yield planning_findings.STILL_TOO_MUCH.at(
@@ -291,12 +309,12 @@ def _still_too_much(hosts: Hosts, end: TuningConclusion) -> Iterator[Diagnostic]
         f"{now} are reserved now; the capacity is {capacity}.",
         prose(
             "Go on: ",
-            command("tune", strategy="paper", repeat=True),
+            _tune_again(end.subject, strategy="paper", repeat=True),
             ", or ",
-            command("tune"),
-            ". ",
+            _tune_again(end.subject),
+            ". See the causes: ",
             PLAN,
-            " tells more.",
+            ".",
         ),
         address=f"host/{end.subject.host.name}",
         values={"reserved_lp": end.after / 100, "capacity_lp": end.subject.capacity / 100},

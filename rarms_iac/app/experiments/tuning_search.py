@@ -107,7 +107,8 @@ class _TrailReporter:
 
 def _by_the_paper(start: TuningConclusion, inquiry: Inquiry, *, repeat: bool) -> TuningConclusion:
     subject = start.subject
-    done = tune_performance_to_use_less_resource(subject.cois, subject.remaining, inquiry, repeat=repeat)
+    layout_fit = LayoutFit(subject=subject)
+    done = tune_performance_to_use_less_resource(subject.cois, layout_fit.fits, inquiry, repeat=repeat)
     ending: TuningEnding = "nothing_to_do"
     if done.needed:
         ending = "successful" if done.combinations else "unable"

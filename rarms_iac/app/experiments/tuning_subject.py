@@ -16,12 +16,13 @@ from rarms_iac.measuring.strategies import ThresholdCheck
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host
+from rarms_iac.model.layout import Layout
 from rarms_iac.model.outcomes import SettingFailed, Stopped, TooManyFailures
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.state import State
-from rarms_iac.model.system import System
+from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import Coi, Members, Unanswered, coi_as_measured, processors_of
@@ -30,7 +31,7 @@ from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.packing.pack import pack
 from rarms_iac.planner.packing.values import Item, NoPacking, Packing, free_on, least_cost
 from rarms_iac.planner.prediction.members import Predict, alone_in, predictor_of, unpredicted
-from rarms_iac.planner.problem import HostView, Problem, host_view, problem_of
+from rarms_iac.planner.problem import HostView, Problem, host_view, problem_of, solve, system_around
 from rarms_iac.planner.reservations import depends_on_a_log, names_of
 from rarms_iac.statistics.curves import components_not_shown, curves_of, highest_missed
 from rarms_iac.storage.datalog.decisions import TuningStrategy
@@ -46,10 +47,10 @@ class TuningSubject:
 
     hosts: Hosts
     host: Host  # where compounds are measured
-    problem: Problem  # as it is planned now
+    problem: Problem  # as it is planned now: the chosen hosts, and what shares them
     state: State  # of the host
     cois: tuple[Coi, ...]
-    capacity: int  # of the chosen hosts, in per cent of one logical processor
+    capacity: int  # of all hosts of the problem, in per cent of one logical processor
     fixed: int  # what partitions reserve that are not tuned, in the same unit
     predict: Predict = unpredicted
 
@@ -60,8 +61,13 @@ class TuningSubject:
 
     @property
     def remaining(self) -> int:
-        """What the CoIs may reserve together, in per cent of one logical processor."""
-        return max(0, self.capacity - self.fixed)
+        """What the CoIs may reserve together, in per cent of one logical processor.
+
+        A CoI that reserves less on another host counts with what it reserves there.
+        """
+        tuned = {coi.name: coi.cost for coi in self.cois}
+        less = sum(tuned[item.name] - least_cost(item) for item in self.problem.items if item.name in tuned)
+        return max(0, self.capacity - self.fixed + less)
 
     def may_share(self, members: Members) -> bool:
         """Return whether these components may share a partition on some host, and be measured on the one tuned on.
@@ -141,11 +147,12 @@ class TuningSubject:
         memory = sum(self.system.components[name].memory for name in coi.members)
         homes, now = self._homes(coi.members), self.problem.current_hosts.get(coi.name)
         # The partition of that name stays where it runs, as the others do.
-        views = {name: self.problem.views.get(name, HostView()) for name in ((now,) if now in homes else homes)}
+        stays = now in homes and not self.problem.may_move
+        views = {name: self.problem.views.get(name, HostView()) for name in ((now,) if stays and now else homes)}
         claims = {
             name: view.sharing(coi.name).claim(coi.processors, coi.reserve, memory) for name, view in views.items()
         }
-        return Item(name=coi.name, claims=claims)
+        return Item(name=coi.name, claims=claims, current_host=now or "")
 
     def _homes(self, members: Members) -> tuple[str, ...]:
         """The chosen hosts that all of these components may run on."""
@@ -163,12 +170,16 @@ class LayoutFit:
     def fits(self, layout: Sequence[Coi]) -> bool:
         """Return whether the hosts can give these reservations; no, where no placement was found.
 
+        The CoIs as they are fit exactly where a plan has a layout.
+
         Args:
             layout: CoIs that hold each tuned component once.
 
         Returns:
             True only where a placement was found.
         """
+        if set(layout) == set(self.subject.cois) and isinstance(solve(self.subject.problem), Layout):
+            return True
         packing = self.subject.packing_of(layout)
         self.unsure = self.unsure or (isinstance(packing, NoPacking) and not packing.proven)
         return isinstance(packing, Packing)
@@ -189,12 +200,10 @@ def subject_of_tuning(hosts: Hosts, host: Host, states: Mapping[str, State]) -> 
         UseCaseError: A reservation is not measured, or the hosts are of several platforms (negative).
     """
     _refuse_several_platforms(hosts)
-    system, places = hosts.system, hosts.manifest.places
-    reservations = measured_reservations(hosts.manifest, states)
-    views = {name: host_view(state, system.application.name) for name, state in states.items()}
-    problem = problem_of(system, reservations, views, may_move=False)
+    problem = problem_around(hosts, states)
+    reservations = problem.reservations
     if any(not problem.claims[group.name] for group in problem.groups):
-        diagnostics = plan_layout(system, reservations, views, places).findings
+        diagnostics = plan_layout(problem.system, reservations, problem.views, hosts.manifest.places).findings
         raise UseCaseError(
             Outcome.NEGATIVE,
             [diagnostic for diagnostic in diagnostics if has_errors([diagnostic])],
@@ -209,17 +218,33 @@ def subject_of_tuning(hosts: Hosts, host: Host, states: Mapping[str, State]) -> 
         for group in groups
     )
     tuned = {coi.name for coi in cois}
-    chosen = [host_bin for host_bin in problem.bins if host_bin.name in hosts.chosen]
     return TuningSubject(
         hosts=hosts,
         host=host,
         problem=problem,
         state=states[host.name],
         cois=cois,
-        capacity=free_on(chosen).percent,
+        capacity=free_on(problem.bins).percent,
         fixed=sum(least_cost(item) for item in problem.items if item.name not in tuned),
         predict=predictor_of(alone_in(groups, reservations, host)),
     )
+
+
+def problem_around(hosts: Hosts, states: Mapping[str, State]) -> Problem:
+    """Return what a plan has to solve for the chosen hosts and for all that shares them.
+
+    Args:
+        hosts: The chosen ones.
+        states: What hosts look like, by name.
+
+    Returns:
+        The problem. Its system has no partition that neither is on these hosts nor can make room there.
+    """
+    system, reservations = hosts.system, measured_reservations(hosts.manifest, states)
+    views = {name: host_view(state, system.application.name) for name, state in states.items()}
+    may_move = system.policy.max_disruption is Disruption.REMOVAL
+    whole = problem_of(system, reservations, views, may_move=may_move)
+    return problem_of(system_around(whole, hosts.chosen), reservations, views, may_move=may_move)
 
 
 def _refuse_several_platforms(hosts: Hosts) -> None:

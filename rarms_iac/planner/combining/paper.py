@@ -84,7 +84,7 @@ class PaperTuning:
     cois: tuple[Coi, ...]  # as they are now, most critical first
     combinations: tuple[Combination, ...]  # in the order in which they were made
     trail: tuple[Answer, ...]
-    needed: bool  # False: the total lay below the capacity, and there was nothing to do
+    needed: bool  # False: all fitted, and there was nothing to do
 
     @property
     def message(self) -> str:
@@ -95,15 +95,15 @@ class PaperTuning:
 
 
 def tune_performance_to_use_less_resource(
-    cois: Sequence[Coi], capacity: int, inquiry: Inquiry, *, repeat: bool = False
+    cois: Sequence[Coi], fits: Callable[[Sequence[Coi]], bool], inquiry: Inquiry, *, repeat: bool = False
 ) -> PaperTuning:
-    """TPTULR: combine, unless the total lies below the capacity (per cent of one logical processor).
+    """TPTULR: combine where the CoIs do not fit as they are.
 
-    One call makes one combination; `repeat` goes on with the compound until the total fits or nothing succeeds.
+    One call makes one combination; `repeat` goes on with the compound until the CoIs fit or nothing succeeds.
 
     Args:
         cois: what runs now, in any order.
-        capacity: what all of them may reserve, in per cent of one logical processor.
+        fits: whether the hosts have room for these CoIs; the paper compares their sum with 100 %.
         inquiry: who answers, who may refuse a combination, and who is told.
         repeat: go on with the compound after the first combination.
 
@@ -116,8 +116,8 @@ def tune_performance_to_use_less_resource(
     trail: list[Answer] = []
     made: list[Combination] = []
     now = ordered(cois)
-    needed = total(now) >= capacity
-    while needed and (not made or (repeat and total(now) > capacity)):
+    needed = not fits(now)
+    while needed and (not made or (repeat and not fits(now))):
         found = combine_components(now, inquiry, trail)
         if found is None:
             break

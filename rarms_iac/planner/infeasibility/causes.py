@@ -180,15 +180,17 @@ def _sum_exceeds(
 
 
 def _all_together(conflict: Conflict, problem: Problem, need: Callable[[Item], int], show: Callable[[int], str]) -> str:
-    """The sum of all partitions, where others need the same hosts: ways out count them, and a conflict leaves them out.
+    """The sum with the other partitions that have only these hosts; empty where there are none.
 
-    Empty where all partitions are in the conflict, or where some may run on hosts that are not.
+    Ways out count them, and so do the totals of `rarms measure`; a conflict leaves them out.
     """
-    if len(conflict.items) == len(problem.items) or len(conflict.bins) < len(problem.bins):
+    hosts, conflicting = {host.name for host in conflict.bins}, {item.name for item in conflict.items}
+    others = [item for item in problem.items if item.name not in conflicting and item.claims.keys() <= hosts]
+    if not others:
         return ""
-    conflicting = {item.name for item in conflict.items}
-    others = sorted((item.name for item in problem.items if item.name not in conflicting), key=natural_order)
-    return f" With {list_names(others, MOST_NAMES)}, it is {show(sum(map(need, problem.items)))} in all."
+    names = sorted((item.name for item in others), key=natural_order)
+    in_all = sum(map(need, [*conflict.items, *others]))
+    return f" With {list_names(names, MOST_NAMES)}, it is {show(in_all)} in all."
 
 
 def _needs(conflict: Conflict, need: Callable[[Item], int], show: Callable[[int], str]) -> str:

@@ -48,6 +48,7 @@ class Edit:
     message: str
     apply: Callable[[Variant], Variant]
     level: RelaxedLevel | None = None  # where it relaxes an APT
+    host: str = ""  # on which it has to be measured, if the hosts differ in platform
 
 
 Edits = tuple[Edit, ...]
@@ -62,7 +63,6 @@ class RelaxationRange:
     amounts: Sequence[int]  # the first changes most: if everything fits with one, it fits with each before it
     edits_at: Callable[[int], Edits]
     to_be_measured: bool = False  # that it fits rests on what partitions will probably need
-    host: str = ""  # on which it has to be measured, if the hosts differ in platform
 
 
 @dataclass(slots=True, kw_only=True)

@@ -294,6 +294,7 @@ def _pair_relaxation(minor: Group, leader: Group, hosts: Sequence[str], problem:
     least = max(compound.reserve, 1 + floor(100 * missed / compound.processors))
     reserves = range(least, (total(parts) - 1) // compound.taken_processors + 1)
     taken_missed = show_processors(missed * Fraction(compound.taken_processors, compound.processors))
+    platforms = {each.platform for each in problem.system.hosts.values()}
     too_little = f"were shown to miss with {taken_missed}, and " if missed else ""
 
     def edits_at(reserve: int) -> Edits:
@@ -314,14 +315,13 @@ def _pair_relaxation(minor: Group, leader: Group, hosts: Sequence[str], problem:
                 f"{in_a_row(hosts, 'or')}; in one they {too_little}may reserve up to "
                 f"{show_lp_percent(compound.taken_processors * reserve)}",
                 apply,
+                host=host.name if len(platforms) > 1 else "",
             ),
         )
 
-    platforms = {each.platform for each in problem.system.hosts.values()}
     return RelaxationRange(
         partitions=(minor.name, leader.name),
         amounts=reserves,
         edits_at=edits_at,
         to_be_measured=True,
-        host=host.name if len(platforms) > 1 else "",
     )

@@ -71,12 +71,12 @@ def _lower_settings(problem: Problem, conflict: Sequence[str]) -> Iterator[Relax
         yield Relaxation(changes=(change,), kind=RelaxationKind.LOWER_SETTINGS)
 
 
-def _relaxation(edits: Edits, kind: RelaxationKind = RelaxationKind.CERTAIN, host: str = "") -> Relaxation:
+def _relaxation(edits: Edits, kind: RelaxationKind = RelaxationKind.CERTAIN) -> Relaxation:
     return Relaxation(
         changes=tuple(edit.message for edit in edits),
         levels=tuple(edit.level for edit in edits if edit.level is not None),
         kind=kind,
-        host=host,
+        hosts=tuple(dict.fromkeys(edit.host for edit in edits if edit.host)),
     )
 
 
@@ -115,16 +115,15 @@ def _narrowing(
 def _combining(problem: Problem, conflict: Sequence[str], planner: VariantPlanner) -> Iterator[Relaxation]:
     """A pair of the conflict, of the least critical first; where none is enough, several, of all partitions."""
     pairs = islice(pair_relaxations(problem, conflict), PAIRS)
-    tried = ((smallest_edits([pair], planner), pair.host) for pair in pairs)
-    edits, host = next((way for way in tried if way[0]), ((), ""))
+    edits = next(filter(None, (smallest_edits([pair], planner) for pair in pairs)), ())
     if not edits:
         disjoint: list[RelaxationRange] = []
         for pair in pair_relaxations(problem, problem.claims.keys()):
             if not any(set(pair.partitions) & set(other.partitions) for other in disjoint):
                 disjoint.append(pair)
-        edits, host = smallest_edits(disjoint, planner), disjoint[0].host if disjoint else ""
+        edits = smallest_edits(disjoint, planner)
     if edits:
-        yield _relaxation(edits, RelaxationKind.COMBINING, host)
+        yield _relaxation(edits, RelaxationKind.COMBINING)
 
 
 def _ways_with_more_processors(relaxations: Sequence[RelaxationRange], planner: VariantPlanner) -> Iterator[Relaxation]:

@@ -1,5 +1,6 @@
 """What tuning is about, and how it ends when the user stops it."""
 
+import json
 from collections.abc import Iterator, Mapping
 from contextlib import chdir
 from dataclasses import replace
@@ -21,6 +22,7 @@ from rarms_iac.app.experiments.tuning_subject import (
 from rarms_iac.app.hosts import observe_hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
+from rarms_iac.app.totals import totals_at_hand
 from rarms_iac.planner.combining.oracle import Coi, Members
 from rarms_iac.planner.combining.paper import Inquiry
 from rarms_iac.planner.infeasibility.relaxations import pair_relaxations
@@ -140,7 +142,11 @@ def test_a_setting_that_contradicts_the_assumption_is_told_and_nothing_is_proved
     component = "{ criticality: 10, apt: { mean_response_time: { at_most: 100 ms } }, simulation: { work: 10 ms } }"
     least = {"gripper": 13, "speech": 11, "paths": 28, "video": 15}
     lines = "".join(f"  {name}: {component.replace('10,', f'{40 - at},')}\n" for at, name in enumerate(least))
-    head, ballast = MANIFEST.partition("  vision:")[0], "  ballast: { criticality: 1, cpu: { reserve: 0.59 LP } }\n"
+    head, ballast = (
+        MANIFEST.partition("  vision:")[0],
+        "  ballast: { criticality: 1, cpu: { reserve: 0.59 LP }, hosts: [onboard] }\n",
+    )
+    lines = lines.replace("work: 10 ms } }", "work: 10 ms }, hosts: [onboard] }")
     with chdir(tmp_path):
         write(head.replace("logical_processors: 2", "logical_processors: 1") + lines + ballast)
         leave_logs(tmp_path, least)
@@ -178,7 +184,7 @@ def test_after_the_papers_procedure_the_default_strategy_is_a_way_out(here: Path
         (finding,) = tuning_findings(end, strategy, subject.hosts.manifest.places)
         return str(finding.advice)
 
-    assert "Or let the default strategy try other combinations: `rarms tune`." in advice("paper")
+    assert "Or let the default strategy try other combinations: `rarms tune --host onboard`." in advice("paper")
     assert "rarms tune" not in advice("default")
 
 
@@ -190,6 +196,64 @@ def test_hosts_of_several_platforms_are_tuned_one_after_the_other_by_commands_th
     assert (refused.code, "error[RARMS309]" in refused.err) == (4, True)
     advice = " ".join(refused.err.split())
     assert "Tune one after the other: `rarms tune --host workshop`, `rarms tune --host onboard`." in advice
+
+
+TWO_HOSTS = """\
+schema: rarms/v1
+application: { name: robot }
+policy: { interference: busy-loop }
+hosts:
+  a: { logical_processors: 1, memory: 4 GiB, keep_for_host: { processor: 50 % } }
+  b: { logical_processors: 2, memory: 4 GiB }
+components:
+  p: { criticality: 30, apt: &apt, memory: 64 MiB, simulation: { work: 10 ms }, hosts: [a] }
+  q: { criticality: 20, apt: &apt, memory: 64 MiB, simulation: { work: 10 ms } }
+  r: { criticality: 10, apt: &apt, memory: 64 MiB, simulation: { work: 10 ms }, hosts: [b] }
+""".replace("&apt", "{ mean_response_time: { at_most: 100 ms } }")
+
+
+def on_two_hosts(folder: Path, **least: int) -> None:
+    write(TWO_HOSTS)
+    leave_logs(folder, least)
+
+
+def test_tuning_a_host_counts_what_can_be_there(tmp_path: Path) -> None:
+    with chdir(tmp_path):
+        on_two_hosts(tmp_path, p=29, q=25, r=65)
+        over, subject = rarms("plan"), subject_of("a")
+        on_two_hosts(tmp_path, p=20, q=25, r=101)
+        fits = rarms("tune", "--host", "a")
+
+    assert over.code == 4
+    assert (subject.capacity, subject.fixed, sum(coi.cost for coi in subject.cois)) == (50, 0, 54)
+    assert fits.code == 0, fits.err
+    assert fits.out.endswith("a: nothing to do, 0.45 LP are reserved; the capacity is 0.5 LP.\n")
+
+
+def test_who_only_has_a_log_for_a_full_host_counts_there(tmp_path: Path) -> None:
+    """Component q names no hosts: only its data log binds it to a."""
+    with chdir(tmp_path):
+        on_two_hosts(tmp_path, p=55, q=25, r=65)
+        over = rarms("plan", "--json")
+        manifest = load_manifest(ManifestSource(today=date(2026, 11, 22)))
+        totals = totals_at_hand(manifest).hosts
+
+    (finding,) = [each for each in json.loads(over.out)["findings"] if each["code"] == "RARMS014"]
+    assert "p needs 0.55 LP; a has 0.5 LP to promise. With q, it is 0.8 LP in all." in finding["detail"]
+    assert {name: float(each.reserved_lp) for name, each in totals.items()} == {"a": 0.8, "b": 1.3}
+
+
+def test_who_has_a_choice_counts_where_there_is_room(tmp_path: Path) -> None:
+    with chdir(tmp_path):
+        write(
+            TWO_HOSTS.replace("memory: 4 GiB", "memory: 4 GiB, platform: alike").replace(
+                "processors: 1,", "processors: 2,"
+            )
+        )
+        leave_logs(tmp_path, {"p": 60, "q": 15, "r": 65})
+        totals = totals_at_hand(load_manifest(ManifestSource(today=date(2026, 11, 22)))).hosts
+
+    assert {name: float(each.reserved_lp) for name, each in totals.items()} == {"a": 1.2, "b": 1.6}
 
 
 def test_on_whole_cores_an_offer_and_a_way_out_count_what_the_compound_takes_of_them(tmp_path: Path) -> None:

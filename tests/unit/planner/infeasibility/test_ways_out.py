@@ -276,6 +276,22 @@ def test_with_hosts_of_two_platforms_tuning_is_offered_with_its_host() -> None:
     )
 
 
+def test_pairs_on_hosts_of_two_platforms_are_tuned_on_each() -> None:
+    components = [
+        a_component(name, criticality=at, reserve="measured", apt=APT, memory="64 MiB", hosts=[host])
+        for at, (name, host) in enumerate((("arm", "left"), ("base", "left"), ("eye", "right"), ("head", "right")), 1)
+    ]
+    hosts = [a_host(name, platform=name) for name in ("left", "right")]
+    logs = logs_of(**{name: {59: 200.0, 60: 90.0} for name in ("arm", "base", "eye", "head")})
+
+    offered = pair_in(a_system(hosts=hosts, components=components), logs) or ""
+
+    assert offered.startswith(
+        "Combining may be enough, and `rarms tune --host left` and `rarms tune --host right` measure it: all of these:"
+    )
+    assert ("arm and base reserve" in offered, "eye and head reserve" in offered) == (True, True)
+
+
 def test_less_than_half_of_a_rate_that_was_asked_for_is_no_way_out() -> None:
     asked = AtLeast(value=Fraction(95))
 
