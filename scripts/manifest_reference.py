@@ -88,7 +88,7 @@ _EXAMPLES = {
     "SamplesBlock": """\
         samples:
           from: pattern
-          pattern: '^heard .* ok=(?P<ok>[01]) ms=(?P<ms>[0-9.]+)'
+          pattern: '^heard .* ok=(?P<ok>[01]) ms=(?P<ms>\\S+)'
           response_time: { field: ms, unit: ms }
           success: { field: ok }
         """,

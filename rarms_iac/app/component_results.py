@@ -9,7 +9,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Verdict
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.run import Run
-from rarms_iac.model.series import Series
+from rarms_iac.model.series import Series, SkippedLines
 from rarms_iac.model.system import Component, Threshold
 from rarms_iac.model.wording import counted
 from rarms_iac.running.samples import SamplingEnd
@@ -35,6 +35,7 @@ class ComponentRunResult:
     run: Internal[Run]
     series: Series
     ending: SamplingEnd
+    skipped_lines: SkippedLines = SkippedLines()
 
     @output
     def apt(self) -> Mapping[str, Threshold]:

@@ -82,7 +82,7 @@ class SampleReporter:
 
         Args:
             result: what it showed.
-            last_words: the end of its standard error, as it was written.
+            last_words: the end of its standard error, or of its standard output where samples come from standard error.
         """
 
 
@@ -202,7 +202,13 @@ def _run_group(
                 load.check()
             reporter.sample(name, numbers[name], sample)
     results = [
-        ComponentRunResult(component=component, run=run, series=process.series(), ending=process.ending)
+        ComponentRunResult(
+            component=component,
+            run=run,
+            series=process.series(),
+            ending=process.ending,
+            skipped_lines=process.skipped,
+        )
         for (component, run), process in zip(group, runs, strict=True)
     ]
     for result, process in zip(results, runs, strict=True):

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Literal
 
 from rarms_iac.model.quantities import Milliseconds
 
@@ -71,15 +72,25 @@ class Field:
     factor: Fraction = Fraction(1)
 
 
+OutputStream = Literal["stdout", "stderr"]
+STREAM_NAMES: Mapping[OutputStream, str] = {"stdout": "standard output", "stderr": "standard error"}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Samples:
     """How the component's output becomes samples: `json_lines`, `pattern` (RE2) or `per_run`."""
 
     source: str
+    stream: OutputStream = "stdout"  # of a command that writes lines
     pattern: str = ""
     response_time: Field | None = None
     success: Field | None = None
     count: Field | None = None
+
+    @property
+    def other_stream(self) -> OutputStream:
+        """The stream whose lines are not read."""
+        return "stdout" if self.stream == "stderr" else "stderr"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,6 +110,11 @@ class Run:
     failures: int  # failed samples a setting may have
     success_within: Milliseconds | None = None  # on a simulated host, a job that answers later does not succeed
     rates_success: bool = True  # a threshold asks for the success rate; if not, a job's exit code is 0 or it has failed
+
+    @property
+    def has_lines(self) -> bool:
+        """Whether it is a command whose lines are read."""
+        return isinstance(self.start, Command) and self.samples.source != "per_run"
 
     @property
     def ends(self) -> SampleCount | Elapsed:

@@ -22,6 +22,18 @@ class Sample:
     failure: str = ""  # why it is a failed sample (death, time-out, unreadable); empty: it is none
 
 
+FIRST_SKIPPED = 3
+"""Skipped lines that are kept."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SkippedLines:
+    """Lines of a component's output that are not samples: other text than JSON objects, or no match of the pattern."""
+
+    count: int = 0
+    first: tuple[str, ...] = ()  # at most `FIRST_SKIPPED`, shortened, invisible characters spelt out
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Series:
     """All samples of a component at one setting, in the order in which their jobs ended."""

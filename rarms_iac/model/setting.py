@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from rarms_iac.model.quantities import ReservePercent
-from rarms_iac.model.series import Series, join_series
+from rarms_iac.model.series import Series, SkippedLines, join_series
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,6 +20,8 @@ class SettingEvidence:
     dispatch_wait_ns: Mapping[str, float] | None = None
     # By Hyper-V's names of counter set and counter, run times summed over processors; None: not counted.
     hypervisor_ms: Mapping[str, float] | None = None
+    # By component, from the first line on: also before samples counted. Only of those that have some.
+    skipped_lines: Mapping[str, SkippedLines] = field(default_factory=dict)
     disturbances: tuple[str, ...] = ()  # of each try that was disturbed, this one included where it is the last
 
     def since(self, before: "SettingEvidence") -> "SettingEvidence":

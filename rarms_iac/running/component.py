@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Self
 
 from rarms_iac.model.run import Call, Run
-from rarms_iac.model.series import Sample, Series
+from rarms_iac.model.series import Sample, Series, SkippedLines
 from rarms_iac.running.samples import SampleRecord, SamplingEnd, samples_of_lines, samples_of_runs
 from rarms_iac.running.secrets import hide_secrets
 from rarms_iac.running.start import StartContext, order_of
@@ -91,8 +91,16 @@ class ComponentRun:
         return self._record.ending
 
     @property
+    def skipped(self) -> SkippedLines:
+        """The lines so far that were not samples."""
+        return self._record.skipped
+
+    @property
     def tail(self) -> str:
-        """The last that the component wrote to standard error: at most 4 KiB."""
+        """The last text of standard error, or of standard output where samples are read from standard error.
+
+        At most 4 KiB.
+        """
         return self._hide(self._supervisor.tail) if self._supervisor else ""
 
     def _begin(self) -> Generator[Sample, None, None]:

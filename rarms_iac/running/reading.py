@@ -2,16 +2,34 @@
 
 import json
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from rarms_iac.model.run import Call, Field, Run, Samples
-from rarms_iac.model.series import LARGEST_SAMPLE
-from rarms_iac.model.wording import quoted
+from rarms_iac.model.run import STREAM_NAMES, Call, Field, Run, Samples
+from rarms_iac.model.series import FIRST_SKIPPED, LARGEST_SAMPLE, SkippedLines
+from rarms_iac.model.wording import counted, quoted
 
 SHOWN = 60
 """Characters of an unreadable line that its message shows."""
+
+_NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
+"""A number as text: ASCII digits, and no separator of thousands."""
+
+_SEPARATORS = ",.'_\u2019\u00a0\u2009\u202f"
+"""Characters that stand inside a number: decimal marks, and separators of thousands."""
+
+_BEFORE = re.compile(
+    rf"[0-9](?P<inside>[{_SEPARATORS}]|[eE][+-]?|[xX])?$"  # more digits
+    r"|(?:^|[\s=:;(\[])(?:[-\u2212][.,]?|\+?[.,])$"  # a sign, or a decimal mark without a digit before it
+)
+"""Text that ends with a part of the number that follows it."""
+
+_AFTER = re.compile(rf"((?P<inside>[{_SEPARATORS}eExX])[+-]?)?[0-9]")
+"""Text that begins with the rest of a number before it."""
+
+_AROUND = rf"[0-9{_SEPARATORS}eExX+\u2212-]*"
 
 PATTERN_MEMORY = 2**20
 """Bytes that a compiled pattern may take."""
@@ -34,31 +52,81 @@ class Unreadable:
 
 
 LineReader = Callable[[str], Reading | Unreadable | None]
-"""Reads a line; None: the line is no sample at all, and not a damaged one either."""
+"""Reads a line; None: the line is skipped, because it is not a sample and not a damaged one either."""
 
 
 def line_reader(samples: Samples) -> LineReader:
     """Choose how the lines of a command are read, as `run.samples` says."""
     if samples.source == "pattern":
-        match = _matcher(samples.pattern)
-
-        def read_match(line: str) -> Reading | Unreadable | None:
-            groups = match(line)
-            return None if groups is None else read_values(samples, groups, line)
-
-        return read_match
+        return _match_reader(samples)
     return lambda line: read_json(samples, line)
 
 
-def read_json(samples: Samples, line: str) -> Reading | Unreadable:
-    """Read one JSON object with the fields that the manifest names."""
+def read_json(samples: Samples, line: str) -> Reading | Unreadable | None:
+    """Read one JSON object with the fields that the manifest names.
+
+    A line that begins like an object and cannot be read is a damaged sample; any other line is not a sample.
+    """
+    if not line.lstrip().startswith("{"):
+        return None
     try:
         values = json.loads(line, parse_constant=_refused)
     except (ValueError, RecursionError):
         return Unreadable(message=f"not a JSON object: {quoted(line, SHOWN)}")
-    if not isinstance(values, dict):
-        return Unreadable(message=f"not a JSON object: {quoted(line, SHOWN)}")
     return read_values(samples, values, line)
+
+
+def _match_reader(samples: Samples) -> LineReader:
+    compiled = compile_pattern(samples.pattern)
+    groups: Mapping[str, int] = compiled.groupindex
+    fields = [field for field in (samples.response_time, samples.success, samples.count) if field is not None]
+
+    def read_match(line: str) -> Reading | Unreadable | None:
+        matched = compiled.search(line)
+        if matched is None:
+            return None
+        spans = {name: matched.span(number) for name, number in groups.items()}
+        for field in fields:
+            if (whole := cut_number(line, spans, field.name)) is not None:
+                part = quoted(matched.group(groups[field.name]), SHOWN)
+                return Unreadable(
+                    message=f'the field "{field.name}" is {part}, and only a part of {quoted(whole, SHOWN)}'
+                )
+        return read_values(samples, matched.groupdict(), line)
+
+    return read_match
+
+
+def cut_number(line: str, spans: Mapping[str, tuple[int, int]], name: str) -> str | None:
+    """Find a number of which a named group has only a part, as in `12,5`, `1.5e+06` or `0x10`.
+
+    Nothing is guessed about decimal commas: a digit after a separator belongs to the number, unless another named group
+    begins (or, before the number, ends) there.
+
+    Args:
+        line: That the pattern matched.
+        spans: Begin and end of each named group in it; -1 of one that took no part.
+        name: Of the group.
+
+    Returns:
+        The text that the group is a part of; None: it has the whole number, or no digit at that end.
+    """
+    start, end = spans[name]
+    text = line[start:end] if start >= 0 else ""
+    before = _BEFORE.search(line[max(0, start - 4) : start]) if text[:1].isdigit() or text[:1] == "." else None
+    after = _AFTER.match(line, end) if text[-1:].isdigit() or text[-1:] == "." else None
+    others = [span for group, span in spans.items() if group != name]
+    # Between a digit and a digit stands a separator or nothing: that is where the neighbouring group ends or begins.
+    if before and any(stop in {start, start - len(before["inside"] or "")} for _, stop in others):
+        before = None
+    if after and any(begin == end + len(after["inside"] or "") for begin, _ in others):
+        after = None
+    if before is None and after is None:
+        return None
+    prefix, suffix = re.search(f"{_AROUND}$", line[max(0, start - SHOWN) : start]), re.match(_AROUND, line[end:])
+    assert prefix is not None
+    assert suffix is not None
+    return f"{prefix[0]}{text}{suffix[0]}".strip(_SEPARATORS)
 
 
 def read_values(samples: Samples, values: Mapping[str, Any], line: str) -> Reading | Unreadable:
@@ -104,8 +172,13 @@ def look_up(values: Mapping[str, Any], field: Field) -> tuple[bool, Any]:
 
 
 def number(value: object) -> float | None:
-    """A finite number that is not negative, also as text; None where it is none."""
+    """A finite number that is not negative, also as text; None: it is not one.
+
+    Text is a number as a whole or not at all: `12,5` and `1_000` are refused.
+    """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return None
+    if isinstance(value, str) and not _NUMBER.fullmatch(value.strip()):
         return None
     try:
         read = float(value)
@@ -133,16 +206,6 @@ def compile_pattern(pattern: str) -> Any:
     options.max_mem = PATTERN_MEMORY
     options.log_errors = False
     return re2.compile(pattern, options=options)
-
-
-def _matcher(pattern: str) -> Callable[[str], Mapping[str, Any] | None]:
-    compiled = compile_pattern(pattern)
-
-    def match(line: str) -> Mapping[str, Any] | None:
-        matched = compiled.search(line)
-        return None if matched is None else matched.groupdict()
-
-    return match
 
 
 def _refused(name: str) -> float:
@@ -216,3 +279,43 @@ def _read_result(run: Run, read: LineReader, result: object, response: float) ->
     if isinstance(reading, Reading) and samples.response_time is None:
         return replace(reading, response_ms=response)
     return reading
+
+
+def skip_line(skipped: SkippedLines, line: str) -> SkippedLines:
+    """Count one more skipped line."""
+    first = skipped.first
+    if len(first) < FIRST_SKIPPED:
+        first = (*first, quoted(line, SHOWN))
+    return SkippedLines(count=skipped.count + 1, first=first)
+
+
+def lines_that_match(read: AnswerReader, text: str) -> int:
+    """Count the lines of a text that are samples."""
+    return sum(isinstance(read(line), JobAnswer) for line in text.splitlines() if line.strip())
+
+
+def describe_skipped(samples: Samples, skipped: SkippedLines) -> str:
+    """Say how many lines were skipped, and what the first ones are."""
+    if samples.source == "pattern":
+        fault = "did not match the pattern"
+    else:
+        fault = "was not a JSON object" if skipped.count == 1 else "were not JSON objects"
+    which = "the first: " if skipped.count > len(skipped.first) else ""
+    return f"{counted(skipped.count, 'line')} {fault} ({which}{', '.join(skipped.first)})"
+
+
+def describe_no_sample(message: str, samples: Samples, skipped: SkippedLines, elsewhere: int) -> str:
+    """Say why there is no sample, with the lines that were read, and those of the other stream.
+
+    Args:
+        message: The reason so far.
+        elsewhere: Lines of the other stream that are samples.
+    """
+    parts = [message]
+    if skipped.count:
+        parts.append(describe_skipped(samples, skipped))
+    if elsewhere:
+        other = samples.other_stream
+        found = f"{counted(elsewhere, 'line')} of {STREAM_NAMES[other]} {'matches' if elsewhere == 1 else 'match'}"
+        parts.append(f"{found}: use `samples: {{stream: {other}}}`")
+    return "; ".join(parts)

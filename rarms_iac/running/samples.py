@@ -7,8 +7,16 @@ from enum import StrEnum
 
 from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount
-from rarms_iac.model.series import Sample
-from rarms_iac.running.reading import AnswerReader, JobAnswer, Unreadable, answer_reader
+from rarms_iac.model.series import Sample, SkippedLines
+from rarms_iac.running.reading import (
+    AnswerReader,
+    JobAnswer,
+    Unreadable,
+    answer_reader,
+    describe_no_sample,
+    lines_that_match,
+    skip_line,
+)
 from rarms_iac.running.start import CannotStart
 from rarms_iac.running.supervisor import (
     FLOOD,
@@ -46,6 +54,7 @@ class SampleRecord:
         self._hide = hide
         self.samples: list[Sample] = []
         self.failed = 0
+        self.skipped = SkippedLines()
         self.ending = SamplingEnd.RUNNING
         self._begun: float | None = None
         self._last: float | None = None
@@ -73,6 +82,10 @@ class SampleRecord:
         elif isinstance(self.run.ends, SampleCount) and len(self.samples) >= self.run.ends.samples:
             self.ending = SamplingEnd.UNTIL
         return sample
+
+    def skip(self, line: str) -> None:
+        """Count a line that is not a sample."""
+        self.skipped = skip_line(self.skipped, self._hide(line))
 
     def is_over(self, at: float) -> bool:
         """Whether the setting has lasted long enough at this time; it then ends."""
@@ -133,7 +146,8 @@ class _Process:
 
     last: float  # when it began, or its last sample came
     samples: int = 0
-    unread: int = 0  # bytes since then that were no sample
+    unread: int = 0  # bytes of skipped lines since then
+    skipped: SkippedLines = SkippedLines()
     stopping: bool = False
 
 
@@ -184,22 +198,38 @@ class _LineReader:
             case ProcessStarted():
                 self._now.last = at
                 return None
-            case OutputLine(text=text, size=size):
-                return self._of_line(self._read_answer(text), size, at)
+            case OutputLine(text=text):
+                answer = self._read_answer(text)
+                return self._skip(event) if answer is None else self._of_line(answer, at)
             case OverlongLine(flood=True):
                 return self._give_up(f"a line of {FLOOD_SIZE}")
             case OverlongLine():
-                return self._of_line(LONG_LINE, 0, at)
+                return self._of_line(LONG_LINE, at)
             case ProcessEnded():
-                well = ended_by_itself(event) and self._now.samples > 0
-                return None if well else self._record.failure(self._now.last, describe_early_end(event))
+                if ended_by_itself(event) and self._now.samples > 0:
+                    return None
+                return self._record.failure(self._now.last, self._without_sample(describe_early_end(event)))
             case None:
-                return self._give_up(f"no sample within {show_milliseconds(self._record.run.timeout)}")
+                timeout = show_milliseconds(self._record.run.timeout)
+                return self._give_up(self._without_sample(f"no sample within {timeout}"))
 
-    def _of_line(self, answer: JobAnswer | Unreadable | None, size: int, at: float) -> Sample | None:
-        if answer is None:
-            self._now.unread += size
-            return self._give_up(f"{FLOOD_SIZE} without a sample") if self._now.unread > FLOOD else None
+    def _skip(self, line: OutputLine) -> Sample | None:
+        self._record.skip(line.text)
+        self._now.skipped = skip_line(self._now.skipped, line.text)
+        self._now.unread += line.size
+        if self._now.unread <= FLOOD:
+            return None
+        return self._give_up(self._without_sample(f"{FLOOD_SIZE} without a sample"))
+
+    def _without_sample(self, message: str) -> str:
+        """Add what the component wrote instead, as far as this process has not made a sample."""
+        run = self._record.run
+        if self._now.samples or not run.has_lines:
+            return message
+        elsewhere = lines_that_match(self._read_answer, self._supervisor.settled_tail())
+        return describe_no_sample(message, run.samples, self._now.skipped, elsewhere)
+
+    def _of_line(self, answer: JobAnswer | Unreadable, at: float) -> Sample | None:
         if isinstance(answer, JobAnswer) and answer.cannot:
             raise CannotStart(self._component, answer.cannot)
         if isinstance(answer, JobAnswer) and answer.ready is not None:

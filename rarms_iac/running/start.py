@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NoReturn
 
-from rarms_iac.model.run import Call, Command, FromEnvironment, Periodic, Run, Stop
+from rarms_iac.model.run import Call, Command, FromEnvironment, OutputStream, Periodic, Run, Stop
 
 
 class RunningError(Exception):
@@ -66,6 +66,7 @@ class StartOrder:
     environment: Mapping[str, str]
     stop: Stop
     join: tuple[Path, ...] = ()
+    stream: OutputStream = "stdout"  # whose lines are read
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +88,8 @@ def order_of(component: str, run: Run, context: StartContext) -> StartOrder:
     if not folder.is_dir():
         raise CannotStart(component, f"its folder {folder} is not there")
     own = replace(context, environment=environment_of(component, run, context.environment))
-    return _order_in(folder, component, _words(run, context), own, run.stop)
+    order = _order_in(folder, component, _words(run, context), own, run.stop)
+    return replace(order, stream=run.samples.stream) if run.has_lines else order
 
 
 def order_of_words(name: str, words: tuple[str, ...], context: StartContext) -> StartOrder:

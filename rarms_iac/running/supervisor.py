@@ -23,6 +23,8 @@ TAIL = 4096
 PIECE = 64 * 1024
 WAITING = 64
 """So many pieces wait to be read; a component that prints more waits, and rarms' memory stays small."""
+CATCH_UP_S = 0.05
+"""The two streams have a thread each, which may be so far apart."""
 GOING_S = 10.0
 """How much longer than its grace a component's end may take."""
 
@@ -36,7 +38,7 @@ _LAST_SIGNAL = 1000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputLine:
-    """A line of standard output."""
+    """A line of the stream whose lines are read."""
 
     at: float  # time.perf_counter
     text: str
@@ -180,8 +182,13 @@ class Supervisor:
 
     @property
     def tail(self) -> str:
-        """The last that was written to standard error."""
+        """The last text of the stream whose lines are not read: standard error, unless the order says otherwise."""
         return self._tail.decode("utf-8", "replace")
+
+    def settled_tail(self) -> str:
+        """Return `tail` when the thread that reads it has caught up with what was written before."""
+        time.sleep(CATCH_UP_S)
+        return self.tail
 
     def _commands(self) -> IO[bytes]:
         assert self._process.stdin is not None
@@ -194,6 +201,7 @@ class Supervisor:
             "folder": str(order.folder),
             "environment": dict(order.environment),
             "join": [str(file) for file in order.join],
+            "stream": order.stream,
             "signal": order.stop.signal,
             "grace_ms": float(order.stop.grace),
         }

@@ -5,8 +5,8 @@ when rarms is killed: its standard input is the lifeline. It adopts what the com
 the processor time of all of them, and needs the standard library only. `supervisor.py` is the other end.
 
 Standard input, a line each: the order (a JSON object), then `start <time>`, `stop`; its end ends everything.
-Standard output is the component's own; the supervisor's messages stand between, in lines that begin with the order's
-mark.
+Standard output has the lines of the component's stream that the order names, and between them the supervisor's
+messages, in lines that begin with the order's mark. Standard error has the component's other stream.
 Times are those of `time.perf_counter`, which all processes of a system share.
 """
 
@@ -133,6 +133,11 @@ class PosixSupervisor:
             for file in self._order["join"]:
                 Path(file).write_text(str(os.getpid()), encoding="ascii")
             os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+            if self._order["stream"] == "stderr":
+                output = os.dup(1)
+                os.dup2(2, 1)
+                os.dup2(output, 2)
+                os.close(output)
             os.chdir(self._order["folder"])
             os.execve(self._order["words"][0], self._order["words"], self._order["environment"])  # noqa: S606 - so it is meant
         except BaseException as error:  # noqa: BLE001 - after any error this process must not go on as a second supervisor

@@ -90,10 +90,13 @@ class WindowsSupervisor:
     def _start(self) -> None:
         self._due = None
         self._send_event(event="started", at=time.perf_counter())
+        is_swapped = self._order["stream"] == "stderr"
         try:
             self._process = subprocess.Popen(
                 self._order["words"],
                 stdin=subprocess.DEVNULL,
+                stdout=2 if is_swapped else None,
+                stderr=1 if is_swapped else None,
                 cwd=self._order["folder"],
                 env=self._order["environment"],
                 creationflags=NEW_GROUP,

@@ -7,8 +7,10 @@ from rarms_iac.app.run_component import SampleReporter
 from rarms_iac.model.indexes import index_named, show_bound
 from rarms_iac.model.outcomes import Estimate, NoEstimate, verdict_word
 from rarms_iac.model.quantities import show_number
+from rarms_iac.model.run import STREAM_NAMES
 from rarms_iac.model.series import Sample
 from rarms_iac.model.wording import counted
+from rarms_iac.running.reading import describe_skipped
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.views.console import paragraph, stack, table
 from rarms_iac.views.harmless import visible
@@ -47,7 +49,9 @@ def _summary_text(ran: ComponentRunResult) -> "RenderableType":
         (index, _estimate(index, estimate), bounds.get(index, ""), verdicts.get(index, ""))
         for index, estimate in ran.estimates.items()
     ]
-    return stack(paragraph(_head(ran)), table(rows, wrap=(1,), indent=2))
+    skipped = ran.skipped_lines
+    notes = [paragraph(f"{describe_skipped(ran.run.samples, skipped)}.")] if skipped.count else []
+    return stack(paragraph(_head(ran)), table(rows, wrap=(1,), indent=2), *notes)
 
 
 def _head(ran: ComponentRunResult) -> str:
@@ -72,7 +76,7 @@ def _estimate(index: str, estimate: Estimate | NoEstimate) -> str:
 
 
 FAILURE_LINES = 10
-"""Of standard error, that are shown where samples failed."""
+"""Lines of the stream without samples that are shown where samples failed."""
 
 
 class Screen(Protocol):
@@ -95,7 +99,7 @@ class Screen(Protocol):
 
 
 class FailureReporter(SampleReporter):
-    """A `SampleReporter` that shows what a component of which samples failed wrote last on standard error."""
+    """A `SampleReporter` that shows the last other output of a component whose samples failed."""
 
     def __init__(self, screen: Screen) -> None:
         self._screen = screen
@@ -110,7 +114,8 @@ class FailureReporter(SampleReporter):
         if is_failing and last_words.strip():
             last = last_words.strip().splitlines()[-FAILURE_LINES:]
             lines = "\n".join(f"  {visible(line, keep='')}" for line in last)
-            self._screen.talk(f"{result.component.name} wrote last on standard error:\n{lines}")
+            other = STREAM_NAMES[result.run.samples.other_stream]
+            self._screen.talk(f"Last lines of {result.component.name} on {other}:\n{lines}")
 
 
 class LiveSampleReporter(FailureReporter):

@@ -27,7 +27,9 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.quantities import ReservePercent, guaranteed, share_of_processors, show_duration, show_processors
 from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.setting import Setting
+from rarms_iac.model.system import run_of
 from rarms_iac.model.wording import counted, in_a_row, list_names
+from rarms_iac.running.reading import describe_skipped
 from rarms_iac.statistics.error_probability import describe_errors, describe_extreme
 from rarms_iac.statistics.verdicts import until_share
 from rarms_iac.views.console import LiveRows, paragraph, show_seconds, stack, table
@@ -143,9 +145,21 @@ def _totals(outcome: MeasureOutcome) -> Iterator[str]:
         here = [result for result in results if result.experiment.host.name == name]
         settings = counted(sum(len(result.settings) for result in here), "setting")
         yield (f"{name}: {_reserved_on(name, outcome)}{settings}, {sum(result.new for result in here)} of them new.")
+    yield from _skipped_lines(results)
     extremes = {index_named(measured.index).is_extreme for measured in _concluded_indexes(results)}
     if extremes:
         yield describe_errors(sure=False in extremes, so_far=True in extremes)
+
+
+def _skipped_lines(results: Sequence[ExperimentResult]) -> Iterator[str]:
+    """A sentence a component whose output has lines that are not samples."""
+    described = {
+        member.name: f"{member.name}: {describe_skipped(run_of(member).samples, skipped)}."
+        for result in results
+        for member in result.experiment.members
+        if (skipped := result.skipped_lines.get(member.name)) is not None
+    }
+    yield from described.values()
 
 
 def _reserved_on(host: str, outcome: MeasureOutcome) -> str:

@@ -30,6 +30,7 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import ReservePercent, guaranteed
+from rarms_iac.model.series import SkippedLines
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.weak_loads import advice_on_weak_loads
@@ -191,6 +192,16 @@ class ExperimentResult:
     def error(self) -> float | None:
         """How probably the answer is wrong; None: there is none."""
         return ERROR if isinstance(self.conclusion, Sufficient | NotAchievable) and not self.is_weak else None
+
+    @output
+    def skipped_lines(self) -> Mapping[str, SkippedLines]:
+        """Lines of real components that were not samples, by component, of all settings."""
+        found: dict[str, SkippedLines] = {}
+        for setting in self.settings:
+            for name, more in (setting.evidence.skipped_lines if setting.evidence else {}).items():
+                before = found.get(name, SkippedLines())
+                found[name] = SkippedLines(count=before.count + more.count, first=before.first or more.first)
+        return found
 
     @output
     def measured(self) -> tuple[MeasuredSetting, ...]:

@@ -84,24 +84,33 @@ class FieldBlock(Block):
     )
 
 
-def _pattern_only_where_it_is_read() -> dict[str, Any]:
-    reads = {"properties": {"from": {"const": "pattern"}}, "required": ["from"]}
-    return {"if": reads, "then": {"required": ["pattern"]}, "else": {"not": {"required": ["pattern"]}}}
+def _keys_only_where_they_are_read() -> dict[str, Any]:
+    matches = {"properties": {"from": {"const": "pattern"}}, "required": ["from"]}
+    has_lines = {"properties": {"from": {"enum": ["json_lines", "pattern"]}}, "required": ["from"]}
+    return {
+        "if": matches,
+        "then": {"required": ["pattern"]},
+        "else": {"not": {"required": ["pattern"]}},
+        "anyOf": [has_lines, {"not": {"required": ["stream"]}}],
+    }
 
 
 class SamplesBlock(Block):
     """How the component's output becomes samples."""
 
-    model_config = ConfigDict(json_schema_extra=_pattern_only_where_it_is_read())
+    model_config = ConfigDict(json_schema_extra=_keys_only_where_they_are_read())
 
     source: Literal["json_lines", "pattern", "per_run"] = optional(
-        "`json_lines`: a JSON object a line; `pattern`: a line that matches; "
+        "`json_lines`: a JSON object a line; `pattern`: a line that matches; other lines are skipped and counted; "
         "`per_run`: wall time from start to exit, exit code 0 is success (another is a failed sample where the APT "
         "has no `success_rate`).",
         "per_run",
         alias="from",
     )
     pattern: Maybe[Filled] = optional("An RE2 pattern with named groups, for `from: pattern`.")
+    stream: Literal["stdout", "stderr"] = optional(
+        "The stream whose lines are read, for a `command` with `from: json_lines` or `from: pattern`.", "stdout"
+    )
     response_time: Maybe[TimeFieldBlock] = optional(
         "The field with the job's response time; null there is a job without an answer."
     )

@@ -45,6 +45,7 @@ def _components(document: Any) -> Iterator[BrokenRule]:
         yield from _exactly_one(path, run, "command", "call")
         yield from _exactly_one((*path, "until"), run.get("until"), "samples", "elapsed")
         yield from _pattern((*path, "samples"), run.get("samples"))
+        yield from _stream((*path, "samples"), run.get("samples"))
 
 
 def _exactly_one(path: tuple[str, ...], block: Any, *names: str) -> Iterator[BrokenRule]:
@@ -58,3 +59,9 @@ def _pattern(path: tuple[str, ...], samples: Any) -> Iterator[BrokenRule]:
     if isinstance(samples, dict) and (samples.get("from") == "pattern") != ("pattern" in samples):
         missing = "pattern" not in samples
         yield path, "rarms_together", {"key": "pattern", "needs": "from: pattern", "missing": missing}
+
+
+def _stream(path: tuple[str, ...], samples: Any) -> Iterator[BrokenRule]:
+    if isinstance(samples, dict) and "stream" in samples and samples.get("from", "per_run") == "per_run":
+        needs = "from: json_lines or from: pattern"
+        yield path, "rarms_together", {"key": "stream", "needs": needs, "missing": False}

@@ -351,7 +351,8 @@ class RealWork:
         return self.looks[partition].most(under_way_ms) if partition in self.looks and under_way_ms else None
 
     def evidence(self) -> SettingEvidence:
-        return self._counters().since(self._before)
+        skipped = {run.component: run.skipped for run in self.runs if run.skipped.count}
+        return replace(self._counters().since(self._before), skipped_lines=skipped)
 
     def _counters(self) -> SettingEvidence:
         """What the kernel counted until now."""

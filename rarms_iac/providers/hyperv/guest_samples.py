@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.run import Run
-from rarms_iac.model.series import Sample
+from rarms_iac.model.series import Sample, SkippedLines
 from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.system import run_of
 from rarms_iac.providers.measuring import RemainingSamples, Work
-from rarms_iac.running.reading import JobAnswer, Unreadable, answer_reader
+from rarms_iac.running.reading import JobAnswer, Unreadable, answer_reader, describe_no_sample, skip_line
 from rarms_iac.storage.codec import NotDecodable
 from rarms_iac.storage.json_text import parse_json
 
@@ -38,14 +38,18 @@ class GuestRun:
     work: Work
     _now: float = 0.0
     _remaining: RemainingSamples = field(init=False)
+    _readers: dict[str, "_GuestReader"] = field(init=False)  # by component
     _counters: list["_Counters"] = field(default_factory=list)  # the first one, and those since `count_from_now`
 
-    def samples(self) -> Iterator[tuple[str, Sample]]:
-        readers = {
+    def __post_init__(self) -> None:
+        self._readers = {
             component.name: _GuestReader(run_of(component))
             for part in self.work.partitions
             for component in part.components
         }
+
+    def samples(self) -> Iterator[tuple[str, Sample]]:
+        readers = self._readers
         self.count_from_now()
         while True:
             name, seen = self._next_seen()
@@ -117,6 +121,7 @@ class GuestRun:
         }
         counted = {machines[name]: ticks for name, ticks in gone.items() if name in machines}
         return SettingEvidence(
+            skipped_lines={name: reader.skipped for name, reader in self._readers.items() if reader.skipped.count},
             elapsed_ms=last.at_ms - before.at_ms,
             cpu_ms={name: ticks[0] / TICKS_MS for name, ticks in counted.items()},
             dispatch_wait_ns={
@@ -185,6 +190,7 @@ class _GuestReader:
         self._offset: float | None = None  # of the guest's clock, on the host's, in ms
         self._last = 0.0  # ms of the guest's clock: when the process began, or its last sample came
         self._samples = 0  # of this process
+        self.skipped = SkippedLines()
 
     def sample(self, seen: str, now: float) -> Sample | None:
         """Return the sample that a line is, if any.
@@ -203,13 +209,16 @@ class _GuestReader:
                 self._last, self._samples = at, 0
                 return None
             case "line":
-                return self._of_answer(self._read(text), at)
+                answer = self._read(text)
+                if answer is None:
+                    self.skipped = skip_line(self.skipped, text)
+                    return None
+                return self._of_answer(answer, at)
             case "late":
                 shown = show_milliseconds(self._run.timeout)
-                is_process = self._run.samples.source == "per_run"
-                return self._failed(
-                    at if is_process else self._last, f"no {'exit' if is_process else 'sample'} within {shown}"
-                )
+                if self._run.samples.source == "per_run":
+                    return self._failed(at, f"no exit within {shown}")
+                return self._failed(self._last, self._without_sample(f"no sample within {shown}"))
             case _:
                 return self._of_end(at, *map(int, text.split(" ")))
 
@@ -219,11 +228,13 @@ class _GuestReader:
             return self._answered(due, ended_ticks / TICKS_MS - due, successful=code == 0)
         if code == 0 and self._samples:
             return None
-        return self._failed(due if is_per_run else self._last, f"it ended with exit code {code}")
+        message = f"it ended with exit code {code}"
+        return self._failed(due, message) if is_per_run else self._failed(self._last, self._without_sample(message))
 
-    def _of_answer(self, answer: JobAnswer | Unreadable | None, at: float) -> Sample | None:
-        if answer is None:
-            return None
+    def _without_sample(self, message: str) -> str:
+        return message if self._samples else describe_no_sample(message, self._run.samples, self.skipped, 0)
+
+    def _of_answer(self, answer: JobAnswer | Unreadable, at: float) -> Sample:
         began, self._last = self._last, at
         if isinstance(answer, Unreadable):
             return self._failed(began, answer.message)

@@ -133,6 +133,8 @@ class HypervMeasuringHost(LiveHypervHost):
     def _obstacle_of_run(self, run: Run) -> Obstacle | None:
         if isinstance(run.start, Call):
             return Obstacle("guests run commands, and no function of Python", "Write a `command` that calls it.")
+        if run.samples.stream == "stderr":
+            return Obstacle("a guest passes on standard output only", "Write samples to standard output.")
         if taken := [name for name, value in run.environment.items() if isinstance(value, FromEnvironment)]:
             return Obstacle(f"{taken[0]} is rarms' own, and would stand in a script", "Set it in the image's Windows.")
         try:

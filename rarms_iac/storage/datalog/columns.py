@@ -126,7 +126,7 @@ def _rounded_times(times: Any) -> Any:
         case float():
             return round(times, DIGITS)
         case Mapping():
-            return {name: round(time, DIGITS) for name, time in sorted(times.items())}
+            return {name: _rounded_times(time) for name, time in sorted(times.items())}
         case _:
             return times
 

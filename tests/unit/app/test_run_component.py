@@ -99,7 +99,7 @@ def test_more_failed_samples_than_allowed_are_the_answer_no(tmp_path: Path) -> N
     ran = rarms("run", "-f", manifest(tmp_path, vision=program))
 
     assert ran.code == 4
-    assert 'failed: not a JSON object: "loading"' in ran.out
+    assert 'failed: it ended without a sample; 1 line was not a JSON object ("loading")' in ran.out
     assert "RARMS286" in ran.err
     assert "  no camera" in ran.err
 

@@ -7,6 +7,7 @@ import pytest
 from rarms_iac.measuring.evidence import disturbance, is_weak, leaves_idle
 from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, Browser, Bursts, BusyLoop, CommandLoad, Interference, Stress
+from rarms_iac.model.series import SkippedLines
 from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.storage.datalog.columns import line_of, setting_in
 from rarms_iac.storage.datalog.log import Provenance, Recorded
@@ -52,7 +53,12 @@ def test_counters_give_what_was_counted_between_two_moments() -> None:
     )
 
 
-@pytest.mark.parametrize("evidence", [None, QUIET, replace(SHORT_LOAD, waiting_ms=None, disturbances=("it slept",))])
+SKIPPED = replace(QUIET, skipped_lines={"vision": SkippedLines(count=7, first=('"loading"',))})
+
+
+@pytest.mark.parametrize(
+    "evidence", [None, QUIET, SKIPPED, replace(SHORT_LOAD, waiting_ms=None, disturbances=("it slept",))]
+)
 def test_a_log_keeps_the_evidence_and_reads_lines_without_any(evidence: SettingEvidence | None) -> None:
     recorded = Recorded(
         setting=Setting(reserve=40, series=(), beside=60, evidence=evidence),

@@ -1,15 +1,26 @@
 """Where samples come from: lines of JSON, lines that match, runs, calls; and when the next job starts."""
 
 import sys
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
 import pytest
 
 from rarms_iac.model.run import Call, Field, Samples
+from rarms_iac.model.series import SkippedLines
 from rarms_iac.running.samples import SamplingEnd
 from tests.needs import ON_WINDOWS
-from tests.unit.running.programs import PER_RUN, a_run, all_of, component, failures, responses, same_everywhere
+from tests.unit.running.programs import (
+    JSON_LINES,
+    PER_RUN,
+    a_run,
+    all_of,
+    component,
+    failures,
+    responses,
+    same_everywhere,
+)
 
 LASTS = 6000.0 if ON_WINDOWS else 400.0
 """Time enough for an interpreter to start."""
@@ -179,3 +190,24 @@ def test_without_a_field_for_it_a_line_has_no_response_time(tmp_path: Path) -> N
     assert [(sample.response_ms, sample.successful, sample.count, sample.failure) for sample in found] == [
         (None, True, 3, "")
     ]
+
+
+def test_samples_may_come_from_standard_error(tmp_path: Path) -> None:
+    program = "for n in range(3):\n    say('noise')\n    print(json.dumps({'ms': n}), file=sys.stderr, flush=True)\n"
+    samples = replace(JSON_LINES, stream="stderr")
+
+    with component(a_run(program, samples=samples, until=5), tmp_path) as component_run:
+        found = responses(list(component_run))
+
+    assert found == [0, 1, 2, 0, 1]
+    assert component_run.tail.startswith("noise")
+
+
+def test_other_lines_between_samples_are_skipped_and_counted(tmp_path: Path) -> None:
+    program = "say('loading \\x1b[0m')\nfor n in range(3):\n    say('[12]')\n    say(json.dumps({'ms': n}))\n"
+
+    with component(a_run(program, until=6), tmp_path) as component_run:
+        found = list(component_run)
+
+    assert responses(found) == [0, 1, 2, 0, 1, 2]
+    assert component_run.skipped == SkippedLines(count=8, first=('"loading <U+001B>[0m"', '"[12]"', '"[12]"'))

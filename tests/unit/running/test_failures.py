@@ -21,14 +21,14 @@ GOOD = "say('{\"ms\": 1}')\n"
 
 @same_everywhere
 def test_an_unreadable_line_is_a_failed_sample_and_the_next_is_read(tmp_path: Path) -> None:
-    samples = all_of(a_run(f"say('oops')\n{GOOD}time.sleep(60)", until=2, failures=1), tmp_path)
+    samples = all_of(a_run(f"say('{{oops')\n{GOOD}time.sleep(60)", until=2, failures=1), tmp_path)
 
     assert [(sample.response_ms, sample.successful) for sample in samples] == [(None, False), (1, True)]
-    assert failures(samples) == ['not a JSON object: "oops"']
+    assert failures(samples) == ['not a JSON object: "{oops"']
 
 
 def test_bytes_that_are_no_text_are_an_unreadable_line(tmp_path: Path) -> None:
-    program = f"os.write(1, bytes(range(256)) + b'\\n')\n{GOOD}time.sleep(60)"
+    program = f"os.write(1, b'{{' + bytes(range(256)).replace(b'\\n', b'\\n{{') + b'\\n')\n{GOOD}time.sleep(60)"
 
     samples = all_of(a_run(program, until=3, failures=2), tmp_path)
 
@@ -55,7 +55,7 @@ def test_a_job_without_an_answer_is_no_failed_sample(tmp_path: Path) -> None:
 
 @same_everywhere
 def test_more_failed_samples_than_allowed_end_the_setting(tmp_path: Path) -> None:
-    with component(a_run("while True: say('oops')", until=100, failures=2), tmp_path) as component_run:
+    with component(a_run("while True: say('{oops')", until=100, failures=2), tmp_path) as component_run:
         samples = list(component_run)
 
     assert len(samples) == 3
@@ -137,7 +137,9 @@ def test_a_flood_of_lines_that_are_no_samples_ends_the_process(tmp_path: Path) -
     samples = Samples(source="pattern", pattern="^ms=(?P<ms>[0-9]+)", response_time=Field(name="ms"))
     run = a_run("while True: os.write(1, (b'x' * 1000 + b'\\n') * 60)", samples=samples, until=9)
 
-    assert failures(all_of(run, tmp_path)) == ["more than 16 MiB without a sample"]
+    (failure,) = failures(all_of(run, tmp_path))
+
+    assert failure.startswith("more than 16 MiB without a sample; 16778 lines did not match the pattern")
 
 
 def test_output_that_is_not_read_does_no_harm(tmp_path: Path) -> None:
@@ -239,3 +241,25 @@ def test_who_does_not_end_is_killed_after_its_grace(tmp_path: Path) -> None:
     all_of(a_run(program, until=1, stop=Stop(grace=ms(300))), tmp_path)
 
     assert 0.3 <= time.perf_counter() - before < 10
+
+
+def test_a_failure_without_a_sample_shows_the_first_lines(tmp_path: Path) -> None:
+    samples = Samples(source="pattern", pattern="took (?P<t>[0-9]+) us", response_time=Field(name="t"))
+    program = "for n in range(5): say(f'\\x1b[1mtook {n}.5e3 us')\n"
+
+    found = failures(all_of(a_run(program, samples=samples, until=2, failures=9), tmp_path))
+
+    lines = ", ".join(f'"<U+001B>[1mtook {n}.5e3 us"' for n in range(3))
+    assert found == [f"it ended without a sample; 5 lines did not match the pattern (the first: {lines})"] * 2
+
+
+@same_everywhere
+def test_samples_on_the_other_stream_are_noticed(tmp_path: Path) -> None:
+    program = "print('{\"ms\": 1}', file=sys.stderr)\nprint('{\"ms\": 2}', file=sys.stderr)\nsay('starting')\n"
+
+    (failure,) = failures(all_of(a_run(program, until=1), tmp_path))
+
+    assert failure == (
+        'it ended without a sample; 1 line was not a JSON object ("starting"); '
+        "2 lines of standard error match: use `samples: {stream: stderr}`"
+    )

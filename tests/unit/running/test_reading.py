@@ -19,8 +19,10 @@ OPTIONAL = Samples(
 )
 
 UNREADABLE = {
-    "no object": ("[1]", 'not a JSON object: "[1]"'),
-    "no JSON": ("oops \x1b[2J", 'not a JSON object: "oops <U+001B>[2J"'),
+    "no JSON": ("{oops \x1b[2J", 'not a JSON object: "{oops <U+001B>[2J"'),
+    "a decimal comma": ('{"ms": "12,5"}', 'the field "ms" is ""12,5"", not a time'),
+    "thousands": ('{"ms": "1_200"}', 'the field "ms" is ""1_200"", not a time'),
+    "hexadecimal": ('{"ms": "0x10"}', 'the field "ms" is ""0x10"", not a time'),
     "not finite": ('{"ms": NaN}', 'not a JSON object: "{"ms": NaN}"'),
     "too large": ('{"ms": 1e999}', 'the field "ms" is "Infinity", not a time'),
     "no field": ('{"s": 1}', 'no field "ms" in "{"s": 1}"'),
@@ -28,7 +30,7 @@ UNREADABLE = {
     "a truth": ('{"ms": true}', 'the field "ms" is "true", not a time'),
     "before its start": ('{"ms": -1}', 'the field "ms" is "-1", not a time'),
     "a huge number": ('{"ms": 1' + "0" * 5000 + "}", "not a JSON object"),
-    "deep": ("[" * 60_000, "not a JSON object"),
+    "deep": ('{"ms": ' + "[" * 60_000, "not a JSON object"),
 }
 
 
@@ -79,6 +81,89 @@ def test_a_group_that_took_no_part_is_a_job_without_an_answer() -> None:
 
 
 def test_a_line_is_shown_short_and_harmless() -> None:
-    unreadable = line_reader(JSON)("\x1b]0;title\x07" + "x" * 100)
+    unreadable = line_reader(JSON)("{\x1b]0;title\x07" + "x" * 100)
 
-    assert unreadable == Unreadable(message='not a JSON object: "<U+001B>]0;title<U+0007>' + "x" * 50 + '..."')
+    assert unreadable == Unreadable(message='not a JSON object: "{<U+001B>]0;title<U+0007>' + "x" * 49 + '..."')
+
+
+@pytest.mark.parametrize("line", ["[1]", "12", "loading the model", '"{}"', "[" * 60_000])
+def test_other_text_than_an_object_is_skipped(line: str) -> None:
+    assert line_reader(JSON)(line) is None
+
+
+def took(pattern: str) -> Samples:
+    return Samples(source="pattern", pattern=pattern, response_time=Field(name="t"))
+
+
+@pytest.mark.parametrize(
+    ("text", "part", "whole"),
+    [
+        ("1.23457e+06 us", "1.23457", "1.23457e+06"),
+        ("2E5", "2", "2E5"),
+        ("12,5", "12", "12,5"),
+        ("1,200", "1", "1,200"),
+        ("1'200", "1", "1'200"),
+        ("1_200", "1", "1_200"),
+        ("1\u202f200", "1", "1<U+202F>200"),
+        ("0x10", "0", "0x10"),
+    ],
+)
+def test_a_group_with_a_part_of_a_number_fails(text: str, part: str, whole: str) -> None:
+    found = line_reader(took("took (?P<t>[0-9.]+)"))(f"took {text}, done")
+
+    assert found == Unreadable(message=f'the field "t" is "{part}", and only a part of "{whole}"')
+
+
+@pytest.mark.parametrize(
+    ("pattern", "line", "whole"),
+    [
+        ("(?P<t>[0-9]+) us", "took 1.234 us", "1.234"),
+        ("(?P<t>[0-9.]+) us", "took 1.23457e+06 us", "1.23457e+06"),
+        ("(?P<t>[0-9.]+) us", "took 1,200 us", "1,200"),
+        (".*(?P<t>[0-9.]+) us", "took 106 us", "106"),
+        ("(?P<t>[0-9]+) us", "took -5 us", "-5"),
+        ("(?P<t>[0-9]+) us", "took=.5 us", "5"),
+        ("0x(?P<t>[0-9]+)", "took 0x10", "0x10"),
+        ("took (?P<t>[0-9]{1,3})", "took 1234", "1234"),
+        ("took (?P<t>[0-9]+)(,[0-9]+)?", "took 12,5", "12,5"),
+    ],
+)
+def test_the_end_of_a_number_fails_too(pattern: str, line: str, whole: str) -> None:
+    found = line_reader(took(pattern))(line)
+
+    assert isinstance(found, Unreadable)
+    assert found.message.endswith(f'only a part of "{whole}"')
+
+
+@pytest.mark.parametrize(
+    ("pattern", "line", "ms"),
+    [
+        ("took (?P<t>[0-9.]+)", "took 12ms", 12),
+        ("took (?P<t>[0-9.]+)", "took 1.2s, done", 1.2),
+        ("took (?P<t>[0-9.]+)", "took 1.2, 3.4", 1.2),
+        ("took (?P<t>[0-9.]+)", "took 12.", 12),
+        ("took (?P<t>[0-9.]+)", "took 12-15", 12),
+        ("took (?P<t>[0-9.]+)", "took 12ex3", 12),
+        (r"took (?P<t>\S+)", "took 1.5e3", 1500),
+        ("t=(?P<t>[0-9]+),(?P<n>[0-9]+)", "t=12,5", 12),
+        ("(?P<n>[0-9]),(?P<t>[0-9.]+) ms", "7,2.5 ms", 2.5),
+        ("(?P<s>[0-9])(?P<t>[0-9]{3}) ms", "7250 ms", 250),
+        ("cam0: (?P<t>[0-9]+)", "cam0: 250 ms", 250),
+    ],
+)
+def test_whole_numbers_are_read(pattern: str, line: str, ms: float) -> None:
+    assert line_reader(took(pattern))(line) == Reading(response_ms=ms)
+
+
+def test_a_part_of_a_success_or_count_fails_too() -> None:
+    samples = Samples(
+        source="pattern", pattern="ok=(?P<ok>[01]).* n=(?P<n>[0-9]+)", success=Field(name="ok"), count=Field(name="n")
+    )
+
+    assert isinstance(line_reader(samples)("ok=0.97 n=3"), Unreadable)
+    assert isinstance(line_reader(samples)("ok=1 n=3e2"), Unreadable)
+    assert line_reader(samples)("ok=1 n=3") == Reading(successful=True, count=3)
+
+
+def test_a_long_line_of_digits_is_refused_quickly() -> None:
+    assert isinstance(line_reader(took("(?P<t>[0-9]{6})"))("1," * 30_000 + "1234567"), Unreadable)

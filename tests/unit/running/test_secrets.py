@@ -48,7 +48,7 @@ def test_a_line_of_a_value_is_hidden() -> None:
 
 
 def test_a_value_in_a_long_line_is_in_no_reason(tmp_path: Path) -> None:
-    run = a_run("say('x' * 40 + os.environ['TOKEN'])\ntime.sleep(60)", until=1, failures=1)
+    run = a_run("say('{' + 'x' * 39 + os.environ['TOKEN'])\ntime.sleep(60)", until=1, failures=1)
     run = replace(run, environment={**run.environment, "TOKEN": FromEnvironment(name="MINE")})
     context = StartContext(base=tmp_path, environment={"MINE": "s3cr3t-value" * 4, "PATH": ""})
 
@@ -66,7 +66,7 @@ def test_a_short_value_and_one_of_another_variable_stay() -> None:
 
 
 def test_what_a_component_prints_of_it_is_neither_recorded_nor_shown(tmp_path: Path) -> None:
-    program = "import os\nsys.stderr.write(os.environ['TOKEN'])\nsys.stderr.flush()\nsay('x' + os.environ['TOKEN'])\n"
+    program = "import os\nsys.stderr.write(os.environ['TOKEN'])\nsys.stderr.flush()\nsay('{x' + os.environ['TOKEN'])\n"
     run = a_run(f"{program}time.sleep(60)", until=1, failures=1)
     run = replace(run, environment={**run.environment, "TOKEN": FromEnvironment(name="MINE")})
     context = StartContext(base=tmp_path, environment={"MINE": "s3cr3t-value", "PATH": ""})
