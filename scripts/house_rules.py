@@ -16,6 +16,7 @@ from tokenize import COMMENT, tokenize
 PACKAGE = Path("rarms_iac")
 
 MAY_READ = {
+    "app/install_there.py": "runs alone on a robot, where no other module of rarms is",
     "storage/reading.py": "the one reader",
     "storage/disk.py": "the writers' effects on files",
     "storage/lock.py": "a lock is an open file",

@@ -10,6 +10,7 @@ from rarms_iac.app.experiments.tune import TuningResult
 from rarms_iac.app.explanation import Explanation, HostExplanation
 from rarms_iac.app.graph import CandidateGraph, LayoutGraph
 from rarms_iac.app.guide import GuideFacts
+from rarms_iac.app.install import Installation
 from rarms_iac.app.manifest_files import FormattedManifests, WrittenFiles
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.scripts import PlanScripts
@@ -34,6 +35,7 @@ Answer = (
     | GuideFacts
     | History
     | HostExplanation
+    | Installation
     | LayoutGraph
     | MeasureOutcome
     | Overview

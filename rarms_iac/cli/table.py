@@ -11,6 +11,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "init": "Write a commented manifest to start from.",
         "validate": "Check manifests; needs no host.",
         "fmt": "Write manifests in their canonical form, comments kept.",
+        "install": "Install rarms on Linux hosts over ssh, or remove it there.",
         "doctor": "Tell what makes a plan ineffective or unsafe on the hosts.",
         "status": "Show what is on the hosts, what was proven, and what to do next.",
         "measure": "Find the reservations that components need.",

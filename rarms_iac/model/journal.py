@@ -9,6 +9,7 @@ from rarms_iac.model.changes import Update
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.plan import HostPlan, Step
 from rarms_iac.model.state import Partition, StoppedBy
+from rarms_iac.model.version import __version__
 
 
 class RunKind(StrEnum):
@@ -72,6 +73,7 @@ class RunStarted:
     serials: Mapping[str, int]  # of every application on the host, this run counted
     started_at: str  # as of `RunOrigin`
     robot: str = ""  # of `Application`
+    rarms: str = __version__  # the version that began it, which ends it, too
     needs_key: bool = False  # of `Plan`
     history: tuple[PastRun, ...] = ()  # runs before this one, the oldest first
     before_measurement: "Journal | None" = None  # of a `part_of_measurement`: the last run that is none

@@ -1,6 +1,10 @@
 """Finds what is shipped beside the code: schemas, manifests, templates and the findings' pages."""
 
+from collections.abc import Iterator
 from pathlib import Path
+
+SHIPPED = ("docs/findings", "locked-requirements.txt", "manifests", "schemas", "templates")
+"""What lies beside the package in the checkout and travels in a wheel, as `pyproject.toml` says."""
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 
@@ -45,3 +49,32 @@ def shipped_text(relative: str) -> str:
         NotShipped: it lies in neither place.
     """
     return shipped(relative).read_text(encoding="utf-8")
+
+
+def shipped_files() -> Iterator[tuple[str, bytes]]:
+    """Go through all files of this copy of rarms, as they lie in a wheel.
+
+    Yields:
+        The path in the wheel, with `/`, and the content.
+
+    Raises:
+        NotShipped: a shipped folder is missing.
+    """
+    roots = [(_PACKAGE, "rarms_iac"), *((shipped(name), f"rarms_iac/shipped/{name}") for name in SHIPPED)]
+    for root, name in roots:
+        for path in [root] if root.is_file() else sorted(root.rglob("*")):
+            relative = path.relative_to(root).parts
+            in_wheel = "/".join((name, *relative))
+            is_twice = root == _PACKAGE and relative[0] == "shipped"
+            is_hidden = "__pycache__" in relative or any(part.startswith(".") for part in relative)
+            if path.is_file() and not is_twice and not is_hidden:
+                yield in_wheel, path.read_bytes()
+
+
+def shipped_module(relative: str) -> str:
+    """Return the text of a module of rarms.
+
+    Args:
+        relative: path with `/` below the package.
+    """
+    return (_PACKAGE / relative).read_text(encoding="utf-8")

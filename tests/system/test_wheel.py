@@ -1,5 +1,6 @@
 """What reaches a user: the wheel, installed in a fresh environment, does the main job from an empty folder."""
 
+import io
 import json
 import os
 import re
@@ -11,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.app.install_wheels import own_wheel
+from rarms_iac.storage.shipped import SHIPPED
 from tests.needs import CHECKOUT
-
-TRAVELS = ("schemas", "manifests", "templates", "docs/findings")
 
 
 @pytest.fixture(scope="module")
@@ -103,12 +104,21 @@ def test_what_lies_beside_the_package_travels_in_the_wheel(wheel: Path) -> None:
     assert "rarms_iac/py.typed" in travelling.namelist(), "a program that imports it is checked against its types"
     held = {name: travelling.read(name) for name in travelling.namelist() if "/shipped/" in name}
 
-    for folder in TRAVELS:
-        for file in sorted((CHECKOUT / folder).rglob("*")):
+    for name in SHIPPED:
+        path = CHECKOUT / name
+        for file in [path] if path.is_file() else sorted(path.rglob("*")):
             hidden = any(part.startswith(".") for part in file.relative_to(CHECKOUT).parts)
             if file.is_file() and not hidden and "__pycache__" not in file.parts:
-                name = f"rarms_iac/shipped/{file.relative_to(CHECKOUT).as_posix()}"
-                assert held.get(name) == file.read_bytes(), name
+                travelled = f"rarms_iac/shipped/{file.relative_to(CHECKOUT).as_posix()}"
+                assert held.get(travelled) == file.read_bytes(), travelled
+
+
+def test_the_wheel_that_rarms_makes_has_the_same_files(wheel: Path) -> None:
+    built, made = zipfile.ZipFile(wheel), zipfile.ZipFile(io.BytesIO(own_wheel().content))
+    own = {name for name in built.namelist() if not name.startswith("rarms_iac-")}
+
+    assert {name for name in made.namelist() if not name.startswith("rarms_iac-")} == own
+    assert all(made.read(name) == built.read(name) for name in own)
 
 
 def test_the_editable_install_does_the_main_job_too(tmp_path: Path) -> None:

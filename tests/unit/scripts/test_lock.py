@@ -9,13 +9,14 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[3]
-LOCK = (ROOT / "action-requirements.txt").read_text(encoding="utf-8")
+LOCK = (ROOT / "locked-requirements.txt").read_text(encoding="utf-8")
+LINES = [line for line in LOCK.replace("\\\n", "").splitlines() if not line.startswith("#")]
 
 
 def locked() -> dict[str, list[Requirement]]:
     """The pinned requirements, by name."""
     by_name: dict[str, list[Requirement]] = {}
-    for line in LOCK.replace("\\\n", "").splitlines():
+    for line in LINES:
         requirement = Requirement(re.split(r"\s+--hash", line)[0])
         by_name.setdefault(canonicalize_name(requirement.name), []).append(requirement)
     return by_name
@@ -33,7 +34,7 @@ def test_every_dependency_is_locked_within_its_bounds() -> None:
 
 
 def test_each_locked_version_has_hashes_and_nothing_names_an_address() -> None:
-    for line in LOCK.replace("\\\n", "").splitlines():
+    for line in LINES:
         assert re.search(r"--hash=sha256:[0-9a-f]{64}\b", line), line
     assert "://" not in LOCK
     assert "index" not in LOCK
@@ -44,5 +45,5 @@ def test_the_action_installs_by_these_hashes_alone() -> None:
     (install,) = [step["run"] for step in action["runs"]["steps"] if step["name"] == "Install rarms"]
     installs = [line for line in install.splitlines() if "pip" in line and " install " in line]
     assert len(installs) == 2
-    assert '--require-hashes -r "$GITHUB_ACTION_PATH/action-requirements.txt"' in installs[0]
+    assert '--require-hashes -r "$GITHUB_ACTION_PATH/locked-requirements.txt"' in installs[0]
     assert "--no-deps --no-build-isolation" in installs[1]

@@ -1,0 +1,37 @@
+"""`rarms install`: what became of rarms on each host."""
+
+from typing import TYPE_CHECKING
+
+from rarms_iac.app.install import HostInstallation, Installation
+from rarms_iac.model.commands import DOCTOR, START_AT_BOOT, prose
+from rarms_iac.views.console import paragraph, stack, table
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+
+def installation_text(result: Installation) -> "RenderableType":
+    """Show a line for each host, and what to do next."""
+    rows = [(host.host, _became(host), f"Python {host.python}, {host.machine}") for host in result.hosts]
+    finished = [
+        paragraph(f"{host.host}: rarms {run.version} finished its run of plan {run.plan}.")
+        for host in result.hosts
+        for run in host.finished
+    ]
+    without_boot = [host.host for host in result.hosts if host.changed and host.version and not host.boot]
+    boot = f"{', '.join(without_boot)}: neither systemd nor cron is there. Run this at each start of the machine: "
+    return stack(
+        table(rows, indent=0),
+        *finished,
+        paragraph(prose(boot, START_AT_BOOT, ".")) if without_boot else None,
+        paragraph(prose("Next: ", DOCTOR)) if any(host.version for host in result.hosts) else None,
+    )
+
+
+def _became(host: HostInstallation) -> str:
+    if not host.version:
+        return f"rarms {host.before} removed" if host.before else "rarms is not there"
+    if not host.changed:
+        return f"rarms {host.version} is there already"
+    was = f", was {host.before}" if host.before and host.before != host.version else ""
+    return f"rarms {host.version} installed{was}"

@@ -1,0 +1,123 @@
+"""`rarms install` over a real sshd, which is this machine, with wheels that the real pip downloads."""
+
+import json
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.app import install
+from rarms_iac.app.install_there import RobotPlaces
+from rarms_iac.app.install_wheels import own_wheel
+from rarms_iac.model.version import __version__
+from tests.needs import require
+from tests.standin.remote import Remote, a_server
+from tests.unit.cli.running import Ran, rarms
+
+MANIFEST = """\
+schema: rarms/v1
+application: { name: cell }
+hosts:
+  onboard: { provider: linux, logical_processors: 2, memory: 1 GiB, connect: { ssh: cell } }
+  model: { provider: simulated, logical_processors: 2, memory: 1 GiB }
+components: { vision: { criticality: 1, memory: 64 MiB, cpu: { reserve: 0.1 LP }, hosts: [onboard] } }
+"""
+
+pytestmark = [pytest.mark.needs("ssh", "root", "linux", "network"), pytest.mark.thorough]
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """A robot behind sshd whose rarms lies in a folder of the test."""
+
+    folder: Path  # of the operator
+    places: RobotPlaces
+
+    def install(self, *words: str) -> Ran:
+        return rarms("install", *words, "-f", str(self.folder), "--wheels", str(self.folder / "wheels"))
+
+    def there(self, *words: str) -> subprocess.CompletedProcess[str]:
+        """The robot's own rarms."""
+        program = Path(self.places.versions, "current", "bin", "rarms")
+        return subprocess.run([program, *words], capture_output=True, text=True, env={}, cwd="/")
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Remote]:
+    require("ssh", "root", "linux")
+    with a_server(tmp_path_factory.mktemp("server")) as remote:
+        yield remote
+
+
+@pytest.fixture(scope="module")
+def robot(server: Remote, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
+    """It has the folders of a robot with cron and without systemd; no rarms is there."""
+    folder = tmp_path_factory.mktemp("operator")
+    (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+    with tempfile.TemporaryDirectory(prefix="rarms-test-", dir="/opt") as there, pytest.MonkeyPatch.context() as patch:
+        root = Path(there)
+        (root / "cron").mkdir()
+        names = ("versions", "state", "units", "systemd", "cron")
+        places = RobotPlaces(**{name: str(root / name) for name in names})
+        patch.setattr(install, "PLACES", places)
+        patch.setenv("PATH", server.environment["PATH"])
+        yield Robot(folder, places)
+
+
+def test_a_robot_without_rarms_gets_it_over_ssh(robot: Robot) -> None:
+    installed = robot.install("--host", "onboard", "--json")
+
+    assert installed.code == 0, installed.err
+    (host,) = json.loads(installed.out)["hosts"]
+    assert (host["before"], host["version"], host["changed"]) == ("", __version__, True)
+    assert host["sent_bytes"] > 10_000_000
+    version = robot.there("--version")
+    assert version.stdout == f"rarms {__version__}\n", version.stderr
+    assert json.loads(robot.there("schema").stdout)["$schema"]
+    solver = "import highspy, re2, tree_sitter_powershell, yaml, rarms_iac; print(rarms_iac.__file__)"
+    python = Path(robot.places.versions, __version__, "bin", "python")
+    loaded = subprocess.run([python, "-I", "-c", solver], capture_output=True, text=True, env={})
+    assert loaded.stdout.startswith(robot.places.versions), loaded.stderr
+    assert not list(Path(robot.places.versions).rglob("hatchling")), "what builds rarms stays here"
+
+
+def test_an_installed_robot_is_left_as_it_is(robot: Robot) -> None:
+    robot.install("--host", "onboard")
+    inode = Path(robot.places.versions, "current").lstat().st_ino
+
+    again = robot.install()
+
+    assert again.code == 0, again.err
+    assert f"onboard  rarms {__version__} is there already" in again.out
+    assert Path(robot.places.versions, "current").lstat().st_ino == inode
+
+
+def test_what_was_installed_can_install_another_robot(robot: Robot) -> None:
+    robot.install("--host", "onboard")
+    wheel = "from rarms_iac.app.install_wheels import own_wheel; print(own_wheel().digest)"
+    python = Path(robot.places.versions, __version__, "bin", "python")
+
+    there = subprocess.run([python, "-I", "-c", wheel], capture_output=True, text=True, env={})
+
+    assert there.stdout.strip() == own_wheel().digest, there.stderr
+
+
+def test_removal_leaves_nothing_of_rarms(robot: Robot) -> None:
+    robot.install("--host", "onboard")
+
+    removed = robot.install("--host", "onboard", "--remove")
+
+    assert removed.code == 0, removed.err
+    assert f"rarms {__version__} removed" in removed.out
+    assert not Path(robot.places.versions).exists()
+    assert list(Path(robot.places.cron).iterdir()) == []
+
+
+def test_a_simulated_host_needs_no_rarms(robot: Robot) -> None:
+    refused = robot.install("--host", "model")
+
+    assert refused.code == 64
+    assert "model: no rarms is needed there" in refused.err
