@@ -1,8 +1,8 @@
 """What holds for every test: hypothesis' counts, the needs of tests, and no silent skips in CI."""
 
 import os
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Generator, Iterator, Sequence
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -53,6 +53,47 @@ def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
         item.user_properties.extend(TRIED.items())
 
 
+_PROCESSOR_S = "processor_s"
+_last_s = [0.0]  # processor time of this process and of its ended children when the last phase ended
+_SHOWN_FILES = 8
+
+
+def _processor_s() -> float:
+    return sum(os.times()[:4])
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_logstart() -> None:
+    """Begins to count the processor time of a test."""
+    _last_s[0] = _processor_s()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Gives each report the processor time of its phase; a process that was not waited for does not count."""
+    report = yield
+    now = _processor_s()
+    report.user_properties.append((_PROCESSOR_S, now - _last_s[0]))
+    _last_s[0] = now
+    return report
+
+
+def _processor_time(reporter: pytest.TerminalReporter) -> list[str]:
+    """Where the processor time of the tests went, as lines; none: nothing ran."""
+    files: defaultdict[str, float] = defaultdict(float)
+    for reports in reporter.stats.values():
+        for report in reports:
+            if isinstance(report, pytest.TestReport):
+                file = report.nodeid.partition("::")[0]
+                files[file] += sum(float(str(value)) for name, value in report.user_properties if name == _PROCESSOR_S)
+    if not files:
+        return []
+    most = [
+        f"{seconds:7.1f} s  {file}" for file, seconds in sorted(files.items(), key=lambda item: -item[1])[:_SHOWN_FILES]
+    ]
+    return [f"Processor time of the tests: {sum(files.values()):.0f} s, most of it in:", *most]
+
+
 def _tried(reporter: pytest.TerminalReporter) -> str:
     """How often the run did each thing that is to harm rarms; empty: never."""
     reports = [report for name in ("passed", "failed") for report in reporter.stats.get(name, [])]
@@ -84,9 +125,11 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    """Says how often rarms was to be harmed, and names the skips that failed the run."""
+    """Print how often faults were caused, where the processor time went, and the skips that failed the run."""
     if tried := _tried(terminalreporter):
         terminalreporter.write_line(f"Tried: {tried}.")
+    for line in _processor_time(terminalreporter):
+        terminalreporter.write_line(line)
     if avoidable := _avoidable(config):
         terminalreporter.section("skips that fail this run (RARMS_NO_SKIPS=1)")
         for line in avoidable:

@@ -1,6 +1,7 @@
 """CSV and XLSX: numbers are numbers, every row is there, and no text becomes a formula."""
 
 import csv
+from collections.abc import Sequence
 from dataclasses import replace
 from io import BytesIO, StringIO
 
@@ -9,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.app.report_model import Measurement, Report
+from rarms_iac.app.report_model import Report
 from rarms_iac.model.series import Sample
 from rarms_iac.views.reports.spreadsheet import TooManyRows, csv_text, workbook
 from rarms_iac.views.reports.tables import samples_table, settings_table
@@ -30,15 +31,17 @@ def read(text: str) -> list[list[str]]:
     return list(csv.reader(StringIO(text)))
 
 
-def with_failure(report: Report, message: str) -> Report:
-    """The first sample of all failed for this reason."""
-    first, *rest = report.measurements
-    setting, *settings = first.settings
+def with_failures(report: Report, messages: Sequence[str]) -> Report:
+    """The first samples of all failed for these reasons, and nothing else was measured."""
+    first, *_ = report.measurements
+    setting, *_ = first.settings
     [series] = setting.series
-    sample = Sample(began_ms=0.0, response_ms=None, successful=False, failure=message)
-    broken = replace(setting, series=(replace(series, samples=(sample, *series.samples[1:])),))
-    changed: Measurement = replace(first, settings=(broken, *settings))
-    return replace(report, measurements=(changed, *rest))
+    failed = [
+        Sample(began_ms=float(number), response_ms=None, successful=False, failure=message)
+        for number, message in enumerate(messages)
+    ]
+    broken = replace(setting, series=(replace(series, samples=(*failed, *series.samples[len(failed) :])),))
+    return replace(report, measurements=(replace(first, settings=(broken,)),))
 
 
 def test_csv_has_a_row_a_setting_and_index_with_six_digits_that_count() -> None:
@@ -84,13 +87,14 @@ def test_no_text_becomes_a_formula(message: str) -> None:
     assert row[2] == "-1.5"
 
 
-@pytest.mark.parametrize("message", ["=HYPERLINK(1)", "+1", "-1", "@SUM(A1)", "{=1}", "https://example.org"])
-def test_in_a_workbook_texts_are_text(message: str) -> None:
-    book = openpyxl.load_workbook(BytesIO(workbook(with_failure(SMALL, message), samples=True)))
+def test_in_a_workbook_texts_are_text() -> None:
+    messages = ["=HYPERLINK(1)", "+1", "-1", "@SUM(A1)", "{=1}", "https://example.org"]
+    book = openpyxl.load_workbook(BytesIO(workbook(with_failures(REPORT, messages), samples=True)))
 
-    header, first, *_ = book["samples"].iter_rows()
-    cell = first[[cell.value for cell in header].index("failure")]
-    assert (cell.value, cell.data_type, cell.hyperlink) == (message, "s", None)
+    header, *rows = book["samples"].iter_rows(max_row=1 + len(messages))
+    column = [cell.value for cell in header].index("failure")
+    cells = [row[column] for row in rows]
+    assert [(cell.value, cell.data_type, cell.hyperlink) for cell in cells] == [(text, "s", None) for text in messages]
 
 
 def test_a_workbook_has_a_summary_a_sheet_a_log_and_a_chart_a_curve() -> None:
