@@ -177,7 +177,7 @@ def foreign_marks(observed: State) -> Iterator[Diagnostic]:
                     ".",
                 ),
                 address=f"machine/{partition.id}",
-                values={"name": partition.settings.name, "machine": partition.id},
+                values={"host": observed.facts.name, "name": partition.settings.name, "machine": partition.id},
             )
 
 

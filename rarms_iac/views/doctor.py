@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.doctor import Examinations, ExaminedHost
+from rarms_iac.app.manifests import Manifest
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Sources
 from rarms_iac.model.quantities import show_bytes, show_processors
@@ -20,15 +21,17 @@ if TYPE_CHECKING:
 HEALTHY = "Nothing here makes a plan ineffective or unsafe."
 
 
-def doctor_as(form: OutputFormat, examined: Examinations, sources: Sources) -> "RenderableType":
+def doctor_as(form: OutputFormat, examined: Examinations, manifest: Manifest) -> "RenderableType":
     """Give an examination that form: text to be laid out, or else the text itself."""
     match form:
         case OutputFormat.TEXT:
-            return doctor_text(examined, sources)
+            return doctor_text(examined, manifest.sources)
         case OutputFormat.JSON:
             return json_of(examined)
         case _:
-            return findings_as(form, examined.findings, sources, accepted=examined.accepted)
+            return findings_as(
+                form, examined.findings, manifest.sources, places=manifest.places, accepted=examined.accepted
+            )
 
 
 def doctor_text(examined: Examinations, sources: Sources) -> "RenderableType":

@@ -15,7 +15,7 @@ from urllib.parse import quote
 from xml.etree import ElementTree as ET
 
 from rarms_iac.model.commands import plain_text, sentences
-from rarms_iac.model.diagnostics import Diagnostic, Findings, Place, Severity, Sources
+from rarms_iac.model.diagnostics import Diagnostic, Findings, Place, Places, Severity, Sources, with_places
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.storage.codec import encode_output
@@ -77,15 +77,21 @@ def _output(value: str) -> OutputTarget:
 
 
 def findings_as(
-    form: OutputFormat, diagnostics: Sequence[Diagnostic], sources: Sources, *, accepted: Sequence[Diagnostic] = ()
+    form: OutputFormat,
+    diagnostics: Sequence[Diagnostic],
+    sources: Sources,
+    *,
+    places: Places,
+    accepted: Sequence[Diagnostic] = (),
 ) -> "RenderableType":
     """Give findings that form, in the order given: text to be laid out, or else the text itself.
 
     Args:
-        form: which form.
-        diagnostics: in order (`model.diagnostics.in_order`).
-        sources: the text of each file, or its lines, by the name that places use; only text shows it.
-        accepted: findings that the policy silences; each form tells them apart or counts them.
+        diagnostics: In order (`model.diagnostics.in_order`).
+        sources: The text of each file, or its lines, by the name that places use; only text shows it.
+        places: Of the manifest. Each result of SARIF and each annotation has a place; other forms leave it out for a
+            finding that has none. NOTE: Code scanning refuses a whole file for one result without a location.
+        accepted: Findings that the policy silences; each form tells them apart or counts them.
     """
     match form:
         case OutputFormat.TEXT:
@@ -97,11 +103,12 @@ def findings_as(
         case OutputFormat.SARIF:
             from rarms_iac.storage.finding_pages import finding_page
 
-            return as_sarif(in_repository(diagnostics), page=finding_page, accepted=in_repository(accepted))
+            shown, silenced = (in_repository(with_places(each, places)) for each in (diagnostics, accepted))
+            return as_sarif(shown, page=finding_page, accepted=silenced)
         case OutputFormat.JUNIT:
             return as_junit(in_repository(diagnostics), accepted=in_repository(accepted))
         case OutputFormat.GITHUB:
-            return as_github(in_repository(diagnostics))
+            return as_github(in_repository(with_places(diagnostics, places)))
         case OutputFormat.MARKDOWN:
             from rarms_iac.views.markdown import findings_markdown
 

@@ -8,10 +8,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.pull_request import AptHeadroom, PlanReview
 from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.model.changes import Change, Create, Delete, Update
-from rarms_iac.model.diagnostics import Diagnostic, Severity, Sources
+from rarms_iac.model.diagnostics import Diagnostic, Places, Severity
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.indexes import index_named, show_threshold, show_value
 from rarms_iac.model.operations import RemoveDisk, StartPartition, StopPartition
@@ -39,26 +40,26 @@ _RISKS, _TABLE, _SCRIPTS, _STEPS, _LOGS = 10_000, 10_000, 10_000, 6_000, 3_000
 
 
 def plan_as(
-    form: OutputFormat, plan: Plan, sources: Sources, *, verbose: bool, review: Callable[[], PlanReview]
+    form: OutputFormat, plan: Plan, manifest: Manifest, *, verbose: bool, review: Callable[[], PlanReview]
 ) -> "RenderableType":
     """Give a plan that form: text to be laid out, or else the text itself.
 
     Args:
         form: SARIF, JUnit and GitHub have the plan's findings, Markdown is the comment of a pull request.
         plan: what is shown.
-        sources: texts of the files that findings point into.
+        manifest: that findings point into.
         verbose: show every attribute and reason in the text, too.
         review: what only the comment needs; it is asked at most once.
     """
     match form:
         case OutputFormat.TEXT:
-            return plan_text(plan, sources=sources, verbose=verbose)
+            return plan_text(plan, sources=manifest.sources, verbose=verbose)
         case OutputFormat.JSON:
             return json_of(plan)
         case OutputFormat.MARKDOWN:
             return comment(review())
         case _:
-            return findings_as(form, plan.findings, sources, accepted=plan.accepted)
+            return findings_as(form, plan.findings, manifest.sources, places=manifest.places, accepted=plan.accepted)
 
 
 def is_for_findings(form: OutputFormat) -> bool:
@@ -66,11 +67,11 @@ def is_for_findings(form: OutputFormat) -> bool:
     return form not in {OutputFormat.TEXT, OutputFormat.JSON}
 
 
-def no_plan_as(form: OutputFormat, *, manifest: str, error: UseCaseError) -> "RenderableType":
+def no_plan_as(form: OutputFormat, *, manifest: str, error: UseCaseError, places: Places) -> "RenderableType":
     """Give the reasons why there is no plan that form."""
     if form is OutputFormat.MARKDOWN:
         return failure_comment(manifest, error.findings)
-    return findings_as(form, error.findings, error.sources)
+    return findings_as(form, error.findings, error.sources, places=places)
 
 
 def marker(manifest: str) -> str:

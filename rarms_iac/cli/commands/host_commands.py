@@ -56,7 +56,7 @@ def doctor_command(
     if file.report is not None:
         write_new_file(file.report, json_of(report_examinations(hosts, examined)).encode("ascii"))
         session.terminal.tell(f"Wrote {file.report}: no names and no secrets. Send it with an issue.")
-    write_outputs(session.terminal, outputs, lambda form: doctor_as(form, examined, hosts.manifest.sources))
+    write_outputs(session.terminal, outputs, lambda form: doctor_as(form, examined, hosts.manifest))
     return ExitCode.FOUND if has_errors(examined.findings) else ExitCode.DONE
 
 

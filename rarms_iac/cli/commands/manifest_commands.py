@@ -16,6 +16,8 @@ from rarms_iac.cli.messages import write_outputs
 from rarms_iac.cli.options import OutputOptions
 from rarms_iac.cli.session import Session
 from rarms_iac.manifest.edit.formatting import diff_text
+from rarms_iac.manifest.load import manifest_path
+from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.storage.reading import STANDARD_INPUT
 from rarms_iac.views.finding_forms import findings_as
 from rarms_iac.views.json_output import json_of
@@ -65,11 +67,18 @@ def validate_command(session: Session, options: ValidateOptions, source: DatedMa
     Errors end with exit code 2; warnings and notes do not.
     """
     outputs = options.targets(session)
-    checked = validate(sources_in(options.files or (source.manifest,), source))
+    named = options.files or (source.manifest,)
+    checked = validate(sources_in(named, source))
     write_outputs(
         session.terminal,
         outputs,
-        lambda form: findings_as(form, checked.findings, checked.sources, accepted=checked.accepted),
+        lambda form: findings_as(
+            form,
+            checked.findings,
+            checked.sources,
+            places=FirstLine(manifest_path(named[0])),
+            accepted=checked.accepted,
+        ),
     )
     if checked.is_missing:
         return ExitCode.USAGE

@@ -17,6 +17,9 @@ from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import write_outputs
 from rarms_iac.cli.options import OutputOptions
 from rarms_iac.cli.session import Session
+from rarms_iac.manifest.load import manifest_path
+from rarms_iac.manifest.text.positions import FirstLine
+from rarms_iac.model.diagnostics import Places
 from rarms_iac.views.pull_request import is_for_findings, no_plan_as, plan_as
 
 
@@ -48,12 +51,16 @@ def plan_command(
     no plan.
     """
     outputs = options.targets(session)
+    places: Places = FirstLine(manifest_path(source.manifest))
     try:
-        hosts = select_hosts(load_manifest(source), host_selection)
+        manifest = load_manifest(source)
+        places = manifest.places
+        hosts = select_hosts(manifest, host_selection)
         plan = make_plan(hosts, plan_request(hosts, limits))
     except UseCaseError as error:
         findings = [output for output in outputs if is_for_findings(output.format)]
-        write_outputs(session.terminal, findings, partial(no_plan_as, manifest=source.manifest, error=error))
+        form_of = partial(no_plan_as, manifest=source.manifest, error=error, places=places)
+        write_outputs(session.terminal, findings, form_of)
         raise
     write_outputs(
         session.terminal,
@@ -61,7 +68,7 @@ def plan_command(
         lambda form: plan_as(
             form,
             plan,
-            hosts.manifest.sources,
+            hosts.manifest,
             verbose=options.verbose,
             review=lambda: review_for_pull_request(hosts, plan, limits, options.base),
         ),

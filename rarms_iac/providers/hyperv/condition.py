@@ -139,18 +139,18 @@ THOUSANDTHS = 1000
 
 def findings_of(observation: HostObservation, host: str) -> tuple[Diagnostic, ...]:
     """The findings about the host that the manifest calls so."""
-    return (*_journal_findings(observation, host), *_reserve_findings(observation))
+    return (*_journal_findings(observation, host), *_reserve_findings(observation, host))
 
 
-def _reserve_findings(observation: HostObservation) -> Iterator[Diagnostic]:
+def _reserve_findings(observation: HostObservation, host: str) -> Iterator[Diagnostic]:
     thousandths = {machine: setting.reservation for machine, setting in processor_settings(observation)}
     for machine in sorted(or_else(observation.machines, ()), key=lambda machine: (machine.name, machine.id)):
         reserve = thousandths.get(machine.id, 0)
         if reserve % THOUSANDTHS:
-            yield _not_whole(machine, reserve)
+            yield _not_whole(machine, reserve, host)
 
 
-def _not_whole(machine: ObservedMachine, reserve: int) -> Diagnostic:
+def _not_whole(machine: ObservedMachine, reserve: int, host: str) -> Diagnostic:
     exact = f"{reserve / THOUSANDTHS:.3f}".rstrip("0")
     return NOT_WHOLE.at(
         None,
@@ -159,6 +159,7 @@ def _not_whole(machine: ObservedMachine, reserve: int) -> Diagnostic:
         "Set a whole per cent with Set-VMProcessor -Reserve; until then plans count what the cmdlets show.",
         address=f"machine/{machine.id}",
         values={
+            "host": host,
             "machine": machine.id,
             "name": machine.name,
             "reserve_percent": reserve / THOUSANDTHS,

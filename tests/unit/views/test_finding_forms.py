@@ -8,6 +8,7 @@ import jsonschema
 import pytest
 from hypothesis import given
 
+from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Findings, Place, Related, Severity
 from rarms_iac.views.console import render
@@ -43,6 +44,7 @@ COMMAND = {
     "text": "rarms select vision --at '100 ms'",
 }
 WARNING = RESTART.at(None, "It stops.", "Wait.", address="partition/vision", values={})
+FIRST_LINE = FirstLine("rarms.yaml")
 SARIF_SCHEMA = Path(__file__).parents[4] / "shared" / "sarif" / "sarif-schema-2.1.0.json"
 
 
@@ -124,7 +126,7 @@ def test_sarif_obeys_the_published_schema() -> None:
     for text in (
         as_sarif([ERROR, WARNING], page=lambda _code: None, accepted=[WARNING]),
         as_sarif([], page=lambda _code: None),
-        str(findings_as(OutputFormat.SARIF, [ERROR, WARNING], {})),
+        str(findings_as(OutputFormat.SARIF, [ERROR, WARNING], {}, places=FIRST_LINE)),
     ):
         assert list(validator.iter_errors(json.loads(text))) == []
 
@@ -193,8 +195,8 @@ def test_hostile_text_breaks_no_form(diagnostic: Diagnostic) -> None:
 
 @pytest.mark.parametrize("form", list(OutputFormat))
 def test_every_form_renders_nothing_and_something(form: OutputFormat) -> None:
-    assert "RARMS014" in render(findings_as(form, [ERROR], {}))
-    assert "RARMS014" not in render(findings_as(form, [], {}))
+    assert "RARMS014" in render(findings_as(form, [ERROR], {}, places=FIRST_LINE))
+    assert "RARMS014" not in render(findings_as(form, [], {}, places=FIRST_LINE))
 
 
 def test_without_a_wish_text_goes_to_standard_output() -> None:
