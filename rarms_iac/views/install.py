@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 def installation_text(result: Installation) -> "RenderableType":
     """Show a line for each host, and what to do next."""
-    rows = [(host.host, _became(host), f"Python {host.python}, {host.machine}") for host in result.hosts]
+    rows = [(host.host, _became(host), f"Python {host.python}, {host.machine}", _sent(host)) for host in result.hosts]
     finished = [
         paragraph(f"{host.host}: rarms {run.version} finished its run of plan {run.plan}.")
         for host in result.hosts
@@ -35,3 +35,7 @@ def _became(host: HostInstallation) -> str:
         return f"rarms {host.version} is there already"
     was = f", was {host.before}" if host.before and host.before != host.version else ""
     return f"rarms {host.version} installed{was}"
+
+
+def _sent(host: HostInstallation) -> str:
+    return f"{host.sent_bytes / 1e6:.0f} MB sent" if host.sent_bytes else ""
