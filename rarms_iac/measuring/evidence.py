@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.loads import Interference, could_take_all, is_steady
+from rarms_iac.model.outcomes import TooManyFailures
 from rarms_iac.model.setting import Setting, SettingEvidence
 
 TRIES = 3
@@ -47,6 +48,12 @@ def disturbance(evidence: SettingEvidence, processors: int, load_takes: float | 
     if p2 + beyond_reserve < load_takes - SHORT * processors:
         return f"the load in P2 got {p2:.2f} LP where {load_takes:.2f} are reserved"
     return ""
+
+
+def with_memory_kills(failed: TooManyFailures, evidence: SettingEvidence | None) -> TooManyFailures:
+    """Add the number of processes of a failed component that the kernel killed for memory."""
+    killed = 0 if evidence is None else evidence.out_of_memory.get(failed.component, 0)
+    return replace(failed, out_of_memory=killed)
 
 
 def leaves_idle(evidence: SettingEvidence | None, processors: int) -> bool:

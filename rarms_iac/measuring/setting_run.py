@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from math import inf
 
 from rarms_iac.manifest.text.positions import FirstLine
-from rarms_iac.measuring.evidence import TRIES, disturbance, with_evidence
+from rarms_iac.measuring.evidence import TRIES, disturbance, with_evidence, with_memory_kills
 from rarms_iac.measuring.partitions import (
     MeasuringResources,
     memory_for_load,
@@ -232,7 +232,7 @@ def _try_setting(
     if series is None:
         return Stopped(), None
     if isinstance(series, TooManyFailures):
-        return SettingFailed(reserve=request.reserve, verdict=series), None
+        return SettingFailed(reserve=request.reserve, verdict=with_memory_kills(series, evidence)), None
     return so_far(series, elapsed_ms), evidence
 
 

@@ -120,6 +120,7 @@ class TooManyFailures(_Judgement):
     component: str
     failures: tuple[str, ...]  # why each sample failed, in order
     allowed: int
+    out_of_memory: int = 0  # so many of its processes the kernel killed, because its group had no memory left
 
 
 Verdict = Met | Missed | WithinNoise | Unsteady | TooFewSamples | TooManyFailures

@@ -8,6 +8,17 @@ from rarms_iac.model.series import Series, SkippedLines, join_series
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class OutsideWork:
+    """Processes that used processor time in a setting and were in none of its partitions."""
+
+    name: str  # of their program; "ended": processes that nobody saw
+    group: str  # their control group, as a path; empty: unknown
+    cpu_ms: float
+    processes: int = 1
+    component: str = ""  # that started them, and whose partition they left; empty: none is known
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SettingEvidence:
     """What a host's kernel counted while samples were taken: whether the setting was what it says."""
 
@@ -22,6 +33,8 @@ class SettingEvidence:
     hypervisor_ms: Mapping[str, float] | None = None
     # By component, from the first line on: also before samples counted. Only of those that have some.
     skipped_lines: Mapping[str, SkippedLines] = field(default_factory=dict)
+    outside: tuple[OutsideWork, ...] = ()  # where work ran that is in none of the partitions, largest first
+    out_of_memory: Mapping[str, int] = field(default_factory=dict)  # by component: processes killed for its memory
     disturbances: tuple[str, ...] = ()  # of each try that was disturbed, this one included where it is the last
 
     def since(self, before: "SettingEvidence") -> "SettingEvidence":

@@ -3,17 +3,20 @@
 import queue
 import threading
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from rarms_iac.model.run import Call, Run
 from rarms_iac.model.series import Sample, Series, SkippedLines
+from rarms_iac.running.kernel_files import entry_of, kernel_text
 from rarms_iac.running.samples import SampleRecord, SamplingEnd, samples_of_lines, samples_of_runs
 from rarms_iac.running.secrets import hide_secrets
 from rarms_iac.running.start import StartContext, order_of
 from rarms_iac.running.supervisor import ReadingInterrupted, Supervisor
+from rarms_iac.running.work_places import ComponentPlace
 
 WAITING_SAMPLES = 256
 """So many samples of parallel runs wait to be read; a component that is faster waits for its reader."""
@@ -34,6 +37,9 @@ class ComponentRun:
     def __init__(self, component: str, run: Run, context: StartContext) -> None:
         self.component = component
         self._order = order_of(component, run, context)
+        self._inside = context.inside
+        self._killed_before = _killed_for_memory(context.inside.memory_events)
+        self._before_end: Callable[[], None] = lambda: None
         self._hide = hide_secrets(run, context.environment)
         self._record = SampleRecord(run, self._hide)
         self._supervisor: Supervisor | None = None
@@ -86,6 +92,20 @@ class ComponentRun:
         return self._supervisor.process if self._supervisor else None
 
     @property
+    def place(self) -> ComponentPlace:
+        """Where its processes belong."""
+        return ComponentPlace(component=self.component, supervisor=self.process, groups=self._inside.groups)
+
+    @property
+    def killed_for_memory(self) -> int:
+        """How many processes of its control group the kernel killed since the start because of the group's memory."""
+        return _killed_for_memory(self._inside.memory_events) - self._killed_before
+
+    def call_before_end(self, look: Callable[[], None]) -> None:
+        """Have this called when no more samples come, while its processes are still there."""
+        self._before_end = look
+
+    @property
     def ending(self) -> SamplingEnd:
         """Why no more samples come."""
         return self._record.ending
@@ -115,7 +135,14 @@ class ComponentRun:
         except ReadingInterrupted:
             self._record.ending = SamplingEnd.CLOSED
         finally:
-            supervisor.close()
+            try:
+                self._before_end()
+            finally:
+                supervisor.close()
+
+
+def _killed_for_memory(events: Path | None) -> int:
+    return 0 if events is None else entry_of(events, kernel_text(events), "oom_kill")
 
 
 _Message = tuple[str, Sample | BaseException | None]

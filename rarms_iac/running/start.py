@@ -47,13 +47,17 @@ class ProcessPlace:
 
     `words` stand before the component's own (`chrt`, `taskset`); `join` are files that take the process' id before
     the component begins (`cgroup.procs`), so that nothing of it ever runs outside. `environment` is for `rcss`, and
-    `task` is the class that the caller's thread joins, where only the thread itself can (Windows).
+    `task` is the class that the caller's thread joins, where only the thread itself can (Windows). `groups` are the
+    folders of control groups in which all of its processes must be, and that count their processor time;
+    `memory_events` is the file in which the kernel counts the processes that it killed for the group's memory.
     """
 
     words: tuple[str, ...] = ()
     join: tuple[Path, ...] = ()
     environment: Mapping[str, str] = field(default_factory=dict)
     task: str = ""
+    groups: tuple[Path, ...] = ()
+    memory_events: Path | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -21,6 +21,7 @@ from rarms_iac.model.operations import (
     WriteMark,
 )
 from rarms_iac.model.plan import Scope
+from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.provider import LinuxHostProvider
@@ -195,12 +196,42 @@ def test_a_definition_that_was_never_written_is_read_or_refused(host: LinuxHostP
         for value in ODD_VALUES:
             with suppress(ValueError, TypeError):  # JSON has no such value
                 file.write_text(json.dumps(changed(document, path, value)), encoding="utf-8")
-            with suppress(HostDamaged):
-                host.observe()
+            with in_time(), suppress(HostDamaged, HostFailed, HostRefused), host.lock("ann@lab"):
+                host.execute(SetCpu(partition="vision", reserve=40, limit=90, weight=100), SCOPE)
 
     file.write_text(json.dumps({**document, "settings": {}}), encoding="utf-8")
     with pytest.raises(HostDamaged):
         host.observe()
+
+
+@pytest.mark.parametrize("answer", ["", "abc", "0-99999999999", "max", "9" * 30])
+def test_odd_kernel_files_are_the_hosts_failure(
+    host: LinuxHostProvider, monkeypatch: pytest.MonkeyPatch, answer: str
+) -> None:
+    real, odd, files = LinuxEffects.read, [Path()], dict[Path, None]()
+
+    def read(effects: LinuxEffects, path: Path) -> str:
+        files[path] = None
+        return answer if path == odd[0] else real(effects, path)
+
+    def use() -> None:
+        with host.lock("ann@lab"):
+            host.examined()
+            host.execute(SetCpu(partition="vision", reserve=40, limit=90, weight=100), SCOPE)
+            host.execute(SetMemory(partition="vision", memory=64 * MIB), SCOPE)
+
+    monkeypatch.setattr(host, "_described_machine", None)  # the machine's own files, too
+    monkeypatch.setattr(LinuxEffects, "read", read)
+    use()
+
+    refused = 0
+    for odd[0] in tuple(files):
+        with in_time():
+            try:
+                use()
+            except (HostFailed, HostRefused):
+                refused += 1
+    assert refused > 5, sorted(files)
 
 
 @pytest.mark.parametrize("place", IRREGULAR_FILES)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from rarms_iac.providers.cgroups.definitions import GroupDefinition, read_definition, write_definition
 from rarms_iac.providers.cgroups.effects import LinuxEffects, open_folder
+from rarms_iac.providers.cgroups.refusals import out_of_range
 from rarms_iac.providers.journaled import report_damage, report_failure
 from rarms_iac.storage.codec import NotDecodable
 
@@ -61,6 +62,8 @@ class DefinitionFiles:
             definition = read_definition(self._effects.content(path) or b"")
             if f"{definition.id}.json" != path.name:
                 raise NotDecodable("id", "the file has another name")
+            if problem := out_of_range(definition.settings):
+                raise NotDecodable("settings", problem)
             return definition
 
     def _file(self, definition: GroupDefinition) -> Path:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from rarms_iac.providers.interface import HostDamaged
 from rarms_iac.providers.journaled import LocalFiles
+from rarms_iac.running.kernel_files import kernel_text, whole_number
 from rarms_iac.storage import disk
 from rarms_iac.storage.append import Record
 
@@ -28,7 +29,7 @@ class LinuxEffects(LocalFiles):
     def read(self, path: Path) -> str:
         """Return the text of a file of the kernel without its line end. Raises FileNotFoundError."""
         with _missing_when_removed(path):
-            return path.read_text(encoding="ascii").strip()
+            return path.read_text(encoding="utf-8", errors="replace").strip()
 
     def has_file(self, path: Path) -> bool:
         """Return whether there is such a file."""
@@ -182,20 +183,9 @@ def processes_in(effects: LinuxEffects, groups: Iterable[Path]) -> tuple[int, ..
     for group in groups:
         for below in below_first(effects, group):
             with suppress(FileNotFoundError):
-                found.update(int(word) for word in effects.read(below / "cgroup.procs").split())
+                file = below / "cgroup.procs"
+                found.update(whole_number(file, word) for word in effects.read(file).split())
     return tuple(sorted(found))
-
-
-def kernel_text(file: Path) -> str:
-    """Return a file of the kernel; empty where the process is gone, or this kernel has no such file.
-
-    Args:
-        file: below `/proc`.
-    """
-    try:
-        return file.read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return ""
 
 
 @contextmanager

@@ -1,7 +1,8 @@
 """Control groups as the kernel shows them: what both versions have in common.
 
 Every group of rarms lies below one slice, which weighs more than everything beside it. All paths are parameters: a
-test works below a slice of its own. Where a call says `OSError`, the kernel's own answer is passed on.
+test works below a slice of its own. Where a call says `OSError`, the kernel's own answer is passed on. Every call that
+reads raises `UnreadableFile` if a file has no number where the kernel writes one.
 """
 
 from abc import ABC, abstractmethod
@@ -11,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rarms_iac.providers.cgroups.effects import LinuxEffects, below_first, processes_in
+from rarms_iac.running.kernel_files import entry_of, processor_list, whole_number
 from rarms_iac.running.start import ProcessPlace
 
 USUAL_PERIOD_US = 100_000
@@ -105,6 +107,11 @@ class GroupTree(ABC):
         """Give a fresh group what it needs before a process may join."""
 
     @property
+    @abstractmethod
+    def _memory_events(self) -> str:
+        """Return the name of the file with the count `oom_kill`."""
+
+    @property
     def boot(self) -> str:
         """What stands for the machine's start in definitions, where groups outlive it; empty: they do not."""
         return ""
@@ -183,7 +190,14 @@ class GroupTree(ABC):
 
     def place(self, name: str) -> ProcessPlace:
         """Return what brings a starting process into the group: the files that take its id, or words before its own."""
-        return ProcessPlace(join=tuple(folder / name / "cgroup.procs" for folder in self._folders))
+        join = tuple(folder / name / "cgroup.procs" for folder in self._folders)
+        return replace(self._counted(name), join=join)
+
+    def _counted(self, name: str) -> ProcessPlace:
+        """Return what counts the time of a group and the processes that the kernel killed for its memory."""
+        return ProcessPlace(
+            groups=(self._slices["cpuacct"] / name,), memory_events=self._slices["memory"] / name / self._memory_events
+        )
 
     def allow_real_time(self, name: str, percent: float) -> None:
         """Let real-time processes of a group run for a part of each processor's time, where the kernel asks for it.
@@ -216,11 +230,22 @@ class GroupTree(ABC):
 
     def _budget_us(self, group: Path) -> int:
         """Return the real-time budget of a group in 100 ms, in microseconds."""
-        period = int(self._effects.read(group / "cpu.rt_period_us"))
-        return int(self._effects.read(group / _RUNTIME)) * USUAL_PERIOD_US // period
+        period, budget = group / "cpu.rt_period_us", group / _RUNTIME
+        return self._number_in(budget, least=-1) * USUAL_PERIOD_US // self._number_in(period, least=1)
 
     def _read(self, controller: str, name: str, file: str) -> str:
         return self._effects.read(self._file(controller, name, file))
+
+    def _number_in(self, file: Path, *, least: int = 0) -> int:
+        return whole_number(file, self._effects.read(file), least=least)
+
+    def _entry_in(self, controller: str, name: str, file: str, entry: str) -> int:
+        path = self._file(controller, name, file)
+        return entry_of(path, self._effects.read(path), entry)
+
+    def _processors_in(self, file: Path) -> tuple[int, ...]:
+        """Return the processors that a file lists; none where it is not there."""
+        return processor_list(file, self._read_if_there(file))
 
     def _write(self, controller: str, name: str, file: str, text: str) -> None:
         self._effects.write(self._file(controller, name, file), text)
@@ -230,17 +255,6 @@ class GroupTree(ABC):
 
     def _file(self, controller: str, name: str, file: str) -> Path:
         return self._slices[controller] / name / file
-
-
-def entry_of(text: str, name: str) -> int:
-    """Return the number behind a name in lines of `name number`; 0 where the name is missing."""
-    return next((int(value) for word, value in (line.split() for line in text.splitlines()) if word == name), 0)
-
-
-def numbers(text: str) -> tuple[int, ...]:
-    """Return the processors that the kernel lists as `0-2,5`, ascending."""
-    spans = [part.partition("-") for part in text.split(",") if part]
-    return tuple(number for first, _, last in spans for number in range(int(first), int(last or first) + 1))
 
 
 def whole_pages(memory: int | None) -> int | None:

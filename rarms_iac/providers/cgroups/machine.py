@@ -7,7 +7,7 @@ from pathlib import Path
 from rarms_iac.model.host import Host, ProviderKind, SchedulerType, host_identity
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts, Rights
 from rarms_iac.providers.cgroups.effects import LinuxEffects
-from rarms_iac.providers.cgroups.groups import numbers
+from rarms_iac.running.kernel_files import UnreadableFile, processor_list, whole_number
 
 NAMESPACE = uuid.UUID("b0c2d7ee-3f0b-5a6f-9a55-6b1f0f6a7c11")
 """Ids of partitions, and of machines that have none of their own, are made in it."""
@@ -40,20 +40,22 @@ def read_machine(effects: LinuxEffects) -> LinuxMachine:
 
     Raises:
         OSError: it has no `/proc`, or no `/sys`.
-        ValueError: a file is not as a Linux writes it.
+        UnreadableFile: a file is not as a Linux writes it.
     """
     name = effects.read(_HOSTNAME)
-    runtime, period = (int(_text(effects, file) or 0) for file in (_RUNTIME, _PERIOD))
-    memory = next(line.split()[1] for line in effects.read(_MEMORY).splitlines() if line.startswith("MemTotal:"))
+    runtime, period = (whole_number(file, _text(effects, file) or "0", least=-1) for file in (_RUNTIME, _PERIOD))
+    online = effects.read(_PROCESSORS)
+    if not (processors := processor_list(_PROCESSORS, online)):
+        raise UnreadableFile(_PROCESSORS, online, "a list of processors")
     return LinuxMachine(
         id=_text(effects, _ID) or uuid.uuid5(NAMESPACE, name).hex,
         computer_name=name,
-        logical_processors=len(numbers(effects.read(_PROCESSORS))),
-        memory=int(memory) * 1024 // MEBIBYTE * MEBIBYTE,
+        logical_processors=len(processors),
+        memory=_memory_kib(effects.read(_MEMORY)) * 1024 // MEBIBYTE * MEBIBYTE,
         smt=_text(effects, _SMT) == "1",
         boot=effects.read(_BOOT),
         # Where the kernel does not say, it admits nothing; a negative runtime is all of the period.
-        deadline_percent=100 if runtime < 0 else runtime * 100 // period if period else 0,
+        deadline_percent=100 if runtime < 0 else min(100, runtime * 100 // period) if period > 0 else 0,
     )
 
 
@@ -80,6 +82,13 @@ def facts_of(host: Host, machine: LinuxMachine, group_processors: int) -> HostFa
         rights=Rights.PROVEN,  # `LinuxHostProvider.tree` has refused the host where they are missing
         deadline_percent=None if percent == USUAL_DEADLINE_PERCENT else percent,
     )
+
+
+def _memory_kib(text: str) -> int:
+    words = text.partition("MemTotal:")[2].split()
+    if not words:
+        raise UnreadableFile(_MEMORY, text, "a line MemTotal")
+    return whole_number(_MEMORY, words[0])
 
 
 def _text(effects: LinuxEffects, path: Path) -> str:

@@ -26,17 +26,18 @@ from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
 from rarms_iac.model.system import Component, run_of
 from rarms_iac.planner.task_classes import ClassValues
-from rarms_iac.providers.cgroups.effects import kernel_text
 from rarms_iac.providers.cgroups.groups import GroupTree
-from rarms_iac.providers.cgroups.processes import consumed_ms, in_ms
+from rarms_iac.providers.cgroups.processes import consumed_ms
 from rarms_iac.providers.cgroups.processor_use import ThreadLooks, looking_at
-from rarms_iac.providers.cgroups.provider import STATE_FOLDER, LinuxHostProvider
+from rarms_iac.providers.cgroups.provider import STATE_FOLDER, LinuxHostProvider, unreadable
 from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.measuring import NO_RUN, Obstacle, PartitionWork, RemainingSamples, Work
 from rarms_iac.rcss import CLASSES_VARIABLE
 from rarms_iac.running.component import ComponentRun, run_in_parallel
+from rarms_iac.running.kernel_files import UnreadableFile, in_ms, kernel_text, whole_number
 from rarms_iac.running.loads import InterferingLoad, check_load
 from rarms_iac.running.start import CannotStart, ProcessPlace, RunningError, StartContext, order_of
+from rarms_iac.running.work_places import WorkPlaces
 
 MEMORY_MS = 100.0
 """How long the past influences the kernel's scheduling: its longest quota period. Its load averages, by which a group's
@@ -115,8 +116,13 @@ class LinuxMeasuringHost(LinuxHostProvider):
         groups = {
             part.partition: self._running_group(part, work.application) for part in work.partitions if part.partition
         }
+        folders = {name: self.tree.place(group).groups for name, group in groups.items()}
         with ExitStack() as ends:
             with self.reported():
+                looked = WorkPlaces(
+                    _folders(folders, (part for part in work.partitions if part.components)),
+                    _folders(folders, (part for part in work.partitions if part.load is not None)),
+                )
                 ends.enter_context(_real_time_priority(self.name))
                 loads = [
                     ends.enter_context(self._interfering_load(part.load, part, groups))
@@ -132,7 +138,15 @@ class LinuxMeasuringHost(LinuxHostProvider):
                 if part.partition and part.components
             }
             yield RealWork(
-                host=self, work=work, groups=groups, runs=runs, loads=loads, read=read, started=started, looks=looks
+                host=self,
+                work=work,
+                groups=groups,
+                runs=runs,
+                loads=loads,
+                read=read,
+                started=started,
+                looked=looked,
+                looks=looks,
             )
 
     def _interfering_load(self, load: Interference, part: PartitionWork, groups: Mapping[str, str]) -> InterferingLoad:
@@ -144,9 +158,14 @@ class LinuxMeasuringHost(LinuxHostProvider):
 
     @contextmanager
     def reported(self) -> Iterator[None]:
-        """Raise what goes wrong with processes as `HostRefused` or `HostFailed`."""
+        """Raise what goes wrong with processes and files of the kernel as `HostRefused` or `HostFailed`."""
         try:
             yield
+        except UnreadableFile as problem:
+            raise unreadable(self.name, problem) from problem
+        except OSError as problem:
+            message = f"a file of the kernel cannot be read: {problem}"
+            raise HostFailed(self.name, message, "Measure again: what is recorded is kept.") from problem
         except CannotStart as problem:
             raise HostRefused(
                 self.name, f"{problem}", prose("Try it alone: ", command("run", "COMPONENT"), ".")
@@ -200,8 +219,9 @@ class LinuxMeasuringHost(LinuxHostProvider):
             HostRefused: the partition is not there or does not run.
         """
         (component,) = part.components
-        group = self._running_group(part, application) if part.partition else None
-        return self._place(part, group, component)
+        with self.reported():
+            group = self._running_group(part, application) if part.partition else None
+            return self._place(part, group, component)
 
     def _running_group(self, part: PartitionWork, application: str) -> str:
         """Return the control group of a running partition; where it has task classes, give it their budget."""
@@ -218,6 +238,8 @@ class LinuxMeasuringHost(LinuxHostProvider):
         if part.classes:
             try:
                 self.tree.allow_real_time(group, running[0].settings.reserve)
+            except UnreadableFile as problem:
+                raise unreadable(self.name, problem) from problem
             except OSError as problem:
                 message = f"{partition} gets no budget for its task classes: {problem.strerror}"
                 advice = "Take real-time budgets (cpu.rt_runtime_us) from other control groups."
@@ -284,6 +306,7 @@ class RealWork:
     loads: Sequence[InterferingLoad]
     read: Iterator[tuple[str, Sample]]
     started: float
+    looked: WorkPlaces  # where processes work, since before the components started
     looks: Mapping[str, ThreadLooks] = field(default_factory=dict)  # by partition that runs components
     _under_way_ms: dict[str, float] = field(default_factory=dict)  # by component, how long a job was
     _remaining: RemainingSamples = field(init=False)
@@ -294,7 +317,8 @@ class RealWork:
         for part in self.work.partitions:
             if part.partition and len(part.components) == 1 and part.load is None:
                 group = self.groups[part.partition]
-                self._group_alone[part.components[0].name] = group, self.host.tree.cpu_ms(group)
+                with self.host.reported():
+                    self._group_alone[part.components[0].name] = group, self.host.tree.cpu_ms(group)
 
     def samples(self) -> Iterator[tuple[str, Sample]]:
         runs = {run.component: run for run in self.runs}
@@ -321,7 +345,8 @@ class RealWork:
         """Its processes are stopped for a short random while: the kernel then knows nothing of how they ran before."""
         parts = [part for part in self.work.partitions if part.load is not None and is_steady(part.load)]
         groups = [self.groups[part.partition] for part in parts if part.partition]
-        processes = [process for group in groups for process in self.host.tree.processes(group)]
+        with self.host.reported():
+            processes = [process for group in groups for process in self.host.tree.processes(group)]
         if not processes:
             return False
         try:
@@ -336,11 +361,12 @@ class RealWork:
 
     def cpu_ms(self, component: str) -> float | None:
         """Of the group where the component is alone in it, else of its processes, in clock ticks."""
-        if component in self._group_alone:
-            group, before = self._group_alone[component]
-            return self.host.tree.cpu_ms(group) - before
-        process = next((run.process for run in self.runs if run.component == component), None)
-        return None if process is None else consumed_ms(process)
+        with self.host.reported():
+            if component in self._group_alone:
+                group, before = self._group_alone[component]
+                return self.host.tree.cpu_ms(group) - before
+            process = next((run.process for run in self.runs if run.component == component), None)
+            return None if process is None else consumed_ms(process)
 
     def used_processors(self, partition: str) -> int | None:
         """By looks at the group's threads."""
@@ -348,21 +374,31 @@ class RealWork:
             member.name for part in self.work.partitions if part.partition == partition for member in part.components
         ]
         under_way_ms = max((self._under_way_ms.get(name, 0.0) for name in members), default=0.0)
-        return self.looks[partition].most(under_way_ms) if partition in self.looks and under_way_ms else None
+        with self.host.reported():
+            return self.looks[partition].most(under_way_ms) if partition in self.looks and under_way_ms else None
 
     def evidence(self) -> SettingEvidence:
         skipped = {run.component: run.skipped for run in self.runs if run.skipped.count}
-        return replace(self._counters().since(self._before), skipped_lines=skipped)
+        with self.host.reported():
+            places = [run.place for run in self.runs]
+            self.looked.look(places)
+            return replace(
+                self._counters().since(self._before),
+                skipped_lines=skipped,
+                outside=self.looked.outside(places, self.elapsed_ms()),
+                out_of_memory={run.component: killed for run in self.runs if (killed := run.killed_for_memory)},
+            )
 
     def _counters(self) -> SettingEvidence:
         """What the kernel counted until now."""
-        return SettingEvidence(
-            elapsed_ms=self.elapsed_ms(),
-            cpu_ms={name: self.host.tree.cpu_ms(group) for name, group in self.groups.items()},
-            throttled_ms={name: self.host.tree.throttled_ms(group) for name, group in self.groups.items()},
-            stolen_ms=in_ms(kernel_text(_STAT).split()[_STOLEN]),
-            waiting_ms=_waiting_ms(),
-        )
+        with self.host.reported():
+            return SettingEvidence(
+                elapsed_ms=self.elapsed_ms(),
+                cpu_ms={name: self.host.tree.cpu_ms(group) for name, group in self.groups.items()},
+                throttled_ms={name: self.host.tree.throttled_ms(group) for name, group in self.groups.items()},
+                stolen_ms=_stolen_ms(),
+                waiting_ms=_waiting_ms(),
+            )
 
 
 @contextmanager
@@ -395,10 +431,22 @@ def _signal(processes: Iterable[int], number: signal.Signals) -> None:
             os.kill(process, number)
 
 
+def _folders(folders: Mapping[str, Sequence[Path]], parts: Iterable[PartitionWork]) -> list[Path]:
+    return [folder for part in parts for folder in folders.get(part.partition, ())]
+
+
+def _stolen_ms() -> float:
+    """Return the time, of all processors, that the hypervisor below took since the machine's start."""
+    words = (text := kernel_text(_STAT)).partition("\n")[0].split()
+    if len(words) <= _STOLEN:
+        raise UnreadableFile(_STAT, text, f"{_STOLEN} times of all processors")
+    return in_ms(whole_number(_STAT, words[_STOLEN]))
+
+
 def _waiting_ms() -> float | None:
     """Return how long something waited for a processor (PSI) since the machine's start; None: not counted here."""
     line = kernel_text(_PRESSURE).partition("\n")[0]
-    return float(line.rpartition("total=")[2]) / 1000 if line.startswith("some") else None
+    return whole_number(_PRESSURE, line.rpartition("total=")[2]) / 1000 if line.startswith("some") else None
 
 
 def _processor_model() -> str:

@@ -1,44 +1,11 @@
 """The processes of this machine as `/proc` shows them: what they consumed, and whether a supervisor ends them."""
 
-import os
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from pathlib import Path
 
-from rarms_iac.providers.cgroups.effects import kernel_text
+from rarms_iac.running.kernel_files import PROC, in_ms, kernel_text, read_process, whole_number
 
-_PROC = Path("/proc")
 _SUPERVISOR = "supervisor_process.py"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProcessStat:
-    """The values of `/proc/<id>/stat` that rarms uses."""
-
-    name: str
-    parent: int
-    ticks: int  # of processor time that it consumed itself
-    ticks_of_children: int  # that those of its children that ended had consumed
-
-
-def read_process(process: int, read: Callable[[Path], str] = kernel_text) -> ProcessStat | None:
-    """Read a process; None where it is gone.
-
-    Args:
-        process: its id.
-        read: returns a file of `/proc` on its machine.
-    """
-    before, _, after = read(_PROC / f"{process}/stat").rpartition(")")
-    fields = after.split()
-    if len(fields) < 15:
-        return None
-    user, system, user_of_children, system_of_children = map(int, fields[11:15])
-    return ProcessStat(
-        name=before.partition("(")[2],
-        parent=int(fields[1]),
-        ticks=user + system,
-        ticks_of_children=user_of_children + system_of_children,
-    )
 
 
 def consumed_ms(process: int) -> float:
@@ -73,7 +40,7 @@ def orphans(processes: Iterable[int], read: Callable[[Path], str] = kernel_text)
 
 def _is_supervised(process: int, read: Callable[[Path], str]) -> bool:
     while process > 1:
-        if _SUPERVISOR in read(_PROC / f"{process}/cmdline"):
+        if _SUPERVISOR in read(PROC / f"{process}/cmdline"):
             return True
         stat = read_process(process, read)
         process = stat.parent if stat else 0
@@ -81,17 +48,8 @@ def _is_supervised(process: int, read: Callable[[Path], str]) -> bool:
 
 
 def _children(process: int) -> list[int]:
-    threads = Path(f"/proc/{process}/task")
     try:
-        return [int(child) for thread in threads.iterdir() for child in kernel_text(thread / "children").split()]
+        files = [thread / "children" for thread in (PROC / f"{process}/task").iterdir()]
     except OSError:
         return []
-
-
-def in_ms(ticks: float | str) -> float:
-    """Return a time in ticks of the kernel's clock as milliseconds.
-
-    Args:
-        ticks: as a file of the kernel has it.
-    """
-    return float(ticks) * 1000 / os.sysconf("SC_CLK_TCK")
+    return [whole_number(file, child) for file in files for child in kernel_text(file).split()]

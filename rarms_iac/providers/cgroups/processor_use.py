@@ -8,13 +8,11 @@ from random import Random
 from threading import Event, Thread
 
 from rarms_iac.model.processor_number import most_at_once
-from rarms_iac.providers.cgroups.effects import kernel_text
 from rarms_iac.providers.cgroups.groups import GroupTree
+from rarms_iac.running.kernel_files import PROC, UnreadableFile, kernel_text
 
 BETWEEN_S = (0.005, 0.025)
 """The least and the greatest pause between two looks: at random, so that they lock into no period of a component."""
-
-_PROC = Path("/proc")
 
 
 class ThreadLooks:
@@ -25,6 +23,7 @@ class ThreadLooks:
         self._group = group
         self._seconds: dict[int, float] = {}  # by number of threads that ran, or waited for a processor, at once
         self._ended = Event()
+        self._problem: UnreadableFile | OSError | None = None
 
     def most(self, under_way_ms: float) -> int | None:
         """Return the most threads at once.
@@ -34,7 +33,12 @@ class ThreadLooks:
 
         Returns:
             None where the group was not looked at yet.
+
+        Raises:
+            UnreadableFile, OSError: the last look failed.
         """
+        if self._problem is not None:
+            raise self._problem
         seconds = dict(self._seconds)
         return most_at_once(seconds, under_way_ms / 1000) if seconds else None
 
@@ -46,7 +50,11 @@ class ThreadLooks:
         """Look again and again; each look stands for the time since the one before."""
         pauses, before = Random(), time.perf_counter()  # noqa: S311 - no secret
         while not self._ended.wait(pauses.uniform(*BETWEEN_S)):
-            threads, now = sum(map(_runnable, self._tree.processes(self._group))), time.perf_counter()
+            try:
+                threads, now = sum(map(_runnable, self._tree.processes(self._group))), time.perf_counter()
+            except (UnreadableFile, OSError) as problem:
+                self._problem = problem
+                return
             self._seconds[threads] = self._seconds.get(threads, 0.0) + now - before
             before = now
 
@@ -79,7 +87,7 @@ def looking_at(tree: GroupTree, group: str) -> Iterator[ThreadLooks]:
 def _runnable(process: int) -> int:
     """How many threads of a process run or wait for a processor; none where it has ended."""
     try:
-        return sum(_is_runnable(thread) for thread in (_PROC / str(process) / "task").iterdir())
+        return sum(_is_runnable(thread) for thread in (PROC / str(process) / "task").iterdir())
     except OSError:
         return 0
 

@@ -53,6 +53,7 @@ from rarms_iac.providers.cgroups.processes import orphans
 from rarms_iac.providers.cgroups.refusals import lack_of_memory, lack_of_reserve, out_of_range
 from rarms_iac.providers.interface import HostFailed, HostRefused, ObservedHost
 from rarms_iac.providers.journaled import JournaledHost
+from rarms_iac.running.kernel_files import UnreadableFile
 
 GroupOperation = SettingOperation | RemovePartition | StartPartition | StopPartition
 """Operations on a partition that exists."""
@@ -60,6 +61,12 @@ GroupOperation = SettingOperation | RemovePartition | StartPartition | StopParti
 STATE_FOLDER = Path("/var/lib/rarms")
 PLAN_AGAIN = prose("Look at the host again: ", PLAN, ".")
 ASK_DOCTOR = prose("See what this kernel lacks: ", DOCTOR, ".")
+
+
+def unreadable(host: str, problem: UnreadableFile) -> HostFailed:
+    """Return a host's failure for a file of its kernel that has no number where one is needed."""
+    advice = f"Compare {problem.file.as_posix()} with what the kernel documents; a tool may have put a file over it."
+    return HostFailed(host, f"{problem}", advice)
 
 
 class LinuxHostProvider(JournaledHost):
@@ -115,7 +122,10 @@ class LinuxHostProvider(JournaledHost):
     def machine(self) -> LinuxMachine:
         """The machine below."""
         if self._known_machine is None:
-            machine, boot = read_machine(self._effects), self.tree.boot
+            try:
+                machine, boot = read_machine(self._effects), self.tree.boot
+            except UnreadableFile as problem:
+                raise unreadable(self.name, problem) from problem
             self._known_machine = replace(machine, boot=boot) if boot else machine
         return self._known_machine
 
@@ -143,8 +153,9 @@ class LinuxHostProvider(JournaledHost):
         found = [*off_without_stop(self._host, off), *nothing_withheld(self._host, self._processors)]
         read = self._effects.processes()
         for partition in state.partitions:
-            running = self.tree.processes(definitions[partition.id].group) if partition.settings.running else ()
-            found += orphan_findings(partition.settings.name, orphans(running, read))
+            with self._kernel_errors(partition.settings.name):
+                running = self.tree.processes(definitions[partition.id].group) if partition.settings.running else ()
+                found += orphan_findings(partition.settings.name, orphans(running, read))
         return ObservedHost(state=state, condition=HostCondition(), findings=tuple(found))
 
     def start_after_boot(self) -> tuple[str, ...]:
@@ -181,9 +192,11 @@ class LinuxHostProvider(JournaledHost):
         """Return the host's state, and the definition of each partition by its id."""
         try:
             return self._state_and_definitions()
-        except (ArithmeticError, LookupError, OSError, StopIteration, ValueError) as problem:
-            message = f"what it shows cannot be read: {type(problem).__name__}: {problem}"
-            raise HostFailed(self.name, message[:300], "Look at the host by hand.") from problem
+        except UnreadableFile as problem:
+            raise unreadable(self.name, problem) from problem
+        except OSError as problem:
+            message = f"a file of the kernel cannot be read: {problem}"
+            raise HostFailed(self.name, message, ASK_DOCTOR) from problem
 
     def _state_and_definitions(self) -> tuple[State, Mapping[str, GroupDefinition]]:
         tree, machine = self.tree, self.machine
@@ -382,6 +395,8 @@ class LinuxHostProvider(JournaledHost):
     def _kernel_errors(self, partition: str) -> Iterator[None]:
         try:
             yield
+        except UnreadableFile as problem:
+            raise unreadable(self.name, problem) from problem
         except OSError as problem:
             message = f"{partition}: the kernel refuses: {problem.strerror or problem}"
             raise HostFailed(self.name, message, ASK_DOCTOR) from None

@@ -2,8 +2,11 @@
 
 from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.state import Partition, PartitionSettings, State
+from rarms_iac.running.kernel_files import MOST_PROCESSORS
 
 LONGEST_NAME = 100
+_SHORTEST_PERIOD_US, _LONGEST_PERIOD_US = 1_000, 1_000_000
+"""The kernel refuses other periods (Documentation/scheduler/sched-bwc.rst)."""
 
 
 def out_of_range(settings: PartitionSettings) -> str:
@@ -13,16 +16,18 @@ def out_of_range(settings: PartitionSettings) -> str:
     """
     if not 0 < len(settings.name) <= LONGEST_NAME or "/" in settings.name or settings.name in {".", ".."}:
         return f"a partition's name has 1 to {LONGEST_NAME} characters and no slash"
-    if settings.processors < 1:
-        return f"a partition has at least 1 processor, not {settings.processors}"
+    if not 1 <= settings.processors <= MOST_PROCESSORS:
+        return f"a partition has 1 to {MOST_PROCESSORS} processors, not {settings.processors}"
     if not 0 <= settings.reserve <= 100 or not 0 <= settings.limit <= 100:
         return f"reserve and limit are 0 to 100 %, not {settings.reserve} % and {settings.limit} %"
     if settings.limit < 1:
         return "with a limit of 0 % nothing would run: the limit is at least 1 %"
     if not 1 <= settings.weight <= 10_000:
         return f"a weight is 1 to 10000, not {settings.weight}"
-    if settings.memory < 0:
-        return f"memory is at least 0 B, not {settings.memory} B"
+    if not 0 <= settings.memory < 2**63:
+        return f"memory is at least 0 B and less than 8 EiB, not {settings.memory} B"
+    if not _SHORTEST_PERIOD_US <= (settings.quota_period_us or _SHORTEST_PERIOD_US) <= _LONGEST_PERIOD_US:
+        return f"a quota has a period of 1 ms to 1 s, not {settings.quota_period_us} us"
     return "a control group has no dynamic memory" if settings.dynamic_memory else ""
 
 

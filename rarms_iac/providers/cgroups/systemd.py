@@ -7,6 +7,7 @@ kernel holds is read from its own files, as everywhere.
 import json
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from rarms_iac.providers.cgroups.effects import LinuxEffects
@@ -93,7 +94,8 @@ class GroupTreeSystemd(GroupTreeV2):
 
     def place(self, name: str) -> ProcessPlace:
         """A slice holds no process itself, so systemd makes a scope for each."""
-        return ProcessPlace(words=("systemd-run", "--scope", "--quiet", "--collect", f"--slice={name}", "--"))
+        words = ("systemd-run", "--scope", "--quiet", "--collect", f"--slice={name}", "--")
+        return replace(self._counted(name), words=words)
 
     def _prepare_slice(self) -> None:
         self._set(self._slice, f"CPUWeight={MOST_WEIGHT_V2}")

@@ -3,7 +3,8 @@
 import errno
 from pathlib import Path
 
-from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupTree, GroupValues, entry_of, numbers
+from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupTree, GroupValues
+from rarms_iac.running.kernel_files import UnreadableFile, entry_of, number_or_max, processor_list, whole_number
 
 CONTROLLERS_V2 = ("cpuset", "memory", "cpu")
 _MOST_SHARES_V1, MOST_WEIGHT_V2 = 262_144, 10_000
@@ -12,6 +13,8 @@ _NO_MEMORY_LIMIT_V1 = 2**62  # the kernel shows its largest page count for none
 
 class GroupTreeV1(GroupTree):
     """Version 1: a hierarchy for each controller."""
+
+    _memory_events = "memory.oom_control"
 
     @property
     def version(self) -> str:
@@ -25,17 +28,18 @@ class GroupTreeV1(GroupTree):
         self._write("memory", name, "memory.limit_in_bytes", str(limit))
 
     def read(self, name: str) -> GroupValues:
-        quota = int(self._read("cpu", name, "cpu.cfs_quota_us"))
-        period = int(self._read("cpu", name, "cpu.cfs_period_us"))
+        quota = self._number_in(self._file("cpu", name, "cpu.cfs_quota_us"), least=-1)
+        period = self._number_in(self._file("cpu", name, "cpu.cfs_period_us"), least=1)
         all_processors = self._read_if_there(self._slices["cpuset"] / "cpuset.cpus")
         # Who makes a group by hand may leave out a controller, or the processors of its set.
-        memory = int(self._read_if_there(self._file("memory", name, "memory.limit_in_bytes")) or _NO_MEMORY_LIMIT_V1)
-        processors = self._read_if_there(self._file("cpuset", name, "cpuset.cpus"))
+        limit, cpuset = self._file("memory", name, "memory.limit_in_bytes"), self._file("cpuset", name, "cpuset.cpus")
+        memory = whole_number(limit, self._read_if_there(limit) or str(_NO_MEMORY_LIMIT_V1))
+        processors = self._read_if_there(cpuset)
         return GroupValues(
-            shares_percent=int(self._read("cpu", name, "cpu.shares")) / 10,
+            shares_percent=self._number_in(self._file("cpu", name, "cpu.shares")) / 10,
             quota_percent=None if quota < 0 else quota * 100 / period,
             period_us=USUAL_PERIOD_US if quota < 0 else period,
-            processors=None if processors in {"", all_processors} else numbers(processors),
+            processors=None if processors in {"", all_processors} else processor_list(cpuset, processors),
             memory=None if memory >= _NO_MEMORY_LIMIT_V1 else memory,
         )
 
@@ -43,15 +47,15 @@ class GroupTreeV1(GroupTree):
         return _shares(values) / 10
 
     def cpu_ms(self, name: str) -> float:
-        return int(self._read("cpuacct", name, "cpuacct.usage")) / 1e6
+        return self._number_in(self._file("cpuacct", name, "cpuacct.usage")) / 1e6
 
     def throttled_ms(self, name: str) -> float:
-        return entry_of(self._read("cpu", name, "cpu.stat"), "throttled_time") / 1e6
+        return self._entry_in("cpu", name, "cpu.stat", "throttled_time") / 1e6
 
     def usable_processors(self) -> int:
         folder = self._slices["cpuset"]
         there = folder if self._effects.has_folder(folder) else folder.parent
-        return len(numbers(self._effects.read(there / "cpuset.cpus")))
+        return len(self._processors_in(there / "cpuset.cpus"))
 
     def _write_quota(self, name: str, percent: float | None, period_us: int) -> None:
         self._write("cpu", name, "cpu.cfs_quota_us", "-1")  # the old quota may be more than the new period allows
@@ -78,6 +82,8 @@ class GroupTreeV1(GroupTree):
 class GroupTreeV2(GroupTree):
     """Version 2: one hierarchy."""
 
+    _memory_events = "memory.events"
+
     @property
     def version(self) -> str:
         return "v2"
@@ -90,35 +96,42 @@ class GroupTreeV2(GroupTree):
         self._write("memory", name, "memory.max", "max" if values.memory is None else str(values.memory))
 
     def read(self, name: str) -> GroupValues:
-        quota, period = self._read("cpu", name, "cpu.max").split()
-        memory = self._read("memory", name, "memory.max")
-        processors = self._read_if_there(self._file("cpuset", name, "cpuset.cpus"))
+        quota_us, period_us = self._quota_in(self._file("cpu", name, "cpu.max"))
+        memory = self._file("memory", name, "memory.max")
         return GroupValues(
-            shares_percent=float(self._read("cpu", name, "cpu.weight")),
-            quota_percent=None if quota == "max" else int(quota) * 100 / int(period),
-            period_us=USUAL_PERIOD_US if quota == "max" else int(period),
-            processors=numbers(processors) or None,
-            memory=None if memory == "max" else int(memory),
+            shares_percent=float(self._number_in(self._file("cpu", name, "cpu.weight"))),
+            quota_percent=None if quota_us is None else quota_us * 100 / period_us,
+            period_us=USUAL_PERIOD_US if quota_us is None else period_us,
+            processors=self._processors_in(self._file("cpuset", name, "cpuset.cpus")) or None,
+            memory=number_or_max(memory, self._effects.read(memory)),
         )
+
+    def _quota_in(self, file: Path) -> tuple[int | None, int]:
+        """Return the quota (None: no limit) and the period of `cpu.max`, in microseconds."""
+        words = (text := self._effects.read(file)).split()
+        if len(words) != 2:
+            raise UnreadableFile(file, text, "a quota and a period")
+        return number_or_max(file, words[0]), whole_number(file, words[1], least=1)
 
     def _shown_shares(self, values: GroupValues) -> float:
         return float(weight_v2(values))
 
     def _refuse_used_memory(self, name: str, memory: int | None) -> None:
-        used = entry_of(self._read_if_there(self._file("memory", name, "memory.stat")), "anon")
+        file = self._file("memory", name, "memory.stat")
+        used = entry_of(file, self._read_if_there(file), "anon")
         if memory is not None and used > memory:
             raise OSError(errno.EBUSY, f"its processes use {used} bytes")  # the kernel would end some of them
 
     def cpu_ms(self, name: str) -> float:
-        return entry_of(self._read("cpu", name, "cpu.stat"), "usage_usec") / 1e3
+        return self._entry_in("cpu", name, "cpu.stat", "usage_usec") / 1e3
 
     def throttled_ms(self, name: str) -> float:
-        return entry_of(self._read("cpu", name, "cpu.stat"), "throttled_usec") / 1e3
+        return self._entry_in("cpu", name, "cpu.stat", "throttled_usec") / 1e3
 
     def usable_processors(self) -> int:
         folder = self._slices["cpu"]
         files = (group / "cpuset.cpus.effective" for group in (folder, folder.parent))
-        return len(numbers(next(filter(None, map(self._read_if_there, files)))))
+        return len(next(filter(None, map(self._processors_in, files)), ()))
 
     def _write_quota(self, name: str, percent: float | None, period_us: int) -> None:
         quota = "max" if percent is None else str(self._quota_us(percent, period_us))

@@ -72,7 +72,7 @@ class Lab:
         (folder / "units").mkdir()
         (folder / "kernel").mkdir()
         (folder / "kernel" / "cpuset.cpus.effective").write_text("0-1\n")
-        slices = dict.fromkeys(("cpu", "cpuset", "memory"), folder / "kernel" / "rarms.slice")
+        slices = dict.fromkeys(("cpu", "cpuacct", "cpuset", "memory"), folder / "kernel" / "rarms.slice")
         self.tree = GroupTreeSystemd(LinuxEffects(), slices)
 
     def asked(self) -> list[str]:
