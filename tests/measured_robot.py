@@ -3,18 +3,18 @@
 Nothing of it is a simulation. It is there for tests of reports, plots and exports, which ask for many settings.
 """
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Sequence
 from random import Random
 
+from rarms_iac.app.data_logs import curves_in
 from rarms_iac.app.report_measurements import ReportedLog, report_of
-from rarms_iac.app.report_model import Measurement, Report
-from rarms_iac.model.host import Host
-from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, ProcessorTime
+from rarms_iac.app.report_model import Report
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component, System
-from rarms_iac.planner.reservations import FixedReservations, NotMeasured, names_of
+from rarms_iac.planner.groups import groups_of
+from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, NotMeasured
+from rarms_iac.planner.reservations import MeasuredReservations, names_of
 from rarms_iac.planner.totals import planned_totals
 from tests.builders import a_component, a_host, a_run, a_system, at_least, at_most
 from tests.builders_measured import a_log, a_subject
@@ -73,7 +73,7 @@ def a_robot() -> System:
             run=a_run(),
             apt={"success_rate": at_least(95), "p95_response_time": at_most(400)},
         ),
-        a_component("path-planning", criticality=20, reserve="measured", run=a_run(), apt={}),
+        a_component("path-planning", criticality=20, reserve=None, run=a_run(), apt={}),
         a_component("video-streaming", criticality=10, reserve="10 %"),
     )
     return a_system(hosts=[a_host("onboard", platform="onboard")], components=components)
@@ -90,26 +90,33 @@ def the_logs(system: System) -> tuple[ReportedLog, ...]:
 
 def report_of_logs(system: System, logs: Sequence[ReportedLog]) -> Report:
     """What these logs say, on hosts that promise what they show and nothing else."""
-    report = report_of(system, logs, (), planned_totals(system, FixedReservations(), {}))
-    shown = _Shown({(each.platform, each.components): each for each in report.measurements if each.decides})
-    return report_of(system, logs, (), planned_totals(system, shown, {}))
+    reservations = reservations_of_logs(system, logs)
+    return report_of(system, logs, (), planned_totals(system, reservations, {}), reservations)
 
 
-@dataclass(frozen=True)
-class _Shown(FixedReservations):
-    """Reservations as the measurements of a report show them."""
+def reservations_of_logs(system: System, logs: Sequence[ReportedLog]) -> MeasuredReservations:
+    """Reservations as a plan takes them from these logs."""
+    kinds = {name: host.platform for name, host in system.hosts.items()}
+    found: dict[tuple[Hashable, tuple[str, ...]], tuple[LogOfLoad, ...]] = {}
+    for group in groups_of(system):
+        names = names_of(group.members)
+        for platform in set(kinds.values()):
+            found[platform, names] = tuple(_log(system, logs, platform, names, load) for load in system.loads_of(names))
+    return MeasuredReservations(kinds=kinds, logs=found)
 
-    measured: Mapping[tuple[str, tuple[str, ...]], Measurement]  # by platform and components
 
-    def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
-        measured = self.measured.get((host.platform, names_of(members)))
-        if measured is None or measured.reserved_lp is None:
-            return super().reservation(members, host)
-        return ProcessorTime(LogicalProcessors(measured.reserved_lp))
-
-    def processors(self, members: tuple[Component, ...], host: Host) -> int | None:  # type: ignore[override]  # there it is None
-        measured = self.measured.get((host.platform, names_of(members)))
-        return None if measured is None else measured.processors
-
-    def depends_on(self, host: Host) -> Hashable:
-        return host.logical_processors, host.platform
+def _log(system: System, logs: Sequence[ReportedLog], platform: str, names: tuple[str, ...], load: str) -> LogOfLoad:
+    for logged in logs:
+        setup = logged.log.header.setup
+        if (logged.log.header.platform, setup.members, setup.interference) != (platform, names, load):
+            continue
+        if logged.stale:
+            return NotMeasured(components=names, interference=load, code="RARMS102")
+        return MeasuredTogether(
+            path=logged.path,
+            interference=load,
+            processors=setup.processors,
+            measured=tuple(sorted({setting.reserve for setting in logged.log.settings})),
+            curves=curves_in(logged.log, system.components),
+        )
+    return NotMeasured(components=names, interference=load)

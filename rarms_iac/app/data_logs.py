@@ -27,15 +27,8 @@ from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group, groups_of
-from rarms_iac.planner.reservations import (
-    MeasuredReservations,
-    MeasuredTogether,
-    Names,
-    NotMeasured,
-    depends_on_a_log,
-    names_of,
-    to_be_measured,
-)
+from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, Names, NotMeasured
+from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of, to_be_measured
 from rarms_iac.statistics.curves import Curve, curve_of, highest_missed
 from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
 from rarms_iac.storage.datalog.identity import LogSubject, identity_of
@@ -176,7 +169,7 @@ def measured_reservations(manifest: Manifest, states: Mapping[str, State]) -> Me
     hosts_by_kind: dict[_Kind, list[str]] = {}
     for name, kind in kinds.items():
         hosts_by_kind.setdefault(kind, []).append(name)
-    logs: dict[tuple[Hashable, Names], tuple[MeasuredTogether, ...] | NotMeasured] = {}
+    logs: dict[tuple[Hashable, Names], tuple[LogOfLoad, ...]] = {}
     for group in filter(depends_on_a_log, groups_of(system)):
         if not system.loads_of(names_of(group.members)):
             continue  # the manifest has none of those that it names
@@ -193,7 +186,9 @@ def measured_reservations(manifest: Manifest, states: Mapping[str, State]) -> Me
             return Fraction(0)
         together, group = put_together(system, names)
         found = _log_of_each_load(together, folder, group, host, kinds[host.name].platform_facts)
-        logs_together = () if isinstance(found, NotMeasured) else found
+        logs_together = [log for log in found if isinstance(log, MeasuredTogether)]
+        if len(logs_together) < len(found):
+            return Fraction(0)
         missed = (guaranteed(highest_missed(curves_of(group, log)), log.processors) for log in logs_together)
         return max(missed, default=Fraction(0))
 
@@ -289,22 +284,20 @@ class _LogFolder:
 
 def _log_of_each_load(
     system: System, folder: _LogFolder, group: Group, host: Host, platform_facts: PartialPlatform
-) -> tuple[MeasuredTogether, ...] | NotMeasured:
-    """What the log of each load says, or why the first log does not count that is missing or does not hold."""
-    members, found = names_of(group.members), list[MeasuredTogether]()
+) -> tuple[LogOfLoad, ...]:
+    """What the log of each load says, or why it does not count, in the order of the loads."""
+    members = names_of(group.members)
     anywhere = replace(platform_facts, guest_image=None)  # a partition may have an image of its own
     used = used_processors(system, host, folder.files, anywhere, folder.read)
     number = processor_number(group.members, group.request.processors, host.logical_processors, used)
     described = [system.interference[load] for load in system.loads_of(members)]
-    for load in system.loads_of(members):
-        subject = subject_of(system, host, members, load)
-        log = _measured_together(subject, folder, group, platform_facts, number)
-        if isinstance(log, NotMeasured):
-            return log
-        found.append(log)
-    if all(log.weak for log in found) and any(could_take_all(load, host.logical_processors) for load in described):
-        found[0] = replace(found[0], remarks=(*found[0].remarks, _left_idle(system, group, host, found)))
-    return tuple(found)
+    subjects = [subject_of(system, host, members, load) for load in system.loads_of(members)]
+    found = tuple(_measured_together(subject, folder, group, platform_facts, number) for subject in subjects)
+    weak = [log for log in found if isinstance(log, MeasuredTogether) and log.weak]
+    if len(weak) == len(found) and any(could_take_all(load, host.logical_processors) for load in described):
+        remark = _left_idle(system, group, host, weak)
+        return (replace(weak[0], remarks=(*weak[0].remarks, remark)), *weak[1:])
+    return found
 
 
 def _left_idle(system: System, group: Group, host: Host, logs: Sequence[MeasuredTogether]) -> Cause:
@@ -326,19 +319,20 @@ def _left_idle(system: System, group: Group, host: Host, logs: Sequence[Measured
 
 def _measured_together(
     subject: LogSubject, folder: _LogFolder, group: Group, platform_facts: PartialPlatform, number: ProcessorNumber
-) -> MeasuredTogether | NotMeasured:
+) -> LogOfLoad:
     members = names_of(group.members)
     path = path_of(folder.files.folder, subject)
     path_shown = path.relative_to(folder.files.folder).as_posix()
     again = _measuring(members)
-    not_measured = partial(NotMeasured, components=to_be_measured(group.members))
+    load = subject.setup.interference
+    not_measured = partial(NotMeasured, components=to_be_measured(group.members), interference=load)
     log = folder.read(path)
     if log is None:
         message = (
-            f"The reserve of {' and '.join(members)} is measured, and there is no data log on {subject.platform} "
-            f"against {subject.setup.interference} ({path_shown})."
+            f"{in_a_row(members)} {'is' if len(members) == 1 else 'are'} not measured on {subject.platform} with "
+            f"{load} yet ({path_shown})."
         )
-        advice = prose("Measure it: ", again, ". Or fix it for now: `cpu: { reserve: 0.4 LP }`.")
+        advice = prose("Measure it: ", again, ". Or fix its reserve (`cpu.reserve`).")
         return not_measured(message=message, advice=advice, values={"log": path_shown})
     if isinstance(log, LogUnreadable):
         advice = prose("Bring it back from git, or remove it and measure again: ", again, ".")
@@ -358,7 +352,7 @@ def _measured_together(
     whole, log = log, log.of(number.number)
     return MeasuredTogether(
         path=path_shown,
-        interference=subject.setup.interference,
+        interference=load,
         processors=number.number,
         processors_from=number.source,
         measured=tuple(sorted({setting.reserve for setting in log.settings})),

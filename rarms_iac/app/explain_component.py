@@ -20,8 +20,9 @@ from rarms_iac.model.quantities import LogicalProcessors, in_processors
 from rarms_iac.model.system import Component, Measured
 from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.groups import Group, groups_of
+from rarms_iac.planner.measured_together import MeasuredTogether, NotMeasured
 from rarms_iac.planner.problem import by_name
-from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, depends_on_a_log, names_of
+from rarms_iac.planner.reservations import depends_on_a_log, names_of
 from rarms_iac.planner.totals import totals_by_host
 from rarms_iac.statistics.curves import highest_missed, holds
 from rarms_iac.storage.datalog.files import read_log

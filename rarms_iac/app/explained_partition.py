@@ -13,8 +13,9 @@ from rarms_iac.model.system import Disruption, System
 from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.layout import Planning, plan_layout
+from rarms_iac.planner.measured_together import NotMeasured
 from rarms_iac.planner.problem import HostView, host_view
-from rarms_iac.planner.reservations import MeasuredReservations, NotMeasured
+from rarms_iac.planner.reservations import MeasuredReservations
 from rarms_iac.planner.sizes import size, size_without_reserve
 
 

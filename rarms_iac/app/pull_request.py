@@ -19,7 +19,8 @@ from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.system import AtMost, Threshold
 from rarms_iac.planner.groups import Group, groups_of
-from rarms_iac.planner.reservations import MeasuredReservations, NotMeasured, depends_on_a_log
+from rarms_iac.planner.measured_together import NotMeasured
+from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log
 from rarms_iac.planner.sizes import size
 from rarms_iac.powershell.outline import ScriptDifference
 from rarms_iac.storage.datalog.named_files import file_digest

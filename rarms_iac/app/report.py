@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.data_logs import compare_log, known_platform, measured_reservations, subject_of, used_processors
+from rarms_iac.app.data_logs import compare_log, known_platform, subject_of, used_processors
 from rarms_iac.app.decision_logs import tunings_of
 from rarms_iac.app.drift import drift_of_hosts
 from rarms_iac.app.experiments.measure_request import refuse_unknown
@@ -121,7 +121,9 @@ def measured_report(manifest: Manifest, *, with_candidates: bool = False) -> Rep
 def _report(
     manifest: Manifest, components: Sequence[str], logs: Sequence[ReportedLog], *, with_candidates: bool
 ) -> Report:
-    report = report_of(manifest.system, logs, tuple(_proofs(manifest, components)), totals_at_hand(manifest))
+    planned, reservations = totals_at_hand(manifest)
+    proofs = tuple(_proofs(manifest, components, reservations))
+    report = report_of(manifest.system, logs, proofs, planned, reservations)
     return replace(
         report,
         tunings=tuple(tunings_of(manifest)),
@@ -185,10 +187,9 @@ def _reported_log(system: System, files: Files, path: Path, log: DataLog) -> Rep
     )
 
 
-def _proofs(manifest: Manifest, components: Sequence[str]) -> Iterator[ComponentProof]:
+def _proofs(manifest: Manifest, components: Sequence[str], reservations: ReservationSource) -> Iterator[ComponentProof]:
     """What components showed in the applied layout; of each host the last beside each load."""
     system, folder = manifest.system, manifest.folder
-    reservations = measured_reservations(manifest, {})
     for platform in sorted({host.platform for host in system.hosts.values()}):
         for name in sorted(components or system.components, key=natural_order):
             with log_errors():

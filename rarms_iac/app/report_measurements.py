@@ -6,6 +6,7 @@ from typing import assert_never
 
 from rarms_iac.app.report_model import (
     ComponentProof,
+    ComponentVerdict,
     FixedReservation,
     IndexCurve,
     MeasuredPoint,
@@ -13,7 +14,8 @@ from rarms_iac.app.report_model import (
     PlatformCapacity,
     Report,
 )
-from rarms_iac.app.totals import partitions_without_log
+from rarms_iac.app.totals import components_without_reservation, partitions_without_log
+from rarms_iac.model.achievement import ReservationVerdict
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.outcomes import (
@@ -35,7 +37,7 @@ from rarms_iac.model.system import Component, System, Threshold, run_of
 from rarms_iac.model.totals import sum_of
 from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.planner.reservations import Names, depends_on_a_log, fixed, hardest, names_of, to_be_measured
+from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, fixed, names_of, to_be_measured
 from rarms_iac.planner.totals import PlannedTotals
 from rarms_iac.statistics.curves import curve_of
 from rarms_iac.statistics.error_probability import ERROR, describe_extreme
@@ -43,6 +45,9 @@ from rarms_iac.statistics.overload import describe_overload
 from rarms_iac.statistics.samples import failures
 from rarms_iac.statistics.verdicts import judge_look
 from rarms_iac.storage.datalog.log import DataLog, Recorded
+
+NO_VERDICT = ReservationVerdict(thresholds=())
+"""Of components that share no partition, or whose reserve the manifest fixes."""
 
 WITHOUT_APT = "mean_response_time"
 """What is shown of a component that has no threshold yet."""
@@ -63,6 +68,7 @@ def report_of(
     logs: Sequence[ReportedLog],
     proofs: Sequence[ComponentProof],
     planned: PlannedTotals,
+    reservations: MeasuredReservations,
 ) -> Report:
     """Make a report of data logs.
 
@@ -71,65 +77,72 @@ def report_of(
         logs: In any order; what they say of components that are gone is left out.
         proofs: What components showed in the applied layout.
         planned: What the hosts promise.
+        reservations: They make the verdicts.
 
     Returns:
         Manifest by platform, falling criticality and name, the load that decides first; amounts in LPs.
     """
     current = [log for log in logs if all(name in system.components for name in log.log.header.setup.members)]
-    measurements = _in_order(tuple(_mark_deciding(system, [_measurement(system, logged) for logged in current])))
-    deciding = {measurement.components for measurement in measurements if measurement.decides}
+    measurements = _in_order([_measurement(system, logged, reservations) for logged in current])
+    verdicts = tuple(_verdicts(system, reservations))
+    platforms = sorted(_platforms(system))
     return Report(
         application=system.application.name,
         description=system.application.description,
         measurements=tuple(measurements),
-        capacities=tuple(_capacity(system, platform, planned, measurements) for platform in sorted(_platforms(system))),
-        unmeasured=tuple(
-            names_of(group.members)
-            for group in groups_of(system)
-            if depends_on_a_log(group) and names_of(group.members) not in deciding
-        ),
+        capacities=tuple(_capacity(system, platform, planned, verdicts) for platform in platforms),
+        verdicts=verdicts,
         proofs=tuple(proofs),
     )
 
 
-def _mark_deciding(system: System, measurements: Sequence[Measurement]) -> Iterator[Measurement]:
-    """Yield all, of the same components with one that decides: beside the load that asks for most, once all have a log.
+def _verdicts(system: System, reservations: MeasuredReservations) -> Iterator[ComponentVerdict]:
+    """By platform, falling criticality and name. A platform on which nothing is measured counts if all are so."""
+    found: list[ComponentVerdict] = []
+    for group in filter(depends_on_a_log, groups_of(system)):
+        hosts = {host.platform: host for host in reversed([*system.hosts.values()]) if group.may_run_on(host.name)}
+        by_platform = {name: reservations.verdict(group.members, host) for name, host in sorted(hosts.items())}
+        measured = {name: verdict for name, verdict in by_platform.items() if verdict.interference}
+        for platform, verdict in (measured or dict([*by_platform.items()][:1])).items():
+            found += (
+                ComponentVerdict(
+                    component=member.name,
+                    members=names_of(group.members),
+                    platform=platform,
+                    achievement=verdict.of(member.name),
+                    indexes=verdict.worst_indexes(member.name),
+                    not_measured=verdict.not_measured if verdict.interference else (),
+                )
+                for member in group.members
+                if member.name in to_be_measured(group.members)
+            )
+    components = system.components
 
-    NOTE: where loads ask for the same, a plan takes the first in the manifest's order (`hardest`), and so does this.
-    """
-    logs: dict[tuple[str, Names], list[Measurement]] = {}
-    for measurement in measurements:
-        if measurement.decides:
-            logs.setdefault((measurement.platform, measurement.components), []).append(measurement)
-    decisive = []
-    for (_, names), measured in logs.items():
-        loads = system.loads_of(names)
-        if {each.interference for each in measured} == {*loads}:
-            in_order = sorted(measured, key=lambda each: loads.index(each.interference))
-            decisive.append(in_order[hardest([each.reserve for each in in_order])])
-    for measurement in measurements:
-        yield replace(measurement, decides=any(measurement is each for each in decisive))
+    in_order = sorted(found, key=lambda each: (-components[each.component].criticality, natural_order(each.component)))
+    yield from sorted(in_order, key=lambda each: each.platform)
 
 
 def _in_order(measurements: Sequence[Measurement]) -> Sequence[Measurement]:
-    """What decides first; of the same components the load that decides, or asks for most, then the others."""
+    """What decides first; of the same components the load that decides, then the others."""
     deciding = {(each.platform, each.components) for each in measurements if each.decides}
 
-    def key(each: Measurement) -> tuple[str, bool, int, str, bool, int, str]:
+    def key(each: Measurement) -> tuple[str, bool, int, str, bool, str]:
         is_compared = (each.platform, each.components) not in deciding
-        needed = 101 if each.reserve is None else each.reserve
-        return each.platform, is_compared, -each.criticality, each.name, not each.decides, -needed, each.interference
+        return each.platform, is_compared, -each.criticality, each.name, not each.decides, each.interference
 
     return sorted(measurements, key=key)
 
 
-def _measurement(system: System, logged: ReportedLog) -> Measurement:
+def _measurement(system: System, logged: ReportedLog, reservations: MeasuredReservations) -> Measurement:
     header = logged.log.header
     members = [system.components[name] for name in header.setup.members]
     names = tuple(member.name for member in members)
     group = next((group for group in groups_of(system) if names_of(group.members) == names), None)
     host = _platforms(system).get(header.platform, [None])[0]
     processors = header.setup.processors
+    rests_on_logs = group is not None and depends_on_a_log(group) and host is not None
+    verdict = reservations.verdict(group.members, host) if group and host and rests_on_logs else NO_VERDICT
+    is_valid = logged.is_expected and not logged.stale
     return Measurement(
         components=names,
         partition=group.name if group else "",
@@ -138,7 +151,8 @@ def _measurement(system: System, logged: ReportedLog) -> Measurement:
         log=logged.path,
         processors=processors,
         criticality=max(member.criticality for member in members),
-        decides=logged.is_expected and not logged.stale and group is not None and depends_on_a_log(group),
+        decides=is_valid and verdict.interference == header.setup.interference,
+        verdict=verdict,
         fixed=names
         if group is not None and not to_be_measured(members) and all(member.cpu.reserve for member in members)
         else (),
@@ -169,11 +183,11 @@ def _platforms(system: System) -> Mapping[str, list[Host]]:
 
 
 def _capacity(
-    system: System, platform: str, planned: PlannedTotals, measurements: Sequence[Measurement]
+    system: System, platform: str, planned: PlannedTotals, verdicts: Sequence[ComponentVerdict]
 ) -> PlatformCapacity:
-    deciding = [measurement for measurement in measurements if measurement.decides and measurement.platform == platform]
     hosts = tuple(sorted((host.name for host in _platforms(system)[platform]), key=natural_order))
     total = sum_of(planned.hosts[name] for name in hosts)
+    missing = {name for host in hosts for name in components_without_reservation(system, planned, host)}
     return PlatformCapacity(
         platform=platform,
         hosts=hosts,
@@ -188,7 +202,7 @@ def _capacity(
         reserved_lp=total.reserved_lp,
         unmanaged_lp=total.unmanaged_lp,
         partitions=tuple(partition.name for partition in planned.partitions if partition.host in hosts),
-        missing=tuple(each.name for each in deciding if each.wants and each.reserve is None),
+        unknown=tuple(each for each in verdicts if each.platform == platform and each.component in missing),
     )
 
 

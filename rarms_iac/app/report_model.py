@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Literal
 
+from rarms_iac.model.achievement import Achievement, ReservationVerdict
 from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import APPLY, PLAN, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic
@@ -99,7 +100,8 @@ class Measurement:
     log: str  # path of the data log, below the manifest's folder
     processors: int  # VPs of the partition
     criticality: int  # the highest of its members'
-    decides: bool  # reservations rest on it; otherwise it is there to compare
+    decides: bool  # its load asks for most, so that the verdict is of it; otherwise it is there to compare
+    verdict: ReservationVerdict = ReservationVerdict(thresholds=())  # on its components there, with all of their loads
     fixed: tuple[str, ...] = ()  # its components, if the manifest says what they reserve
     floor: int = 0  # per cent that the manifest fixes for some of several members: the least that they get
     stale: tuple[str, ...] = ()  # what changed since; nothing rests on a stale log
@@ -113,25 +115,32 @@ class Measurement:
         return "+".join(self.components)
 
     @property
-    def wants(self) -> bool:
-        """Whether there is an APT that decides."""
-        return any(index.threshold is not None for index in self.indexes)
-
-    @output
-    def least(self) -> int | None:
-        """The least per cent at which every APT holds; None: no APT, or none that was measured is enough."""
-        return least_reserve([(index.curve, index.threshold) for index in self.indexes if index.threshold is not None])
+    def is_aside(self) -> bool:
+        """Whether no reservation follows from it: it is stale, or the verdict is of another load."""
+        return bool(self.stale or self.verdict.thresholds) and not self.decides
 
     @output
     def reserve(self) -> int | None:
-        """What the partition gets: that, or what the manifest fixes where it is more."""
-        least = self.least
+        """What the partition gets by the verdict, or what the manifest fixes where it is more; None: not known."""
+        least = self.verdict.reserve if self.decides else None
         return None if least is None else max(least, self.floor)
 
     @output
     def reserved_lp(self) -> Fraction | None:
         """What the partition is guaranteed, in LPs."""
         return None if self.reserve is None else guaranteed(self.reserve, self.processors)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComponentVerdict:
+    """The verdict on a component on a platform: how its worst threshold stands."""
+
+    component: str
+    members: Internal[tuple[str, ...]]  # of its partition, by name
+    platform: str
+    achievement: Achievement
+    indexes: tuple[str, ...] = ()  # that stand so
+    not_measured: tuple[str, ...] = ()  # loads that are left, where some are measured
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,22 +164,27 @@ class PlatformCapacity:
     reserved_lp: Fraction  # for all partitions that are placed there
     unmanaged_lp: Fraction  # by machines of others
     partitions: Internal[tuple[str, ...]]  # the names of those
-    missing: tuple[str, ...]  # measurements whose APTs no reserve meets: not in that sum
+    unknown: tuple[ComponentVerdict, ...] = ()  # components that are not in that sum: their reservation is not known
 
     @property
     def kept_lp(self) -> Fraction:
         """LPs that are kept for the hosts."""
         return self.processors - self.capacity_lp - self.unmanaged_lp
 
-    @output
-    def headroom_lp(self) -> Fraction:
-        """LPs that are not promised; below nothing where it does not fit."""
+    @property
+    def unpromised_lp(self) -> Fraction:
+        """LPs that are not promised yet, at most so much where some is unknown; below nothing where it does not fit."""
         return self.capacity_lp - self.reserved_lp
 
     @output
-    def fits(self) -> bool:
-        """Whether the hosts can promise it."""
-        return self.headroom_lp >= 0 and not self.missing
+    def headroom_lp(self) -> Fraction | None:
+        """LPs that are not promised; below nothing where it does not fit. None: not all reservations are known."""
+        return None if self.unknown else self.unpromised_lp
+
+    @output
+    def fits(self) -> bool | None:
+        """Whether the hosts can promise it; None: that is not known yet."""
+        return None if self.unknown and self.unpromised_lp >= 0 else self.unpromised_lp >= 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,7 +252,7 @@ class Report:
     description: str
     measurements: tuple[Measurement, ...]  # by platform, criticality (falling), name; the load that decides first
     capacities: tuple[PlatformCapacity, ...]  # by platform
-    unmeasured: tuple[tuple[str, ...], ...] = ()  # components of a partition that no data log here speaks for
+    verdicts: tuple[ComponentVerdict, ...] = ()  # on each component whose reserve is to be measured, by platform
     proofs: tuple[ComponentProof, ...] = ()
     statuses: tuple[HostStatus, ...] = ()  # by host
     findings: tuple[Diagnostic, ...] = ()  # of the manifest, and why it has no layout, where hosts were looked at

@@ -8,12 +8,13 @@ from typing import Literal
 from rarms_iac.app.drift import look_for_drift
 from rarms_iac.app.hosts import Hosts, last_runs, observe_host
 from rarms_iac.app.report import measured_report
-from rarms_iac.app.report_model import ComponentProof, Report
+from rarms_iac.app.report_model import ComponentProof, ComponentVerdict, Report
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.preconditions import marked_resources, no_rights
 from rarms_iac.applying.state_after import totals_after
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.measuring.partitions import is_test_partition, partition_name
+from rarms_iac.model.achievement import Achievement
 from rarms_iac.model.commands import APPLY, DRIFT, MEASURE, PLAN, START, RecommendedCommand, command
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.environment_setup import TEST_PARTITIONS
@@ -154,7 +155,7 @@ class Overview:
     hosts: tuple[HostOverview, ...]  # the chosen ones, by name
     proofs: tuple[ComponentProof, ...]  # the last of each threshold
     stale: Mapping[str, tuple[str, ...]]  # what changed since, by data log that reservations would rest on
-    unmeasured: tuple[tuple[str, ...], ...]  # components of a partition that no data log speaks for
+    verdicts: tuple[ComponentVerdict, ...]  # on each component whose reserve is to be measured, by platform
     next_command: NextCommand | None  # None: nothing is left to do, as far as is known, or a run holds a host
     problems: tuple[Diagnostic, ...] = ()  # why the manifest has no layout; empty: it has, or no host could be asked
     has_thresholds: Internal[bool] = True  # whether a component has an APT
@@ -191,8 +192,8 @@ def overview_of(hosts: Hosts, report: Report | None = None) -> Overview:
         hosts=overviews,
         proofs=proofs,
         stale=stale,
-        unmeasured=report.unmeasured,
-        next_command=_next_command(hosts.system, overviews, report.unmeasured, proofs, has_layout=not problems),
+        verdicts=report.verdicts,
+        next_command=_next_command(hosts.system, overviews, report.verdicts, proofs, has_layout=not problems),
         problems=problems,
         has_thresholds=any(component.apt for component in hosts.system.components.values()),
         unused_logs=len(outdated_logs) - len(stale),
@@ -360,7 +361,7 @@ def _undone_serials(runs: Sequence[PastRun], serial: int) -> range:
 def _next_command(
     system: System,
     hosts: Sequence[HostOverview],
-    unmeasured: Sequence[tuple[str, ...]],
+    verdicts: Sequence[ComponentVerdict],
     proofs: Sequence[ComponentProof],
     *,
     has_layout: bool,
@@ -374,7 +375,7 @@ def _next_command(
     if any(host.is_left_by_measurement for host in hosts):
         reason = "removes the test partitions of a measurement that was cut off, and starts what it stopped"
         return NextCommand(command=START, reason=reason)
-    if unmeasured:
+    if any(verdict.achievement is Achievement.UNMEASURED for verdict in verdicts):
         return NextCommand(command=MEASURE, reason="finds the reservations that are not measured yet")
     if any(kind.is_of_the_host for kind in kinds):
         return NextCommand(command=DRIFT, reason="tells what was changed on a host")

@@ -14,7 +14,7 @@ from rarms_iac.model.state import State
 from rarms_iac.model.system import System
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.problem import host_view
-from rarms_iac.planner.reservations import depends_on_a_log
+from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log
 from rarms_iac.planner.totals import PlannedTotals, planned_totals
 
 
@@ -36,19 +36,20 @@ def states_at_hand(manifest: Manifest) -> Mapping[str, State]:
     return states
 
 
-def totals_at_hand(manifest: Manifest) -> PlannedTotals:
-    """Add up what a plan would have the hosts promise, by the data logs beside the manifest.
+def totals_at_hand(manifest: Manifest) -> tuple[PlannedTotals, MeasuredReservations]:
+    """Add up what a plan would have the hosts promise, by the data logs next to the manifest.
 
     Args:
         manifest: without errors.
 
     Returns:
-        The totals of every host; those that cannot be looked at for nothing count as the manifest has them.
+        The totals of every host, and the reservations that they count. Hosts that would have to be waited for count as
+            the manifest has them.
     """
     states = states_at_hand(manifest)
     reservations = measured_reservations(manifest, states)
     views = {name: host_view(state, manifest.system.application.name) for name, state in states.items()}
-    return planned_totals(manifest.system, reservations, views)
+    return planned_totals(manifest.system, reservations, views), reservations
 
 
 def partitions_without_log(system: System, planned: PlannedTotals, hosts: Collection[str]) -> Iterator[PlacedPartition]:

@@ -20,8 +20,9 @@ from rarms_iac.model.system import Component, Threshold, run_of
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group
+from rarms_iac.planner.measured_together import MeasuredTogether
 from rarms_iac.planner.problem import Problem, by_name
-from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, depends_on_a_log
+from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log
 
 
 def neighbour_findings(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:

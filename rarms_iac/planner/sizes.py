@@ -22,8 +22,9 @@ from rarms_iac.model.wording import counted
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.headroom import OPEN, limit_of, weight_of
+from rarms_iac.planner.measured_together import NotMeasured
 from rarms_iac.planner.mechanism import mechanism_of, quota_period_us, shortest_apt_ms
-from rarms_iac.planner.reservations import FixedReservations, NotMeasured, ReservationSource
+from rarms_iac.planner.reservations import FixedReservations, ReservationSource
 
 
 def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPartition | Cause:

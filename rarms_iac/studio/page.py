@@ -33,6 +33,7 @@ from rarms_iac.views.reports.page import on_page
 from rarms_iac.views.reports.table import show_cell
 from rarms_iac.views.reports.tables import RESERVE, RESERVE_LP, levels_of_component
 from rarms_iac.views.status import describe_holders, describe_other_claims, describe_partition, describe_test_partition
+from rarms_iac.views.verdicts import describe_verdicts_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -325,10 +326,11 @@ def _components(known: Knowledge, report: Report) -> Iterator[ComponentOnPage]:
     for component in sorted(components, key=lambda each: (-each.criticality, natural_order(each.name))):
         table = on_page(levels_of_component(report, component.name))
         at = {column.field: number for number, column in enumerate(table.columns)}
-        reserves, shares, verdicts = (
+        reserves, shares, rows = (
             tuple(dict.fromkeys(show_cell(row[at[field]]) for row in table.rows))
             for field in (RESERVE_LP, RESERVE, "verdict")
         )
+        verdicts = tuple(describe_verdicts_of(report.verdicts, component.name)) or rows
         apt = (f"{name} {show_threshold(index_named(name), threshold)}" for name, threshold in component.apt.items())
         yield ComponentOnPage(
             name=component.name,

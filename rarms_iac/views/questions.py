@@ -9,7 +9,7 @@ from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.select import BeyondMeasured, Selection
 from rarms_iac.model.quantities import show_lp_percent
-from rarms_iac.model.wording import counted, in_a_row, natural_order
+from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.combining.oracle import Members
 
 if TYPE_CHECKING:
@@ -99,15 +99,13 @@ def curves_text(result: ExperimentResult, report: Report, *, ascii_only: bool) -
     from rarms_iac.views.console import paragraph, stack
     from rarms_iac.views.measure import settings_text
     from rarms_iac.views.reports.sentences import fit_text
-    from rarms_iac.views.reports.terminal import TerminalPlot, legend
+    from rarms_iac.views.reports.terminal import legend, terminal_plot
 
     parts: list[RenderableType] = ["", settings_text(result)]
     for measurement in report.measurements:
         if measurement.decides and measurement.components == result.experiment.setup.members:
             for index in measurement.indexes:
-                parts += ["", TerminalPlot(curve=index, ascii_only=ascii_only)]
+                parts += ["", terminal_plot(measurement, index, ascii_only=ascii_only)]
             parts.append(legend(ascii_only=ascii_only))
     parts += [paragraph(f"{', '.join(fit.hosts)}: {fit_text(fit)}") for fit in report.capacities]
-    if missing := sorted({component for names in report.unmeasured for component in names}, key=natural_order):
-        parts.append(paragraph(f"Not measured yet, and so not in it: {in_a_row(missing)}."))
     return stack(*parts)

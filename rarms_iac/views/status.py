@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.report_model import ComponentProof
 from rarms_iac.app.status import HostOverview, Overview, PartitionStatus, TestPartitionStatus
 from rarms_iac.applying.refusals import describe_missing_journal
+from rarms_iac.model.achievement import Achievement
 from rarms_iac.model.commands import prose, sentences
 from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.journal import RunKind
@@ -18,6 +19,7 @@ from rarms_iac.views.console import CHANGED, DIM, STRONG, paragraph, stack, styl
 from rarms_iac.views.drift import TITLES, name_findings
 from rarms_iac.views.history import describe_run
 from rarms_iac.views.prove import describe_proof_setting, describe_verdict, proof_time
+from rarms_iac.views.verdicts import describe_verdicts
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -33,11 +35,9 @@ def status_text(overview: Overview) -> "RenderableType":
         parts.append(paragraph(line, indent=2) if number else paragraph(line, start="Proven: "))
     for log, changes in overview.stale.items():
         parts.append(paragraph(f"{log}: {'; '.join(changes)}", start="Stale: "))
-    if overview.unmeasured:
-        parts.append(
-            paragraph(in_a_row([" with ".join(names) for names in overview.unmeasured]), start="Not measured: ")
-        )
-    elif overview.problems:
+    unknown = [verdict for verdict in overview.verdicts if verdict.achievement is not Achievement.MET]
+    parts += [paragraph(f"{line}.") for line in describe_verdicts(unknown)]
+    if overview.problems and not unknown:
         parts.append(paragraph(f"{name_findings(overview.problems)}.", start="No layout: "))
     if overview.unused_logs:
         logs = counted(overview.unused_logs, "data log")

@@ -28,25 +28,60 @@ export const leastReserve = (plots) => {
   return null;
 };
 
+// How a threshold stands by this card's own load, by the rule of rarms' verdict: missed where it is at the highest setting.
+export const achievementOf = (plot) => {
+  if (leastReserve([plot]) !== null) return "met";
+  const isMissed = plot.best === "none" || (plot.best !== undefined && !meets(plot, plot.best, Number(plot.text)));
+  return isMissed ? "not achieved" : "not shown yet";
+};
+
+// The verdict on a card's lines: rarms' own where none was moved, else what this card's load alone says.
+export const verdictOf = (card) => {
+  if (card.achievement && !card.plots.some((plot) => plot.moved)) return card.achievement;
+  const achievements = wanted(card).map(achievementOf);
+  const found = ["not achieved", "not shown yet"].find((achievement) => achievements.includes(achievement));
+  if (found) return found;
+  if (leastReserve(wanted(card)) === null) return "not shown yet";
+  return card.notMeasured ? "not measured" : "met";
+};
+
+export const wordsOf = (card) => {
+  const verdict = verdictOf(card);
+  return verdict === "not measured" && card.notMeasured ? `${verdict} with ${inARow(card.notMeasured)}` : verdict;
+};
+
+export const inARow = (words) => (words.length > 1 ? `${words.slice(0, -1).join(", ")} and ${words.at(-1)}` : words.join(""));
+
+const MOST_NAMES = 4; // of a message, as rarms' own lists are cut
+
+export const listNames = (names) => (names.length > MOST_NAMES + 1 ? `${names.slice(0, MOST_NAMES).join(", ")} and ${names.length - MOST_NAMES} more` : inARow(names));
+
 export const wanted = (card) => card.plots.filter((plot) => plot.apt || plot.moved);
 
-// The reserve with which every threshold of a card holds: null where none does, undefined where none is asked for.
+// The reserve with which every threshold of a card holds: null where it is not known, undefined where none is asked for.
 export const reserveOf = (card) => {
-  const least = wanted(card).length === 0 ? undefined : leastReserve(wanted(card));
-  return typeof least === "number" ? Math.max(least, card.floor) : least;
+  if (wanted(card).length === 0) return undefined;
+  return verdictOf(card) === "met" ? Math.max(leastReserve(wanted(card)), card.floor) : null;
 };
 
 export const counts = (card) => card.decides || (card.fixed.length > 0 && card.plots.some((plot) => plot.moved));
 
 const counted = (capacity, cards) => cards.filter((card) => card.platform === capacity.platform && counts(card));
 
-// The cards whose lines no measured reserve achieves: what they need, and with it the total, is not known.
-export const notAchieved = (capacity, cards) => counted(capacity, cards).filter((card) => card.reserve === null);
+// Why the total is not known, worst first: components whose reservation is not known, by how they stand.
+export const whyNotKnown = (capacity, cards) => {
+  const open = counted(capacity, cards).filter((card) => card.reserve === null).map((card) => [card.name, wordsOf(card)]);
+  const named = new Map();
+  for (const [name, words] of [...open, ...capacity.unknown]) named.set(words, [...(named.get(words) ?? []), name]);
+  const order = ["not achieved", "not shown yet", "not measured"];
+  const rank = ([words]) => order.findIndex((each) => words.startsWith(each));
+  return [...named].sort((one, other) => rank(one) - rank(other)).map(([words, found]) => `${listNames(found)} ${found.length > 1 ? "are" : "is"} ${words}`).join("; ");
+};
 
 // The cards whose lines count in the total though the manifest fixes their reserve: writing their level leaves it.
 export const fixedOtherwise = (capacity, cards) => counted(capacity, cards).filter((card) => !card.decides && card.reserve !== null);
 
-// In hundredths of a logical processor, without those that are not achieved: what the manifest fixes for these stays.
+// In hundredths of a logical processor, without those that are not known: what the manifest fixes for these stays.
 // `reserve` of a card is what `reserveOf` said of it last.
 export const totalOf = (capacity, cards) => {
   const here = counted(capacity, cards).filter((card) => card.reserve !== null);

@@ -1,6 +1,6 @@
 // What the page says of the lines: of a plot, of its card, and of every platform.
 import { heightOf } from "./axis.js";
-import { counts, fixedOtherwise, leastReserve, notAchieved, reserveOf, totalOf, wanted } from "./lookup.js";
+import { counts, fixedOtherwise, leastReserve, reserveOf, achievementOf, totalOf, verdictOf, wanted, whyNotKnown, wordsOf } from "./lookup.js";
 
 export const element = (id) => document.getElementById(id);
 
@@ -38,7 +38,7 @@ export const makeRoomSoon = (plot) => {
 export const showPlot = (plot) => {
   const reserve = leastReserve([plot]);
   const line = element(`${plot.id}-line`);
-  const cost = reserve === null ? "no measured reserve is enough" : `needs ${inProcessors(reserve * plot.card.processors)} (${shareOfProcessors(reserve, plot.card.processors)})`;
+  const cost = reserve === null ? achievementOf(plot) : `needs ${inProcessors(reserve * plot.card.processors)} (${shareOfProcessors(reserve, plot.card.processors)})`;
   line.style.top = `${100 - 100 * heightOf(plot, Number(plot.text))}%`;
   line.setAttribute("aria-valuenow", plot.text);
   line.setAttribute("aria-valuetext", `${inWords(plot)} ${cost}`);
@@ -58,11 +58,28 @@ export const showPlot = (plot) => {
 const fixedSentence = (card) =>
   card.fixed.length > 0 && card.plots.some((plot) => plot.moved) ? ` The manifest fixes the reserve of ${card.fixed.join(", ")}: with cpu: { reserve: measured } it follows the level.` : "";
 
+const capitalised = (text) => text[0].toUpperCase() + text.slice(1);
+
+// The thresholds that stand as the card does; where loads are not measured yet, what is enough with the others.
+const whyUnknown = (card) => {
+  const verdict = verdictOf(card);
+  const short = wanted(card).filter((plot) => achievementOf(plot) === verdict);
+  if (verdict === "not measured") return `With ${card.load}: ${inProcessors(leastReserve(wanted(card)) * card.processors)}.`;
+  if (short.length === 0) return "No reserve is shown to be enough for all thresholds together.";
+  return `${capitalised(verdict)}: ${short.map((plot) => `${plot.component} ${plot.index} ${inWords(plot)}`).join(", ")}.`;
+};
+
+// Only the card that the verdict is of says a reservation in large type.
+const headline = (card, reserve) => {
+  if (reserve === undefined) return card.fixed.length > 0 ? "Reserve fixed by the manifest" : "No reserve yet";
+  const amount = reserve === null ? capitalised(wordsOf(card)) : `Reserve ${inProcessors(reserve * card.processors)}`;
+  if (!card.aside) return amount;
+  return `With ${card.load} alone: ${reserve === null ? wordsOf(card) : inProcessors(reserve * card.processors)}`;
+};
+
 const levelSentence = (card, reserve) => {
   if (reserve === undefined) return "There is no APT yet: move a line to see what a level needs.";
-  const short = wanted(card).filter((plot) => leastReserve([plot]) === null);
-  if (reserve === null && short.length === 0) return "No reserve at which all of it was measured is enough.";
-  if (short.length > 0) return `Not achieved at any reserve that was measured: ${short.map(inWords).join(", ")}.`;
+  if (reserve === null) return whyUnknown(card);
   if (leastReserve(wanted(card)) < reserve) return "The manifest fixes more for one of its components.";
   const deciding = wanted(card).filter((plot) => leastReserve([plot]) === reserve);
   const measured = deciding.every((plot) => plot.measured.includes(reserve));
@@ -98,8 +115,7 @@ export const showCard = (page, card) => {
   if (card.plots.length === 0) return;
   card.reserve = reserveOf(card);
   const reserve = card.reserve;
-  element(`${card.id}-reserve`).textContent =
-    reserve === undefined ? (card.fixed.length > 0 ? "Reserve fixed by the manifest" : "No reserve yet") : reserve === null ? "Not achieved" : `Reserve ${inProcessors(reserve * card.processors)}`;
+  element(`${card.id}-reserve`).textContent = headline(card, reserve);
   element(`${card.id}-bandwidth`).textContent = reserve ? shareOfProcessors(reserve, card.processors) : "";
   element(`${card.id}-level`).textContent = levelSentence(card, reserve) + fixedSentence(card);
   element(`${card.id}-reset`).hidden = !card.plots.some((plot) => plot.moved);
@@ -114,16 +130,15 @@ export const textOf = (node, text) => {
 export const showTotals = (page) => {
   page.capacities.forEach((capacity, place) => {
     const total = totalOf(capacity, page.cards);
-    const unknown = notAchieved(capacity, page.cards).map((card) => card.name);
+    const unknown = whyNotKnown(capacity, page.cards);
     const headroom = capacity.capacity - total;
     const share = (amount) => `${inProcessors(amount)} (${shareOfHost(amount / capacity.processors)} % of ${capacity.name})`;
-    const fits = headroom >= 0 && unknown.length === 0;
-    const why = `${unknown.join(", ")} ${unknown.length > 1 ? "are" : "is"} not achieved`;
-    const room = unknown.length > 0 ? `not known: ${why}` : share(headroom);
-    const message = headroom >= 0 ? `Headroom of ${capacity.name}: ${room}` : `Over ${capacity.name} by ${unknown.length > 0 ? "at least " : ""}${share(-headroom)}`;
+    const fits = headroom >= 0 && unknown === "";
+    const room = unknown ? `not known: ${unknown}` : share(headroom);
+    const message = headroom >= 0 ? `Headroom of ${capacity.name}: ${room}` : `Over ${capacity.name} by ${unknown ? "at least " : ""}${share(-headroom)}`;
     const fit = element(`fit-${place + 1}`);
     const sentence = fit.querySelector(".sentence");
-    const reserved = `${unknown.length > 0 ? "At least " : ""}${inProcessors(total)} of ${capacity.processors} LP reserved`;
+    const reserved = `${unknown ? "At least " : ""}${inProcessors(total)} of ${capacity.processors} LP reserved`;
     const otherwise = fixedOtherwise(capacity, page.cards).map((card) => card.name);
     const fixed = otherwise.length > 0 ? ` This counts ${otherwise.join(", ")} by the lines; the manifest fixes another reserve, which stays until it says measured.` : "";
     textOf(sentence, `${reserved} (${shareOfHost(total / capacity.processors)} % of ${capacity.name})${capacity.otherClaims}. ${message}.${fixed}`);

@@ -155,7 +155,7 @@ def _measure_all(
             begun += 1
             if isinstance(of_loads[-1].conclusion, Stopped) or ended:
                 break
-    planned = totals_at_hand(hosts.manifest)
+    planned, _ = totals_at_hand(hosts.manifest)
     outcome = MeasureOutcome(
         experiments=tuple(results),
         findings=(*findings, *still_stopped),

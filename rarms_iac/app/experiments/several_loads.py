@@ -12,7 +12,7 @@ from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.loads import is_steady
 from rarms_iac.model.outcomes import NotAchievable, NotResolved, SettingFailed, Stopped, Swept
 from rarms_iac.model.quantities import ReservePercent
-from rarms_iac.planner.reservations import hardest
+from rarms_iac.planner.verdicts import hardest
 
 Run = Callable[[Experiment, Method], ExperimentResult]
 """Measures one experiment: components beside one load."""

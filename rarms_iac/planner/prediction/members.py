@@ -9,8 +9,9 @@ from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.run import Periodic
 from rarms_iac.model.system import AtMost, Component
 from rarms_iac.planner.groups import Group
+from rarms_iac.planner.measured_together import MeasuredTogether
 from rarms_iac.planner.prediction.periodic import Resource, Task, least_budget, supplied
-from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, ReservationSource
+from rarms_iac.planner.reservations import MeasuredReservations, ReservationSource
 
 Predict = Callable[[tuple[str, ...], int], int | None]
 """The CR that a compound probably needs, by its components (sorted names) and virtual processors; None: not known."""

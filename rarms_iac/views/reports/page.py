@@ -18,6 +18,7 @@ from rarms_iac.views.reports.scale import Scale, scale_of
 from rarms_iac.views.reports.sentences import other_claims_text
 from rarms_iac.views.reports.table import Table, show_cell
 from rarms_iac.views.reports.tables import settings_of
+from rarms_iac.views.verdicts import describe_achievement
 
 RESERVES = (0, 20, 40, 60, 80, 100)
 """Labels of the lower axis."""
@@ -203,6 +204,7 @@ def _dots(curve: IndexCurve, settings: Table, scale: Scale) -> Iterator[Dot]:
 def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
     """What the page's script looks up: the same numbers, to the last bit, as the planner's curve holds."""
     counted = _counted(report)
+    on_cards = {(measurement.platform, measurement.components) for measurement in counted}
     return {
         "capacities": [
             {
@@ -213,6 +215,11 @@ def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
                 "processors": capacity.processors,
                 "otherClaims": other_claims_text(capacity),
                 "fixed": [[list(part.components), float(100 * part.reserved_lp)] for part in capacity.fixed],
+                "unknown": [
+                    [verdict.component, describe_achievement(verdict.achievement, verdict.not_measured)]
+                    for verdict in capacity.unknown
+                    if (verdict.platform, verdict.members) not in on_cards
+                ],
             }
             for capacity in report.capacities
         ],
@@ -226,6 +233,7 @@ def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
                 "decides": card.measurement in counted,
                 "fixed": list(card.measurement.fixed),
                 "floor": card.measurement.floor,
+                **_verdict_data(card.measurement),
                 "plots": [_plot_data(plot) for plot in card.plots],
             }
             for card in cards
@@ -236,17 +244,17 @@ def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
 def _counted(report: Report) -> tuple[Measurement, ...]:
     """The measurements that the total of a platform is made of, or is not known without.
 
-    Their partitions are placed there, or no measured reserve meets their APTs.
+    Their partitions are placed there, or their reservations are not known.
     """
     counted = {(capacity.platform, name) for capacity in report.capacities for name in capacity.partitions}
-    missing = {(capacity.platform, name) for capacity in report.capacities for name in capacity.missing}
+    unknown = {(each.platform, each.members) for capacity in report.capacities for each in capacity.unknown}
     return tuple(
         measurement
         for measurement in report.measurements
         if measurement.decides
         and (
             (measurement.platform, measurement.partition) in counted
-            or (measurement.platform, measurement.name) in missing
+            or (measurement.platform, measurement.components) in unknown
         )
     )
 
@@ -276,9 +284,29 @@ def _plot_data(plot: Plot) -> dict[str, object]:
         "first": scale.first,
         "last": scale.last,
         "measured": [round(point.reserve) for point in curve.curve.points],
+        **_best(curve),
         "rows": [[row.reserve, _finite(row.safe)] for row in curve.rows],
         "samples": [_distribution(point) for point in curve.points],
     }
+
+
+def _verdict_data(measurement: Measurement) -> dict[str, object]:
+    """The verdict where it is of this measurement; else that only the card's own load is known."""
+    verdict, load = measurement.verdict, {"load": measurement.interference}
+    if not measurement.decides:
+        return {**load, "aside": True} if measurement.is_aside else {}
+    loads = {**load, "notMeasured": list(verdict.not_measured)} if verdict.not_measured else {}
+    return {"achievement": verdict.achievement.value, **loads}
+
+
+def _best(curve: IndexCurve) -> dict[str, float | str]:
+    """The good end of the band at the highest measured reserve: a threshold that it misses is not achieved."""
+    top = max((point.reserve for point in curve.points), default=0)
+    if top in curve.curve.overloaded:
+        return {"best": "none"}  # every threshold is missed
+    point = curve.curve.value_at(top)
+    best = None if point is None else _finite(point.lower if curve.index.smaller_is_better else point.upper)
+    return {} if best is None else {"best": best}
 
 
 BARS = 24

@@ -7,6 +7,7 @@ from rarms_iac.model.commands import Wording, prose
 from rarms_iac.model.quantities import share_of_host, show_lp_percent, show_processors
 from rarms_iac.views.status import describe_other_claims
 from rarms_iac.views.tune import describe_proof
+from rarms_iac.views.verdicts import why_not_known
 
 
 def fit_text(fit: PlatformCapacity) -> str:
@@ -14,19 +15,21 @@ def fit_text(fit: PlatformCapacity) -> str:
 
     What is kept for the hosts and what unmanaged machines have is named where there is some.
 
-    Where no measured reserve is enough for a component, what it needs and the headroom are not known.
+    While the reservation of a component is not known, the total begins with "at least" and no headroom is said.
     """
-    headroom, hosts = fit.headroom_lp, ", ".join(fit.hosts)
+    unpromised, hosts = fit.unpromised_lp, ", ".join(fit.hosts)
 
     def amount(processors: Fraction) -> str:
         return f"{show_processors(processors)} ({share_of_host(processors, fit.processors, hosts)})"
 
-    names, least = ", ".join(fit.missing), "at least " if fit.missing else ""
+    least = "at least " if fit.unknown else ""
     room = (
-        f"Headroom of {hosts}: {amount(headroom)}" if headroom >= 0 else f"Over {hosts} by {least}{amount(-headroom)}"
+        f"Headroom of {hosts}: {amount(unpromised)}"
+        if unpromised >= 0
+        else f"Over {hosts} by {least}{amount(-unpromised)}"
     )
-    if fit.missing and headroom >= 0:
-        room = f"Headroom of {hosts}: not known: {names} {'are' if len(fit.missing) > 1 else 'is'} not achieved"
+    if fit.unknown:
+        room = f"Headroom of {hosts}: not known: {why_not_known(fit.unknown)}" if unpromised >= 0 else room
     share = share_of_host(fit.reserved_lp, fit.processors, hosts)
     reserved = f"{least}{show_processors(fit.reserved_lp)} of {show_processors(fit.processors)} reserved"
     return f"{reserved[:1].upper()}{reserved[1:]} ({share}){other_claims_text(fit)}. {room}."

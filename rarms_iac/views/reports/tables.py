@@ -16,12 +16,14 @@ from rarms_iac.app.report_model import (
     PlatformTuning,
     Report,
 )
+from rarms_iac.model.achievement import Achievement, ReservationVerdict
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.indexes import show_bound, show_range, show_threshold, show_value
-from rarms_iac.model.quantities import guaranteed, share_of_processors, show_reserve
+from rarms_iac.model.quantities import share_of_processors, show_reserve
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.views.prove import describe_proof_setting, describe_verdict
 from rarms_iac.views.reports.table import Cell, Column, Table, Value, finite
+from rarms_iac.views.verdicts import describe_achievement
 
 MOST_CANDIDATES = 24
 
@@ -84,14 +86,15 @@ def _levels(report: Report) -> Iterator[tuple[Sequence[str], Row]]:
                 part.components,
                 _without_curve(part.name, capacity.platform, part.reserved_lp, "fixed by the manifest"),
             )
-    for names in report.unmeasured:
+    shown = {measurement.components for measurement in report.measurements if measurement.decides}
+    for names in dict.fromkeys(verdict.members for verdict in report.verdicts if verdict.members not in shown):
         run = command("measure", *names, together=len(names) > 1)
         yield names, _without_curve(" + ".join(names), None, None, str(prose("not measured: run ", run)))
 
 
 def _level(measurement: Measurement, curve: IndexCurve) -> Row:
     assert curve.threshold is not None
-    reserve = _reserved_for(measurement, curve)
+    reserve = measurement.reserve
     point = None if reserve is None else curve.curve.value_at(reserve)
     return (
         curve.component,
@@ -104,14 +107,16 @@ def _level(measurement: Measurement, curve: IndexCurve) -> Row:
         None
         if point is None
         else Cell(
-            text=f"{show_value(curve.index, point.value)} beside {measurement.interference}", value=finite(point.value)
+            text=f"{show_value(curve.index, point.value)} with {measurement.interference}", value=finite(point.value)
         ),
-        None if reserve is None else guaranteed(reserve, measurement.processors),
+        measurement.reserved_lp,
         Cell(
-            text="none is enough" if reserve is None else share_of_processors(reserve, measurement.processors),
+            text=_why_no_reserve(measurement.verdict, curve)
+            if reserve is None
+            else share_of_processors(reserve, measurement.processors),
             value=reserve,
         ),
-        _verdict_of(curve, reserve),
+        verdict_of(measurement.verdict, curve),
     )
 
 
@@ -119,19 +124,21 @@ def _without_curve(name: str, platform: str | None, reserved: Fraction | None, v
     return name, platform, None, None, None, verdict, None, None, reserved, None, verdict
 
 
-def _reserved_for(measurement: Measurement, curve: IndexCurve) -> int | None:
-    """What the index's partition gets; where no reserve is enough for all its indexes, what this index alone needs."""
-    if curve.least is None:
-        return None
-    return curve.least if measurement.reserve is None else measurement.reserve
+def verdict_of(verdict: ReservationVerdict, curve: IndexCurve) -> str:
+    """The verdict on a threshold in words."""
+    own = (each.achievement for each in verdict.thresholds if (each.component, each.index) == _key(curve))
+    words = describe_achievement(next(own, Achievement.UNMEASURED), verdict.not_measured)
+    return f"{words} so far" if curve.index.is_extreme and words == Achievement.MET else words
 
 
-def _verdict_of(curve: IndexCurve, reserve: int | None) -> str:
-    """What is known of the APT at this reserve, in words."""
-    if reserve is None:
-        return "not achieved at any reserve that was measured"
-    points = [point for point in curve.points if point.reserve == reserve]
-    return f"measured: {_verdict_word(curve, points[-1])}" if points else "shown with less"
+def _why_no_reserve(verdict: ReservationVerdict, curve: IndexCurve) -> str:
+    """The verdict on the threshold; where it is met and another one is not, that nothing follows from it alone."""
+    words = verdict_of(verdict, curve)
+    return "not known" if words.startswith(Achievement.MET) else words
+
+
+def _key(curve: IndexCurve) -> tuple[str, str]:
+    return curve.component, curve.index.name
 
 
 def _verdict_word(curve: IndexCurve, point: MeasuredPoint) -> str:
@@ -139,7 +146,9 @@ def _verdict_word(curve: IndexCurve, point: MeasuredPoint) -> str:
     return "met so far" if curve.index.is_extreme and point.verdict == "met" else point.verdict or ""
 
 
-TOTALS = _fields("platform", "hosts", "capacity (LP)", "reserved (LP)", "headroom (LP)", "fits")
+TOTALS = _fields(
+    "platform", "hosts", "capacity (LP)", "total is", "reserved (LP)", "not known yet", "headroom (LP)", "fits"
+)
 
 
 def totals_table(report: Report) -> Table:
@@ -148,8 +157,17 @@ def totals_table(report: Report) -> Table:
 
 
 def _total(fit: PlatformCapacity) -> Row:
-    amounts = (fit.capacity_lp, fit.reserved_lp, fit.headroom_lp)
-    return fit.platform, ", ".join(fit.hosts), *amounts, "yes" if fit.fits else "no"
+    """The headroom is empty while a reservation is not known: the total is at least the one that is shown."""
+    return (
+        fit.platform,
+        ", ".join(fit.hosts),
+        fit.capacity_lp,
+        "at least" if fit.unknown else "exactly",
+        fit.reserved_lp,
+        " ".join(verdict.component for verdict in fit.unknown),
+        fit.headroom_lp,
+        "not known" if fit.fits is None else "yes" if fit.fits else "no",
+    )
 
 
 SETTINGS = (

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import IndexCurve, Measurement, Report
+from rarms_iac.model.achievement import Achievement
 from rarms_iac.model.commands import prose
 from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.quantities import show_number
@@ -16,7 +17,7 @@ from rarms_iac.views.console import paragraph, stack, table
 from rarms_iac.views.reports.scale import Scale, scale_of
 from rarms_iac.views.reports.sentences import applied_text, fit_text, tuning_text
 from rarms_iac.views.reports.table import Table, show_cell
-from rarms_iac.views.reports.tables import levels_table, proofs_table, tuned_table
+from rarms_iac.views.reports.tables import levels_table, proofs_table, tuned_table, verdict_of
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
@@ -103,7 +104,7 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
             title = f"{measurement.name} against {measurement.interference} on {measurement.platform}"
             yield paragraph(title + _remark(measurement))
             if not measurement.stale:  # what no longer holds is named, and not drawn
-                yield TerminalPlot(curve=index, ascii_only=ascii_only)
+                yield terminal_plot(measurement, index, ascii_only=ascii_only)
     yield ""
     yield legend(ascii_only=ascii_only)
 
@@ -129,6 +130,7 @@ class TerminalPlot:
     """A curve in lines as wide as the terminal allows; words where nothing was measured."""
 
     curve: IndexCurve
+    achievement: str = ""  # of its threshold; empty: it is there to compare
     ascii_only: bool = False
 
     def __rich_console__(self, console: "Console", options: "ConsoleOptions") -> "RenderResult":
@@ -143,7 +145,13 @@ class TerminalPlot:
         yield from _field(scale, _cells(self.curve, scale, field, signs, dots=not self.ascii_only), field, signs)
         yield _marks(field, signs)
         yield _numbers(field)
-        yield paragraph(_conclusion(self.curve))
+        yield paragraph(_conclusion(self.curve, self.achievement))
+
+
+def terminal_plot(measurement: Measurement, index: IndexCurve, *, ascii_only: bool) -> TerminalPlot:
+    """The plot of a curve, with the verdict on its threshold where the measurement decides."""
+    achievement = verdict_of(measurement.verdict, index) if measurement.decides else ""
+    return TerminalPlot(curve=index, achievement=achievement, ascii_only=ascii_only)
 
 
 def _cells(index_curve: IndexCurve, scale: Scale, field: int, signs: Signs, *, dots: bool) -> Cells:
@@ -238,10 +246,10 @@ def legend(*, ascii_only: bool) -> "RenderableType":
     return paragraph("  ".join(f"{getattr(signs, name)} {name}" for name in names))
 
 
-def _conclusion(index_curve: IndexCurve) -> str:
+def _conclusion(index_curve: IndexCurve, achievement: str) -> str:
     if index_curve.threshold is None:
-        return "No APT yet."
+        return "No threshold yet."
     threshold, least = show_threshold(index_curve.index, index_curve.threshold), index_curve.least
-    if least is None:
-        return f"{threshold}: no measured reserve is enough"
+    if least is None or achievement not in ("", Achievement.MET):
+        return f"{threshold}: {achievement or 'not known with this load'}"
     return f"{threshold}: reserve {least} % of its VPs"

@@ -139,7 +139,7 @@ def test_what_was_not_measured_is_walked_as_far_as_it_is_known(here: Path) -> No
     assert "error[RARMS100]" in answer.err
     assert "vision (criticality 30)" in answer.out
     assert "mean_response_time at most 100 ms" in said["APT"]
-    assert "none that holds: The reserve of vision is measured" in said["data log"]
+    assert "none that holds: vision is not measured on two-core with busy-loop yet" in said["data log"]
     assert "not measured" in said["setting and verdict"]
     assert said["reservation"] == "not known: not measured"
     assert said["partition"] == "vision: vision is alone, as nothing asks to combine it memory 512 MiB, " + (

@@ -5,12 +5,13 @@ from fractions import Fraction
 
 from rarms_iac.app.report_measurements import ReportedLog
 from rarms_iac.app.report_model import Report
+from rarms_iac.model.achievement import Achievement
 from rarms_iac.model.system import Component, System
 from rarms_iac.statistics.curves import curves_of, least_reserve
 from rarms_iac.views.reports.page import cards_of, data_of
 from rarms_iac.views.reports.sentences import fit_text
 from rarms_iac.views.reports.table import show_cell
-from rarms_iac.views.reports.tables import levels_table
+from rarms_iac.views.reports.tables import levels_table, totals_table
 from tests.builders import a_component, a_cpu, a_host, a_partition, a_run, a_system, at_most
 from tests.builders_measured import a_log, a_series, a_setting, a_subject
 from tests.measured_robot import a_log_of, a_robot, face_detection, path_planning, report_of_logs, the_logs
@@ -35,7 +36,7 @@ def test_a_measurement_says_what_the_planner_takes() -> None:
         component = system.components[name]
         assert component.run is not None
         wanted = least_reserve(curves_of(logged.log.settings, {name: component.run}, {name: component.apt}))
-        assert next(shown for shown in report.measurements if shown.name == name).least == wanted is not None
+        assert next(shown for shown in report.measurements if shown.name == name).reserve == wanted is not None
 
 
 def levels_in(report: Report) -> list[dict[str, str]]:
@@ -121,7 +122,7 @@ def test_nothing_rests_on_a_stale_log_and_it_says_what_changed() -> None:
     report = report_of_logs(system, [stale])
 
     assert [(measurement.decides, measurement.stale) for measurement in report.measurements] == [(False, stale.stale)]
-    assert report.unmeasured == (("vision",),)
+    assert [(each.component, each.achievement) for each in report.verdicts] == [("vision", Achievement.UNMEASURED)]
 
 
 def test_a_log_of_another_load_is_there_to_compare() -> None:
@@ -151,7 +152,7 @@ def test_where_loads_ask_for_the_same_the_first_of_the_manifest_decides_as_in_a_
     report = report_of_logs(system, [beside_bursts, logged])
 
     assert [each.interference for each in report.measurements if each.decides] == ["busy-loop"]
-    assert show_cell(levels_table(report).rows[0][7]).endswith(" beside busy-loop")
+    assert show_cell(levels_table(report).rows[0][7]).endswith(" with busy-loop")
 
 
 def test_a_reserve_that_the_manifest_fixes_counts_and_its_log_does_not() -> None:
@@ -186,9 +187,7 @@ def test_of_a_partition_that_was_measured_as_one_the_members_own_logs_do_not_cou
         "vision": False,
         "planning": False,
     }
-    assert [measurement.least for measurement in report.measurements if measurement.decides and measurement.least] == [
-        50
-    ]
+    assert [measurement.reserve for measurement in report.measurements if measurement.decides] == [50]
 
 
 def test_a_log_of_a_component_that_is_gone_is_left_out() -> None:
@@ -219,15 +218,55 @@ def test_the_summary_has_a_row_a_threshold_and_names_what_is_not_measured() -> N
     assert [(row["Component"], row["Threshold (APT)"], row["Reserve"], row["CR"]) for row in rows] == [
         ("face-detection", "at most 100 ms", "1.2 LP", "60 % of its 2 VPs"),
         ("video-streaming", "", "0.2 LP", ""),
-        ("path-planning", "", "", ""),
         ("speech-recognition", "", "", ""),
     ]
     assert rows[-1]["Verdict"] == "not measured: run `rarms measure speech-recognition`"
 
 
 def empty(report: Report) -> bool:
-    return not (report.measurements or report.unmeasured)
+    return not (report.measurements or report.verdicts)
 
 
 def test_a_system_without_thresholds_and_logs_has_an_empty_report() -> None:
     assert empty(report_of_logs(a_system(), []))
+
+
+def with_open_threshold() -> Report:
+    """Two measured components; the percentile of one has too few samples for a verdict."""
+    steady, late = measured("steady", criticality=20), measured("late", 120)
+    late = replace(late, apt={**late.apt, "p95_response_time": at_most(120)})
+    settings = [a_setting(reserve, a_series("late", [90.0, 91.0] * 40)) for reserve in (50, 100)]
+    log = ReportedLog(path="late", log=a_log(settings, a_subject(late)))
+    system = a_system(components=[steady, late])
+    return report_of_logs(system, [a_log_of(steady, face_detection), log])
+
+
+def test_no_view_has_a_reservation_while_a_threshold_is_open() -> None:
+    report = with_open_threshold()
+
+    assert [(each.component, each.achievement) for each in report.verdicts] == [
+        ("steady", Achievement.MET),
+        ("late", Achievement.OPEN),
+    ]
+    rows = [(row["Component"], row["Reserve"], row["CR"], row["Verdict"]) for row in levels_in(report)]
+    assert rows == [
+        ("steady", "1.2 LP", "60 % of its 2 VPs", "met"),
+        ("late", "", "not known", "met"),
+        ("late", "", "not shown yet", "not shown yet"),
+    ]
+    [fit] = report.capacities
+    assert (fit.headroom_lp, fit.fits) == (None, None)
+    assert fit_text(fit) == (
+        "At least 1.2 LP of 2 LP reserved (60 % of onboard). Headroom of onboard: not known: late is not shown yet."
+    )
+    [total] = totals_table(report).rows
+    assert total[3:] == ("at least", Fraction(12, 10), "late", None, "not known"), "the sheet"
+
+
+def test_a_component_without_the_log_of_a_load_is_not_in_the_total() -> None:
+    vision = replace(measured("vision"), interference=("busy-loop", "bursts-20"))
+
+    report = report_of_logs(a_system(components=[vision]), [a_log_of(vision, face_detection)])
+
+    assert [row["Verdict"] for row in levels_in(report)] == ["not measured with bursts-20"]
+    assert fit_text(report.capacities[0]).endswith("not known: vision is not measured with bursts-20.")

@@ -80,7 +80,7 @@ def test_an_easier_level_holds_beside_the_load_that_was_measured_least(here: Pat
 
     assert "Choose an easier level: 88.4 ms holds with 70 % of its VPs beside each load, and 100 %" in hopeless
     assert "88.4 ms holds with 70 % of its VPs beside each load. Or measure higher settings" in unmeasured
-    assert "the highest is 70 % of its VPs beside bursts-20, and 100 % beside busy-loop." in unmeasured
+    assert "the highest is 70 % of its VPs with bursts-20, and 100 % with busy-loop." in unmeasured
     assert "rarms measure vision --from 71% --to 100%" in unmeasured
     assert rarms("select", "vision", "--at", "88.4 ms", "-f", str(here)).code == 0
 

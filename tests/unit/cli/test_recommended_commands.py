@@ -197,7 +197,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "nothing is measured": (
         given(MEASURED),
-        Ask("plan", "Or fix it for now", "measure vision"),
+        Ask("plan", "Or fix its reserve", "measure vision"),
         Ask("report", "Measure first: ", "measure"),
         Ask("validate", "`rarms measure` finds what it needs", "measure"),
         Ask("status", "that are not measured yet", "measure"),
@@ -479,6 +479,11 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         given(MEASURED, logs(vision=45), write('{"a": 1}\n{"b": 1}\n', LOG)),
         Ask("plan", "Bring it back from git, or remove it", "measure vision", first=(Path(LOG).unlink,)),
     ),
+    "one of several loads is measured": (
+        given(MEASURED, logs(vision=45), edit("busy-loop }", "[busy-loop, bursts-20] }")),
+        Ask("plan", "Measure the other loads: ", "measure vision"),
+        Ask("status", "that are not measured yet", "measure"),
+    ),
     "a log has no setting": (
         given(MEASURED, logs(vision=45), empty_log),
         Ask("plan", "Measure it: ", "measure vision"),
@@ -535,7 +540,7 @@ OTHER_TESTS = {
     "Look at the host again: `rarms plan`": "another tool changed a partition",
     "`rarms plan` shows what is wanted": "all partitions were stopped",
     "Measure the parts again (": "it was measured beside what runs on the host",
-    "Nothing was shown to miss: more samples may tell": "nothing is measured",
+    "More samples may show it. ": "nothing is measured",
     "If it was changing a host, run": "an apply was killed",
     "`rarms measure` may find that less is enough": "tests/unit/planner/infeasibility/test_ways_out.py",
     "A setting ends at `run.until` at the latest": "nothing is measured",

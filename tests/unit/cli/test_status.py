@@ -289,7 +289,7 @@ def test_the_status_says_when_thresholds_were_proven_last() -> None:
             ("logger", False, "2026-02-02T12:00:00Z"),
         )
     ]
-    overview = Overview(application="robot", hosts=(), proofs=tuple(proofs), stale={}, unmeasured=(), next_command=None)
+    overview = Overview(application="robot", hosts=(), proofs=tuple(proofs), stale={}, verdicts=(), next_command=None)
 
     shown = " ".join(render(status_text(overview)).split())
 

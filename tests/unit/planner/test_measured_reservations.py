@@ -8,13 +8,14 @@ from rarms_iac.model.commands import command
 from rarms_iac.model.layout import Cause, Infeasible, Layout
 from rarms_iac.model.system import PartitionRequest, System, run_of
 from rarms_iac.planner.layout import Planning, plan_layout
-from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured
+from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, NotMeasured
+from rarms_iac.planner.reservations import MeasuredReservations
 from rarms_iac.statistics.curves import Curve, curve_of
 from tests.builders import PathPlaces, a_component, a_cpu, a_host, a_system, at_most
 from tests.builders_measured import a_series, a_setting
 
 APT = {"mean_response_time": at_most(100)}
-Logs = Mapping[tuple[str, ...], MeasuredTogether | tuple[MeasuredTogether, ...] | NotMeasured]
+Logs = Mapping[tuple[str, ...], LogOfLoad | tuple[LogOfLoad, ...]]
 STEADY = [1.0, -1.0, 0.5, -0.5, 0.0] * 40
 
 
@@ -50,10 +51,8 @@ NOT_MEASURED = "new"
 def planned(system: System, logs: Logs) -> Planning:
     kinds = {name: host.platform for name, host in system.hosts.items()}
     platforms = set(kinds.values()) - {NOT_MEASURED}
-    everywhere: dict[tuple[Hashable, tuple[str, ...]], tuple[MeasuredTogether, ...] | NotMeasured] = {
-        (kind, names): (log,) if isinstance(log, MeasuredTogether) else log
-        for names, log in logs.items()
-        for kind in platforms
+    everywhere: dict[tuple[Hashable, tuple[str, ...]], tuple[LogOfLoad, ...]] = {
+        (kind, names): log if isinstance(log, tuple) else (log,) for names, log in logs.items() for kind in platforms
     }
     source = MeasuredReservations(kinds=kinds, logs=everywhere)
     return plan_layout(system, source, {}, PathPlaces())
@@ -105,7 +104,7 @@ def test_a_cr_is_of_the_partitions_own_processors() -> None:
         ({50: 300, 100: 150}, "not even with all of its VPs", False),
         ({50: 300, 80: 150}, "the highest is 80 %", True),
         ({50: 300, 100: 100}, "at 100 % of its VPs it is not shown yet whether mean_response_time of vision", True),
-        ({}, "holds no setting with 2 virtual processors yet", True),
+        ({}, "has no setting with 2 virtual processors yet", True),
     ],
 )
 def test_where_no_setting_meets_the_apt_the_answer_is_no(

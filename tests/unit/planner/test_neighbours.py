@@ -8,7 +8,8 @@ import pytest
 from rarms_iac.model.host import Host, LinuxHost, ProviderKind
 from rarms_iac.model.system import Component, Policy, System, Threshold
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether
+from rarms_iac.planner.measured_together import MeasuredTogether
+from rarms_iac.planner.reservations import MeasuredReservations
 from rarms_iac.statistics.curves import curve_of
 from tests.builders import PathPlaces, a_component, a_host, a_run, a_simulation, a_system, at_least, at_most
 from tests.builders_measured import a_series, a_setting

@@ -105,7 +105,7 @@ def test_a_workbook_has_a_summary_a_sheet_a_log_and_a_chart_a_curve() -> None:
     rows = list(book["summary"].iter_rows(values_only=True))
     assert rows[1][:6] == ("face-detection", "onboard", "mean_response_time", "at_most", 100, "ms")
     assert rows[1][7:9] == (1.2, 60)
-    assert rows[-1][:4] == ("onboard", "onboard", 2, 1.72)
+    assert rows[-1][:5] == ("onboard", "onboard", 2, "exactly", 1.72)
     shown = REPORT.measurements[0].indexes[0].rows
     curve = [[float(str(cell)) for cell in row[:3]] for row in list(book["face-detection"].values)[2:93]]
     assert [reserve for reserve, _, _ in curve] == [row.reserve for row in shown]

@@ -78,9 +78,9 @@ def test_colour_changes_no_sign() -> None:
 def test_what_cannot_be_plotted_is_said() -> None:
     assert plot_text(nothing_known()).splitlines()[1] == "  Nothing can be said yet."
     assert plot_text(replace(FACES, threshold=at_most(1))).splitlines()[-1] == (
-        "at most 1 ms: no measured reserve is enough"
+        "at most 1 ms: not known with this load"
     )
-    assert plot_text(replace(FACES, threshold=None)).splitlines()[-1] == "No APT yet."
+    assert plot_text(replace(FACES, threshold=None)).splitlines()[-1] == "No threshold yet."
 
 
 def test_the_text_report_has_the_summary_the_total_and_every_plot() -> None:

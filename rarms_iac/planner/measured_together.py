@@ -1,0 +1,55 @@
+"""What is known of components in one partition with one load: their data log, or why there is none."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from rarms_iac.model.commands import MEASURE, RecommendedCommand, Wording
+from rarms_iac.model.diagnostics import Facts
+from rarms_iac.model.layout import Cause
+from rarms_iac.model.processor_number import ProcessorSource
+from rarms_iac.planner import planning_findings
+from rarms_iac.statistics.curves import Curve
+
+Names = tuple[str, ...]
+"""Components together in one partition, in the order of their names."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotMeasured:
+    """There is no answer for these components, and why."""
+
+    components: Names
+    interference: str = ""  # the load whose data log is missing or does not hold; empty: there is no load to name
+    code: str = planning_findings.UNMEASURED.code
+    message: str = ""  # empty: that no data log has it
+    advice: Wording = "Fix it with `cpu: { reserve: ... }`, or measure it first."
+    values: Facts = field(default_factory=dict, hash=False)  # more names and numbers behind the message
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredTogether:
+    """The data log of components in one partition with one load, for the hosts that it holds for."""
+
+    path: str  # as messages name it
+    interference: str  # the load
+    processors: int  # of P1: a CR is per cent of these
+    measured: tuple[int, ...]  # the CRs that were measured, ascending
+    curves: Callable[[str, str], Curve]  # by component and index
+    remarks: tuple[Cause, ...] = ()
+    again: RecommendedCommand = MEASURE  # what measures it
+    weak: bool = False  # its load cannot take all that P2 reserves, or left some of it idle
+    cpu_ms: Callable[[str], float | None] = lambda _component: None  # processor time of a component's job, on average
+    processors_from: ProcessorSource = ProcessorSource.HOST
+    used: int | None = None  # the most processors that they were seen to use at once; None: that was not seen
+
+    def measured_below(self, reserve: int) -> int:
+        """Return the next lower CR that was measured; 0: none was.
+
+        Args:
+            reserve: the CR in per cent of P1's own processors.
+        """
+        return max((each for each in self.measured if each < reserve), default=0)
+
+
+LogOfLoad = MeasuredTogether | NotMeasured
+"""What is known with one load."""

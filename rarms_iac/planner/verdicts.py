@@ -1,0 +1,222 @@
+"""The verdict on the thresholds of components by their data logs: made here and nowhere else.
+
+Begin at `decide`. Plan, page, sheets, status, graph, explanation and studio show what it answers.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TypeGuard
+
+from rarms_iac.model.achievement import Achievement, ReservationVerdict, ThresholdAchievement, worst
+from rarms_iac.model.claims import WHOLE
+from rarms_iac.model.commands import command, prose
+from rarms_iac.model.quantities import guaranteed, show_processors
+from rarms_iac.model.system import Component, Threshold
+from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.planner import planning_findings
+from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, Names, NotMeasured
+from rarms_iac.statistics.curves import highest_missed, least_reserve
+
+Apt = tuple[str, str, Threshold]
+"""Component, performance index and threshold."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decision:
+    """The verdict, and the data log that decides it."""
+
+    verdict: ReservationVerdict
+    log: MeasuredTogether | None = None  # of the load that asks for most; None: nothing is measured
+
+
+def decide(members: Sequence[Component], logs: Sequence[LogOfLoad]) -> Decision:
+    """Judge the thresholds of components by their data logs, one for each load.
+
+    A threshold is met where a measured reservation is enough for it with every load. It is missed where it is shown to
+    be missed with some load at the highest reservation that was measured with it. Otherwise it is open. Thresholds that
+    each hold somewhere, but nowhere together, are open.
+
+    Args:
+        members: all components of the partition.
+        logs: what is known with each load, in the order of the loads; none: nothing is measured.
+
+    Returns:
+        The verdict; of several logs that ask for the same, the log that was measured next below decides.
+    """
+    apts = [(member.name, index, threshold) for member in members for index, threshold in member.apt.items()]
+    known = [log for log in logs if isinstance(log, MeasuredTogether) and log.measured]
+    missing = tuple(log.interference for log in logs if log not in known)
+    if not known or any(_is_unusable(log) for log in logs):
+        return Decision(verdict=_verdict([(apt, Achievement.UNMEASURED) for apt in apts], missing))
+    answers = [least_of(log, apts) for log in known]
+    least = answers[hardest(answers)]
+    asking_for_most = [log for log, answer in zip(known, answers, strict=True) if answer == least]
+    decisive = max(asking_for_most, key=partial(_weight, apts=apts, least=least))
+    achievements = [(apt, worst(tuple(_achievement(apt, log) for log in known))) for apt in apts]
+    if least is None and all(achievement is Achievement.MET for _, achievement in achievements):
+        achievements = [(apt, Achievement.OPEN) for apt in apts]
+    elif missing:
+        achievements = [
+            (apt, Achievement.UNMEASURED if achievement is Achievement.MET else achievement)
+            for apt, achievement in achievements
+        ]
+    return Decision(verdict=_verdict(achievements, missing, decisive.interference, least), log=decisive)
+
+
+def _is_unusable(log: LogOfLoad) -> TypeGuard[NotMeasured]:
+    """Whether there is a data log that is stale or damaged: nothing is said until it is measured again."""
+    return isinstance(log, NotMeasured) and log.code != planning_findings.UNMEASURED.code
+
+
+def _verdict(
+    achievements: Iterable[tuple[Apt, Achievement]], missing: Names, interference: str = "", so_far: int | None = None
+) -> ReservationVerdict:
+    thresholds = (
+        ThresholdAchievement(component=component, index=index, threshold=threshold, achievement=achievement)
+        for (component, index, threshold), achievement in achievements
+    )
+    return ReservationVerdict(
+        thresholds=tuple(thresholds), interference=interference, so_far=so_far, not_measured=missing
+    )
+
+
+def _weight(log: MeasuredTogether, *, apts: Sequence[Apt], least: int | None) -> int:
+    """How much a log says of why less is not enough, or why nothing is.
+
+    NOTE: a load may be measured only where another one asked for: that log does not show why less is not enough.
+    """
+    if least is not None:
+        return log.measured_below(least)
+    return list(Achievement).index(worst(tuple(_achievement(apt, log) for apt in apts)))
+
+
+def _achievement(apt: Apt, log: MeasuredTogether) -> Achievement:
+    component, index, threshold = apt
+    curve = log.curves(component, index)
+    if least_reserve([(curve, threshold)]) is not None:
+        return Achievement.MET
+    return Achievement.MISSED if highest_missed([(curve, threshold)]) >= max(log.measured) else Achievement.OPEN
+
+
+def hardest(reserves: Sequence[int | None]) -> int:
+    """Find the load that decides what components reserve: the greatest of the loads' answers is the least for all.
+
+    Args:
+        reserves: what each load asks for, in whole per cent; None: nothing is enough with it.
+
+    Returns:
+        The position of the load that asks for most, the first of them; nothing that is enough is most of all.
+    """
+    amounts = [WHOLE + 1 if reserve is None else reserve for reserve in reserves]
+    return amounts.index(max(amounts))
+
+
+def least_of(log: MeasuredTogether, apts: Iterable[Apt]) -> int | None:
+    """Find the least CR at which all these thresholds hold, by the log's curves.
+
+    Args:
+        log: the data log of the components together.
+        apts: component, performance index and threshold of each APT.
+
+    Returns:
+        The CR in whole per cent of each of the log's processors; None: no measured setting meets all thresholds.
+    """
+    return least_reserve((log.curves(component, index), threshold) for component, index, threshold in apts)
+
+
+def why_unknown(names: Names, decision: Decision, logs: Sequence[LogOfLoad]) -> NotMeasured:
+    """Explain a verdict that gives no reservation, with the command that helps.
+
+    Args:
+        names: the partition's components that are to be measured.
+        decision: its verdict is not that every threshold is met.
+        logs: as of `decide`.
+
+    Returns:
+        The reason with the log's path, and advice.
+    """
+    unmeasured = [log for log in logs if isinstance(log, NotMeasured)]
+    if unusable := [log for log in logs if _is_unusable(log)]:
+        return unusable[0]
+    log = decision.log
+    if log is None or not decision.verdict.thresholds:
+        empty = [log for log in logs if isinstance(log, MeasuredTogether)]
+        return _no_setting(names, empty[0]) if empty else next(iter(unmeasured), NotMeasured(components=names))
+    if decision.verdict.achievement is Achievement.UNMEASURED:
+        return _more_loads(names, decision.verdict, log)
+    return _not_met(names, decision.verdict, log, [log for log in logs if isinstance(log, MeasuredTogether)])
+
+
+def _no_setting(names: Names, log: MeasuredTogether) -> NotMeasured:
+    return NotMeasured(
+        components=names,
+        code=planning_findings.NOT_MET.code,
+        message=f"{log.path} has no setting with {counted(log.processors, 'virtual processor')} yet.",
+        advice=prose("Measure it: ", log.again, "."),
+        values={"log": log.path, "highest_percent": 0, "indexes": ()},
+    )
+
+
+def _more_loads(names: Names, verdict: ReservationVerdict, log: MeasuredTogether) -> NotMeasured:
+    """Some loads are measured, and enough with them is known; others are not."""
+    assert verdict.so_far is not None, "else a threshold is open or missed"
+    so_far, loads = guaranteed(verdict.so_far, log.processors), in_a_row(verdict.not_measured)
+    return NotMeasured(
+        components=names,
+        message=f"{in_a_row(names)} needs {show_processors(so_far)} with {verdict.interference}, and is not measured "
+        f"with {loads} yet. The reservation must be enough with each load of `policy.interference`.",
+        advice=prose(
+            "Measure the other loads: ",
+            log.again,
+            f". Or reserve at least that for now: `cpu: {{ reserve: {show_processors(so_far)} }}`.",
+        ),
+        values={"log": log.path, "needs_lp_so_far": float(so_far), "loads_not_measured": verdict.not_measured},
+    )
+
+
+def _not_met(
+    names: Names, verdict: ReservationVerdict, log: MeasuredTogether, measured: Sequence[MeasuredTogether]
+) -> NotMeasured:
+    """No setting is shown to meet every threshold; those that stand worst are named."""
+    highest = max(log.measured)
+    named = [(each.component, each.index) for each in verdict.thresholds if each.achievement is verdict.achievement]
+    indexes = " and ".join(f"{index} of {component}" for component, index in named)
+    component, index = named[0]
+    several = sum(each.component == component for each in verdict.thresholds) > 1
+    select = command("select", component, at="LEVEL", index=several and index)
+    relax = prose("Relax the threshold (", select, " says which level holds), ")
+    if verdict.achievement is Achievement.OPEN:
+        message = f"{log.path}: at {highest} % of its VPs it is not shown yet whether {indexes} meets its threshold."
+        advice = prose(
+            "More samples may show it. ",
+            log.again,
+            " says how many are needed, and what to give `policy.measuring.setting`, the time for a setting.",
+        )
+    elif highest < WHOLE:
+        settings = _highest_settings(log, measured)
+        message = f"No setting of {log.path} meets {indexes}: the highest is {settings}."
+        advice = prose(relax, "or measure higher settings, as far as the host can give them: ", log.again, ".")
+    else:
+        message = f"No setting of {log.path} meets {indexes}, not even with all of its VPs."
+        advice = prose(relax, "make the component cheaper, or use a faster platform: it had all of its VPs.")
+    return NotMeasured(
+        components=names,
+        code=planning_findings.NOT_MET.code,
+        message=message,
+        advice=advice,
+        values={
+            "log": log.path,
+            "highest_percent": highest,
+            "indexes": tuple(f"{component}/{index}" for component, index in named),
+        },
+    )
+
+
+def _highest_settings(log: MeasuredTogether, measured: Sequence[MeasuredTogether]) -> str:
+    """The highest CR of a log, and those with other loads where they differ."""
+    highest = {each.interference: max(each.measured, default=0) for each in (log, *measured)}
+    own = highest.pop(log.interference)
+    others = [f"{reserve} % with {load}" for load, reserve in highest.items() if reserve != own]
+    share = f"{own} % of its VPs"
+    return f"{share} with {log.interference}, and {', '.join(others)}" if others else share

@@ -1,0 +1,48 @@
+"""The verdict on components in words, as each view says it."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+from rarms_iac.app.report_model import ComponentVerdict
+from rarms_iac.model.achievement import Achievement
+from rarms_iac.model.wording import in_a_row, list_names
+
+
+def describe_achievement(achievement: Achievement, not_measured: tuple[str, ...]) -> str:
+    """Say how a threshold or a component stands: `met`, `not measured with bursts-20`."""
+    suffix = f" with {in_a_row(not_measured)}" if achievement is Achievement.UNMEASURED and not_measured else ""
+    return f"{achievement}{suffix}"
+
+
+def describe_verdicts(verdicts: Iterable[ComponentVerdict]) -> Iterator[str]:
+    """Name the components of each verdict, worst first: `Not shown yet: vision (p95_response_time) and speech`."""
+    for words, names in _by_words(verdicts, with_indexes=True).items():
+        yield f"{words[:1].upper()}{words[1:]}: {in_a_row(names)}"
+
+
+def _by_words(verdicts: Iterable[ComponentVerdict], *, with_indexes: bool) -> Mapping[str, Sequence[str]]:
+    named: dict[str, dict[str, None]] = {}
+    for verdict in sorted(verdicts, key=lambda each: tuple(Achievement).index(each.achievement), reverse=True):
+        indexes = f" ({in_a_row(verdict.indexes)})" if with_indexes and verdict.achievement in _OF_INDEXES else ""
+        words = describe_achievement(verdict.achievement, verdict.not_measured)
+        named.setdefault(words, {})[f"{verdict.component}{indexes}"] = None
+    return {words: tuple(names) for words, names in named.items()}
+
+
+_OF_INDEXES = frozenset({Achievement.OPEN, Achievement.MISSED})
+
+
+def describe_verdicts_of(verdicts: Iterable[ComponentVerdict], component: str) -> Iterator[str]:
+    """Say the verdict on a component, of several platforms on each: `not shown yet: p95_response_time`."""
+    own = [verdict for verdict in verdicts if verdict.component == component]
+    for verdict in own:
+        suffix = f" on {verdict.platform}" if len(own) > 1 else ""
+        indexes = f": {in_a_row(verdict.indexes)}" if verdict.achievement in _OF_INDEXES else ""
+        yield f"{describe_achievement(verdict.achievement, verdict.not_measured)}{suffix}{indexes}"
+
+
+def why_not_known(verdicts: Iterable[ComponentVerdict]) -> str:
+    """Say why a total is not known, worst first: `vision and speech are not shown yet; drive is not measured`."""
+    return "; ".join(
+        f"{list_names(names)} {'is' if len(names) == 1 else 'are'} {words}"
+        for words, names in _by_words(verdicts, with_indexes=False).items()
+    )
