@@ -3,7 +3,7 @@
 import json
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,6 +28,15 @@ _BEFORE = re.compile(
 
 _AFTER = re.compile(rf"((?P<inside>[{_SEPARATORS}eExX])[+-]?)?[0-9]")
 """Text that begins with the rest of a number before it."""
+
+_OTHER_FORM = re.compile(
+    r"(?:(?<![^\s=:;(\[])[-+\u2212])?"  # a sign at the begin of a word
+    rf"(?:(?P<whole>[0-9]+)(?:\.(?P<decimals>[0-9]+))?(?P<rest>(?:[{_SEPARATORS}eExX][+-]?[0-9]+)*)|\b(?i:nan|inf)\b)"
+)
+"""A number in any form: `1.5`, `1.5e+06`, `1,200`, `0x10`, `-5`, `inf`."""
+
+_BETWEEN = (None, ",")
+"""What may stand between the digits of two named groups."""
 
 _AROUND = rf"[0-9{_SEPARATORS}eExX+\u2212-]*"
 
@@ -84,7 +93,7 @@ def _match_reader(samples: Samples) -> LineReader:
     def read_match(line: str) -> Reading | Unreadable | None:
         matched = compiled.search(line)
         if matched is None:
-            return None
+            return _refused_number(compiled, fields, line)
         spans = {name: matched.span(number) for name, number in groups.items()}
         for field in fields:
             if (whole := cut_number(line, spans, field.name)) is not None:
@@ -100,8 +109,8 @@ def _match_reader(samples: Samples) -> LineReader:
 def cut_number(line: str, spans: Mapping[str, tuple[int, int]], name: str) -> str | None:
     """Find a number of which a named group has only a part, as in `12,5`, `1.5e+06` or `0x10`.
 
-    Nothing is guessed about decimal commas: a digit after a separator belongs to the number, unless another named group
-    begins (or, before the number, ends) there.
+    Nothing is guessed about decimal commas: a digit after a separator belongs to the number, unless the separator is a
+    comma and another named group begins (or, before the number, ends) there.
 
     Args:
         line: That the pattern matched.
@@ -116,10 +125,14 @@ def cut_number(line: str, spans: Mapping[str, tuple[int, int]], name: str) -> st
     before = _BEFORE.search(line[max(0, start - 4) : start]) if text[:1].isdigit() or text[:1] == "." else None
     after = _AFTER.match(line, end) if text[-1:].isdigit() or text[-1:] == "." else None
     others = [span for group, span in spans.items() if group != name]
-    # Between a digit and a digit stands a separator or nothing: that is where the neighbouring group ends or begins.
-    if before and any(stop in {start, start - len(before["inside"] or "")} for _, stop in others):
+    # Between a digit and a digit stands a comma or nothing: that is where the neighbouring group ends or begins.
+    if (
+        before
+        and before["inside"] in _BETWEEN
+        and any(stop in {start, start - len(before["inside"] or "")} for _, stop in others)
+    ):
         before = None
-    if after and any(begin == end + len(after["inside"] or "") for begin, _ in others):
+    if after and after["inside"] in _BETWEEN and any(begin == end + len(after["inside"] or "") for begin, _ in others):
         after = None
     if before is None and after is None:
         return None
@@ -127,6 +140,52 @@ def cut_number(line: str, spans: Mapping[str, tuple[int, int]], name: str) -> st
     assert prefix is not None
     assert suffix is not None
     return f"{prefix[0]}{text}{suffix[0]}".strip(_SEPARATORS)
+
+
+def _refused_number(compiled: Any, fields: Sequence[Field], line: str) -> Unreadable | None:
+    """Say that a line is a sample but for the form of a number, so that a slow job's `1.2e+06` is not skipped.
+
+    Such a line matches as soon as digits alone, or digits and decimals, stand in place of its numbers.
+    """
+    for plain in (_whole_number, _decimal_number, _whole_of_decimals):
+        text, spans = _with_numbers(plain, line)
+        matched = compiled.search(text) if spans else None
+        if matched is None:
+            continue
+        for field in fields:
+            start, end = matched.span(compiled.groupindex[field.name])
+            for written, (begin, stop) in spans:
+                if begin < end and start < stop:
+                    return Unreadable(message=f'the field "{field.name}" cannot have all of {quoted(written, SHOWN)}')
+    return None
+
+
+def _with_numbers(plain: Callable[[re.Match[str]], str], line: str) -> tuple[str, list[tuple[str, tuple[int, int]]]]:
+    """Replace the numbers of a line; return each one that changed, with the span of what stands there instead."""
+    parts, changed, at, length = list[str](), list[tuple[str, tuple[int, int]]](), 0, 0
+    for found in _OTHER_FORM.finditer(line):
+        number = plain(found)
+        if number == found[0]:
+            continue
+        parts += [line[at : found.start()], number]
+        length += found.start() - at
+        changed.append((found[0], (length, length + len(number))))
+        at, length = found.end(), length + len(number)
+    return "".join((*parts, line[at:])), changed
+
+
+def _whole_number(found: re.Match[str]) -> str:
+    is_decimal = found[0] == f"{found['whole']}.{found['decimals']}"
+    return found[0] if is_decimal else found["whole"] or "0"
+
+
+def _decimal_number(found: re.Match[str]) -> str:
+    is_plain = found[0] in {found["whole"], f"{found['whole']}.{found['decimals']}"}
+    return found[0] if is_plain else f"{found['whole'] or 0}.{found['decimals'] or 0}"
+
+
+def _whole_of_decimals(found: re.Match[str]) -> str:
+    return found["whole"] or "0"
 
 
 def read_values(samples: Samples, values: Mapping[str, Any], line: str) -> Reading | Unreadable:

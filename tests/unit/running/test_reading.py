@@ -155,6 +155,37 @@ def test_whole_numbers_are_read(pattern: str, line: str, ms: float) -> None:
     assert line_reader(took(pattern))(line) == Reading(response_ms=ms)
 
 
+@pytest.mark.parametrize(
+    ("pattern", "line", "number"),
+    [
+        ("took (?P<t>[0-9.]+) us", "took 1.23457e+06 us", "1.23457e+06"),
+        ("took (?P<t>[0-9.]+) us", "took 12,5 us", "12,5"),
+        ("took (?P<t>[0-9.]+) us", "took 1,200 us", "1,200"),
+        ("took (?P<t>[0-9.]+) us", "took 0x10 us", "0x10"),
+        ("took (?P<t>[0-9.]+) us", "took -5 us", "-5"),
+        ("took (?P<t>[0-9.]+) us", "took inf us", "inf"),
+        ("took (?P<t>[0-9]+) us", "took 12.5 us", "12.5"),
+        (r"took (?P<t>[0-9]+\.[0-9]+) us", "took 2e+06 us", "2e+06"),
+        (r"^[0-9]+\.[0-9]+ took (?P<t>[0-9.]+) us", "0.5 took 2e+06 us", "2e+06"),
+    ],
+)
+def test_a_number_that_the_pattern_cannot_take_fails(pattern: str, line: str, number: str) -> None:
+    assert line_reader(took(pattern))(line) == Unreadable(message=f'the field "t" cannot have all of "{number}"')
+
+
+@pytest.mark.parametrize("line", ["loading 1.5e3 files", "took 1.5e3 s", "12:30:00.5 took long", "took 5us 1e3", "1e3"])
+def test_a_line_that_is_no_sample_with_any_number_is_skipped(line: str) -> None:
+    assert line_reader(took("took (?P<t>[0-9.]+) us"))(line) is None
+
+
+def test_only_a_comma_between_two_groups_parts_values() -> None:
+    for pattern, line in (
+        (r"(?P<t>[0-9]+)\.(?P<n>[0-9]+) us", "12.5 us"),
+        (r"(?P<t>[0-9.]+)e\+(?P<n>[0-9]+) us", "1.5e+06 us"),
+    ):
+        assert isinstance(line_reader(took(pattern))(line), Unreadable)
+
+
 def test_a_part_of_a_success_or_count_fails_too() -> None:
     samples = Samples(
         source="pattern", pattern="ok=(?P<ok>[01]).* n=(?P<n>[0-9]+)", success=Field(name="ok"), count=Field(name="n")
@@ -167,3 +198,4 @@ def test_a_part_of_a_success_or_count_fails_too() -> None:
 
 def test_a_long_line_of_digits_is_refused_quickly() -> None:
     assert isinstance(line_reader(took("(?P<t>[0-9]{6})"))("1," * 30_000 + "1234567"), Unreadable)
+    assert line_reader(took("took (?P<t>[0-9]+)"))("1,2 -" * 13_000) is None
