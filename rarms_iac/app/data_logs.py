@@ -164,7 +164,8 @@ def measured_reservations(manifest: Manifest, states: Mapping[str, State]) -> Me
     Returns:
         Reservations for the planner. A log that is missing, damaged or stale is an answer, not an error.
     """
-    system, folder = manifest.system, _LogFolder(files=Files(manifest.folder), read=cache(_read))
+    files = Files(manifest.folder, code=manifest.code_folder)
+    system, folder = manifest.system, _LogFolder(files=files, read=cache(_read))
     kinds = {name: _kind_of(host, states) for name, host in sorted(system.hosts.items())}
     hosts_by_kind: dict[_Kind, list[str]] = {}
     for name, kind in kinds.items():

@@ -20,7 +20,7 @@ from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
 from rarms_iac.model.wording import natural_order, quoted, suggestion
 from rarms_iac.providers.channel import CommandChannel, one_command_only
-from rarms_iac.providers.interface import DistantHost, HostError, HostLocked, LiveHost, RecordableHost
+from rarms_iac.providers.interface import DistantHost, HostError, HostLocked, LiveHost, RecordableHost, RobotHost
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.providers.robot import EndedThere
 from rarms_iac.storage.lock import owner
@@ -92,6 +92,26 @@ class Hosts:
             return self.looked_at_once[host]
         return open_host(self.system.hosts[host], self.folder, self.state_path(host), self.channels.get(host))
 
+    def robot(self, host: str) -> RobotHost | None:
+        """Return the live host if its own rarms does what is asked; None: this rarms does.
+
+        Args:
+            host: a name of the manifest.
+        """
+        live = self.open(host)
+        return live if isinstance(live, RobotHost) else None
+
+    def can_run_on(self, host: str) -> bool:
+        """Tell whether components can be run on a host, from here or by its own rarms.
+
+        Args:
+            host: a name of the manifest.
+
+        Raises:
+            UseCaseError: as of `open_to_measure`.
+        """
+        return self.robot(host) is not None or self.open_to_measure(host) is not None
+
     def with_one_look(self) -> "Hosts":
         """Have these hosts read and not changed: a distant one is looked at once, for all questions.
 
@@ -113,9 +133,11 @@ class Hosts:
         Raises:
             UseCaseError: a channel leads to it, which runs one command at a time (failed).
         """
+        if self.robot(host) is not None:
+            return None
         if host in self.channels:
             raise UseCaseError(Outcome.FAILED, [refusals.host_failed(one_command_only(host))])
-        return open_measuring_host(self.system, host, self.folder, self.state_path(host))
+        return open_measuring_host(self.system, host, self.manifest.code_folder, self.state_path(host))
 
     def reloaded(self) -> "Hosts":
         """Return the same hosts of the manifest as its files are now.

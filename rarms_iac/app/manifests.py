@@ -1,7 +1,7 @@
 """Reading a manifest with every check, for use cases that need to know what it says."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rarms_iac.app.requests import ManifestSource
@@ -40,6 +40,11 @@ class Manifest:
         """The folder that the manifest's paths are relative to."""
         return Path(self.loaded.folder)
 
+    @property
+    def code_folder(self) -> Path:
+        """The folder of the components' files."""
+        return Path(self.source.code) if self.source.code else self.folder
+
 
 def load_manifest(source: ManifestSource) -> Manifest:
     """Read a manifest that must be right.
@@ -60,7 +65,15 @@ def load_manifest(source: ManifestSource) -> Manifest:
     remaining, _ = apply_acceptances(loaded.diagnostics, loaded.system.policy, loaded.places, source.today, codes=CODES)
     if has_errors(remaining):
         raise UseCaseError(Outcome.NEGATIVE, remaining, loaded.sources)
-    return Manifest(source=source, system=loaded.system, loaded=loaded, findings=remaining)
+    return Manifest(source=source, system=_seen_from(source, loaded.system), loaded=loaded, findings=remaining)
+
+
+def _seen_from(source: ManifestSource, system: System) -> System:
+    """Return the system as the machine sees it that the source names."""
+    if not source.here:
+        return system
+    here = replace(system.hosts[source.here], connect=None)
+    return replace(system, hosts={**system.hosts, source.here: here})
 
 
 def unaccepted_short_secrets(manifest: Manifest, components: Iterable[Component]) -> tuple[Diagnostic, ...]:

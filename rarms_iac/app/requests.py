@@ -58,6 +58,8 @@ class ManifestSource(ManifestFile):
         "--overlay", metavar="FILE", help="A file laid over the manifest; repeatable, later wins.", default=()
     )
     today: date = field(default_factory=today_utc)
+    here: str = ""  # the host that is this machine, whatever its `connect` says; empty: those without `connect` are
+    code: str = ""  # the folder of the components' files; empty: the manifest's
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

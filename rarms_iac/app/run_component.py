@@ -20,18 +20,24 @@ from rarms_iac.app.component_results import (
     load_problem,
     nothing_to_run,
 )
+from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.experiments.measure_request import refuse_unknown
+from rarms_iac.app.experiments.on_robot import SAMPLES, ExperimentListener, ask_robot, readable_answer
+from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.manifests import Manifest, unaccepted_short_secrets
 from rarms_iac.app.options import argument, flag, option, read_time
 from rarms_iac.app.process_place import find_place
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Call, Elapsed, Run, SampleCount
 from rarms_iac.model.series import Sample
 from rarms_iac.model.system import Component, System, run_of
+from rarms_iac.model.wording import in_a_row
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
 from rarms_iac.running.start import CannotStart, ProcessPlace, RunningError, StartContext, become, order_of
+from rarms_iac.storage.codec import decode
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,7 +108,7 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
         RequestError: Nothing has a name that was given.
     """
     system, chosen = manifest.system, _chosen(manifest, request)
-    base = manifest.folder.resolve()
+    base = manifest.code_folder.resolve()
     results: list[ComponentRunResult] = []
     listener = reporter or SampleReporter()
     places = {component.name: find_place(manifest, component, listener.place_chosen) for component, _ in chosen}
@@ -128,6 +134,40 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
     return RunOutcome(results=tuple(results), findings=tuple(findings))
 
 
+def run_components_of(
+    hosts: Hosts, request: RunRequest, reporter: SampleReporter | None = None, control: Control = UNATTENDED
+) -> RunOutcome:
+    """Run components on this machine, or on the one chosen host that is a robot.
+
+    Args:
+        hosts: the chosen ones of the manifest.
+        request: As of `run_components`.
+        reporter: Likewise.
+        control: The caller's part, for a robot.
+
+    Returns:
+        As `run_components`.
+
+    Raises:
+        UseCaseError: As of `run_components`; or the robot cannot be asked (failed).
+        RequestError: Nothing has a name that was given, or several robots are chosen.
+    """
+    robots = [name for name in hosts.chosen if hosts.robot(name) is not None]
+    if not robots:
+        return run_components(hosts.manifest, request, reporter)
+    if len(robots) > 1:
+        advice = prose("Name one of them: ", command("run", *request.components, host=robots[0]), ".")
+        raise RequestError(f"Components can run on {in_a_row(robots)}.", advice)
+    chosen = [component.name for component, _ in _chosen(hosts.manifest, request)]
+    loads = () if request.interference is None else (request.interference,)
+    refuse_unknown(loads, hosts.system.interference, "interference")
+    reporters = {SAMPLES: (SampleReporter, reporter or SampleReporter())}
+    listener = ExperimentListener(hosts=hosts, host=robots[0], control=control, reporters=reporters)
+    answer = ask_robot(hosts, robots[0], "run", request, listener, components=chosen, loads=loads)
+    with readable_answer(robots[0]):
+        return decode(RunOutcome, answer)
+
+
 def become_component(manifest: Manifest, name: str, reporter: SampleReporter) -> NoReturn:
     """Turn this process into a component, in its partition and task class: no samples are taken, and it is not ended.
 
@@ -144,7 +184,7 @@ def become_component(manifest: Manifest, name: str, reporter: SampleReporter) ->
     if sys.platform == "win32" or isinstance(run.start, Call):
         raise RequestError(f"--exec is for commands on Linux and the like: run {name} without it.")
     context = StartContext(
-        base=manifest.folder.resolve(), inside=find_place(manifest, component, reporter.place_chosen)
+        base=manifest.code_folder.resolve(), inside=find_place(manifest, component, reporter.place_chosen)
     )
     try:
         become(order_of(name, run, context))

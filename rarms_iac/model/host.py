@@ -48,6 +48,7 @@ class Connect:
     key: str | None = None  # path of a private key
     jump: str | None = None  # user@host
     control_path: str | None = None
+    folder: str | None = None  # of the manifest with the components' files, on a Linux host
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -35,7 +35,9 @@ USUAL_PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 _SETTINGS_BYTES = 2**20
 
 
-MODULES = {"look": "look", "apply": "runs", "finish": "runs", "abandon": "runs", "undo": "runs"}
+MODULES = {"look": "look", "apply": "runs", "finish": "runs", "abandon": "runs", "undo": "runs"} | dict.fromkeys(
+    ("measure", "prove", "run"), "experiments"
+)
 """The module whose `COMMANDS` have what the other side may ask for; each is imported when it is needed."""
 
 
@@ -49,13 +51,13 @@ def main() -> int:
 
     _write(output, READY)
     interrupts, ended = Interrupts(), threading.Event()
-    caller = Caller(send, interrupts, SimpleQueue())
     signal.signal(signal.SIGHUP, lambda _number, frame: interrupts.receive(signal.SIGTERM, frame))
     try:
         with interrupts.listening():
             refuse_writable_code()
             set_environment(SETTINGS_FILE)
             request, job = read_request(sys.stdin.buffer)
+            caller = Caller(send, interrupts, request.listens, SimpleQueue())
             threading.Thread(target=_listen, args=(sys.stdin.buffer, caller, ended), daemon=True).start()
             act_for(request.by)
             module = import_module(f"rarms_iac.robot.{MODULES[request.command]}")
@@ -169,7 +171,7 @@ def _failure_of(error: BaseException) -> Failure:
         finding = refusals.host_failed(HostRefused("the robot", "the command was stopped", "Run it again."))
         return Failure(outcome=Outcome.INTERRUPTED.value, findings=(finding,))
     traceback.print_exception(error)
-    finding = system_finding(error) if isinstance(error, OSError) else bug_finding(error)  # type: ignore[arg-type]
+    finding = system_finding(error) if isinstance(error, OSError) else bug_finding(error)
     return Failure(outcome=Outcome.FAILED.value, findings=(finding,))
 
 

@@ -16,6 +16,7 @@ class Caller:
 
     send: Callable[[Mapping[str, Json]], None]
     interrupts: Interrupts
+    listens: bool  # it hears calls as they are made, and answers questions
     answers: SimpleQueue[bool]  # to questions; False once the other side is gone
 
     def sends(self, interface: type[Any], target: str) -> Any:

@@ -13,12 +13,12 @@ from datetime import date
 from enum import Enum
 from fractions import Fraction
 from functools import cache
-from math import isfinite
+from math import inf, isfinite
 from re import compile as pattern
 from types import NoneType, UnionType
-from typing import Any, Literal, NewType, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NewType, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
-from rarms_iac.model.output import OutputText, output_hints
+from rarms_iac.model.output import OpenBound, OutputText, output_hints
 from rarms_iac.storage.ranges import ANY, Range, range_of
 
 Json = None | bool | int | float | str | list["Json"] | dict[str, "Json"]
@@ -28,6 +28,7 @@ T = TypeVar("T")
 
 _FRACTION = pattern(r"-?[0-9]{1,40}(/[1-9][0-9]{0,40})?")
 _KIND = "kind"
+_INFINITE = {"inf": inf, "-inf": -inf}
 
 
 class NotDecodable(ValueError):
@@ -159,6 +160,8 @@ def _encoder(hint: Any) -> Encode:
     hint = _bare(hint)
     if _is_record(hint):
         return _encode_dataclass(hint)
+    if hint == OpenBound:
+        return lambda value: value if isfinite(value) else str(value)
     if hint in (str, int, bool, float, NoneType) or get_origin(hint) is Literal:
         return lambda value: cast("Json", value)
     if isinstance(hint, type) and issubclass(hint, Enum):
@@ -190,6 +193,8 @@ def _decoder(hint: Any) -> Decode:
         return _decode_dataclass(hint)
     if hint in (str, int, bool, NoneType):
         return _exactly(hint)
+    if hint == OpenBound:
+        return lambda data, path: _INFINITE[data] if data in _INFINITE else _decode_float(data, path)
     if hint is float:
         return _decode_float
     if isinstance(hint, type) and issubclass(hint, Enum):
@@ -217,9 +222,14 @@ def _decoder(hint: Any) -> Decode:
 
 
 def _bare(hint: Any) -> Any:
-    """The type behind a NewType."""
-    while isinstance(hint, NewType):
-        hint = hint.__supertype__
+    """The type behind a NewType or remarks on it; a bound that may be infinite stays one."""
+    while hint != OpenBound:
+        if isinstance(hint, NewType):
+            hint = hint.__supertype__
+        elif get_origin(hint) is Annotated:
+            hint = get_args(hint)[0]
+        else:
+            return hint
     return hint
 
 
@@ -228,7 +238,7 @@ def _is_record(hint: Any) -> bool:
 
 
 def _hints(cls: type) -> list[tuple[Field[Any], Any]]:
-    hints = get_type_hints(cls)
+    hints = get_type_hints(cls, include_extras=True)
     return [(field, hints[field.name]) for field in fields(cls)]
 
 

@@ -17,6 +17,7 @@ PROCESSORS: Range = (1, 2048)
 """As many as a manifest can give to a host."""
 
 RANGES: Mapping[str, Range] = {
+    "began_ms": ANY,
     "beside": PERCENT,
     "bits": (1, 128),
     "Claim.processors": (0, 2**20),

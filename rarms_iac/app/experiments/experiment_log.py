@@ -112,7 +112,7 @@ def _header(session: MeasuringSession, experiment: Experiment) -> Header:
     """What the data log of this experiment begins with, as everything is now."""
     system, setup = session.hosts.system, experiment.setup
     subject = subject_of(system, experiment.host, setup.members, setup.interference)
-    files = Files(session.hosts.folder, most_bytes=None)
+    files = Files(session.hosts.folder, most_bytes=None, code=session.hosts.manifest.code_folder)
     runs_here = experiment.host.connect is None and experiment.host.provider is ProviderKind.LINUX
     interpreters = files.interpreters(subject) if runs_here else {}
     identity, subject = identity_of(subject, files.of(subject), interpreters), replace(subject, setup=setup)

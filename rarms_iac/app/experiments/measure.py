@@ -24,6 +24,7 @@ from rarms_iac.app.experiments.measure_request import (
     refuses_weak_loads,
     weak_answer,
 )
+from rarms_iac.app.experiments.on_robot import SETTINGS, ExperimentListener, ask_robot, readable_answer
 from rarms_iac.app.experiments.run_experiment import run_experiment, stop_what_is_in_the_way
 from rarms_iac.app.experiments.session import MeasuringSession, hold_measuring_hosts, starting_again
 from rarms_iac.app.experiments.several_loads import by_partition, decisive, leave_idle, measure_with_each_load
@@ -36,8 +37,10 @@ from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.methods import Method
 from rarms_iac.measuring.partitions import host_resources
+from rarms_iac.measuring.reporter import MeasuringReporter
 from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
 from rarms_iac.measuring.setup import Experiment, experiments_of
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.outcomes import SettingFailed, Stopped
@@ -45,6 +48,7 @@ from rarms_iac.model.output import Internal
 from rarms_iac.model.system import Component
 from rarms_iac.model.totals import HostTotals, totals_of
 from rarms_iac.providers.measuring import ScriptedMeasuringHost
+from rarms_iac.storage.codec import decode
 from rarms_iac.storage.datalog.log import Remeasurement
 
 
@@ -104,6 +108,13 @@ def measure_components(
         UseCaseError: No host can be measured on (failed); a host is busy, held or has other reservations (refused);
             there is no threshold, no room or nothing to run, or a log is damaged (negative).
     """
+    if any(hosts.robot(name) for name in hosts.chosen):
+        if prompt is not None:
+            raise RequestError(
+                "A robot asks no questions while it measures.",
+                prose("Leave --interactive out, and choose with ", command("select", "COMPONENT", at="LEVEL"), "."),
+            )
+        return _measure_on_each(hosts, request, control)
     session = MeasuringSession(
         hosts=hosts,
         control=control,
@@ -116,6 +127,62 @@ def measure_components(
     if not outcome.stopped:
         end_remeasurements(session, complete)  # last of all: until then the same request goes on
     return outcome
+
+
+def _measure_on_each(hosts: Hosts, request: MeasureRequest, control: Control) -> MeasureOutcome:
+    """Measure host after host, those that are robots by their own rarms."""
+    by_host: dict[str, list[Experiment]] = {}
+    for experiment in experiments_of_request(hosts, request):
+        by_host.setdefault(experiment.host.name, []).append(experiment)
+    outcomes: list[MeasureOutcome] = []
+    for name, experiments in by_host.items():
+        if outcomes and outcomes[-1].stopped:
+            break
+        groups = tuple(dict.fromkeys(experiment.setup.members for experiment in experiments))
+        for each in [request] if len(by_host) == 1 else _requests_for(groups, request):
+            there = hosts.only(name)
+            is_robot = hosts.robot(name) is not None
+            outcomes.append(
+                _measure_there(there, each, control, experiments)
+                if is_robot
+                else measure_components(there, each, control)
+            )
+    return _together(outcomes)
+
+
+def _requests_for(groups: Sequence[tuple[str, ...]], request: MeasureRequest) -> Iterator[MeasureRequest]:
+    """Yield requests for these components, each with those of one partition, or with single ones."""
+    if single := tuple(name for group in groups if len(group) == 1 for name in group):
+        yield replace(request, components=single, together=False)
+    for group in groups:
+        if len(group) > 1:
+            yield replace(request, components=group, together=True)
+
+
+def _measure_there(
+    hosts: Hosts, request: MeasureRequest, control: Control, experiments: Sequence[Experiment]
+) -> MeasureOutcome:
+    """Have the one chosen host, a robot, measure."""
+    (name,) = hosts.chosen
+    reporters = {SETTINGS: (MeasuringReporter, control.reporter.settings)}
+    listener = ExperimentListener(hosts=hosts, host=name, control=control, reporters=reporters)
+    members = dict.fromkeys(member for experiment in experiments for member in experiment.setup.members)
+    loads = dict.fromkeys(experiment.setup.interference for experiment in experiments)
+    answer = ask_robot(hosts, name, "measure", request, listener, components=members, loads=loads)
+    with readable_answer(name):
+        return replace(decode(MeasureOutcome, answer), experiments=tuple(listener.results))
+
+
+def _together(outcomes: Sequence[MeasureOutcome]) -> MeasureOutcome:
+    """Return the outcomes of several hosts as one."""
+    return MeasureOutcome(
+        experiments=tuple(each for outcome in outcomes for each in outcome.experiments),
+        findings=tuple(each for outcome in outcomes for each in outcome.findings),
+        not_begun=tuple(each for outcome in outcomes for each in outcome.not_begun),
+        totals={name: each for outcome in outcomes for name, each in outcome.totals.items()},
+        fixed_lp={name: each for outcome in outcomes for name, each in outcome.fixed_lp.items()},
+        without_reservation={name: each for outcome in outcomes for name, each in outcome.without_reservation.items()},
+    )
 
 
 def _measure_all(

@@ -402,7 +402,7 @@ def _hosts_to_measure_on(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Hos
         for name in hosts.chosen
         if all(system.components[member].may_run_on(name) for member in members)
     ]
-    able = [host for host in allowed if hosts.open_to_measure(host.name) is not None]
+    able = [host for host in allowed if hosts.can_run_on(host.name)]
     if not able:
         names = ", ".join(host.name for host in allowed) or "none"
         raise UseCaseError(

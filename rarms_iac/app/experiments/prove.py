@@ -1,6 +1,6 @@
 """Proving: finds the applied layout on the hosts, runs all its components together and judges them by their APTs."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import isfinite
@@ -9,6 +9,7 @@ from typing import Literal
 from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.experiments.applied_layout import applied_layouts, observe_others, refuse_unapplied
 from rarms_iac.app.experiments.measure_request import USUAL_SEED, refuse_unknown
+from rarms_iac.app.experiments.on_robot import ExperimentListener, SamplesSoFar, ask_robot, readable_answer
 from rarms_iac.app.experiments.proof_findings import proof_findings
 from rarms_iac.app.experiments.session import MeasuringSession, hold_measuring_hosts, refuse_what_cannot_run
 from rarms_iac.app.hosts import Hosts
@@ -37,12 +38,12 @@ from rarms_iac.model.loads import Interference
 from rarms_iac.model.outcomes import TooManyFailures, verdict_word
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import show_duration
-from rarms_iac.model.series import Series
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, System, run_of
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import groups_of
+from rarms_iac.storage.codec import decode
 from rarms_iac.storage.datalog.decisions import Entry, Proven, ProvenIndex, read_entries
 from rarms_iac.storage.datalog.files import append_to_log, configuration_path
 
@@ -82,8 +83,7 @@ class ProveOutcome:
         return bool(self.proofs) and not self.stopped and not any(proof.not_met for proof in self.proofs)
 
 
-SampleListener = Callable[[str, str | None, Mapping[str, Series]], None]
-"""Called with the name of a host, of the load beside it, and the samples of its components so far, as they come."""
+SampleListener = SamplesSoFar
 
 
 def prove_layout(
@@ -116,6 +116,8 @@ def prove_layout(
         raise RequestError("--without-load is beside no load, and --interference beside one.")
     refuse_unknown(request.interference, hosts.system.interference, "interference")
     names = _measurable_hosts(hosts)
+    if any(hosts.robot(name) for name in names):
+        return _prove_on_each(hosts, names, request, control, listener)
     session = MeasuringSession(
         hosts=hosts, control=control, command="prove", seed=request.seed, lock_timeout_ms=request.lock_timeout_ms
     )
@@ -137,6 +139,37 @@ def prove_layout(
         ),
         not_proven=tuple(group.name for group in groups_of(hosts.system) if group.name not in proven),
     )
+
+
+def _prove_on_each(
+    hosts: Hosts, names: Sequence[str], request: ProveRequest, control: Control, listener: SampleListener
+) -> ProveOutcome:
+    """Prove host after host, those that are robots by their own rarms."""
+    here = [name for name in names if hosts.robot(name) is None]
+    outcomes = [prove_layout(hosts.only(*here), request, control, listener)] if here else []
+    for name in names:
+        if name not in here and not (outcomes and outcomes[-1].stopped):
+            outcomes.append(_prove_there(hosts.only(name), request, control, listener))
+    proofs = sorted((proof for outcome in outcomes for proof in outcome.proofs), key=lambda proof: proof.host)
+    return ProveOutcome(
+        proofs=tuple(proofs),
+        findings=tuple(finding for outcome in outcomes for finding in outcome.findings),
+        not_proven=tuple(
+            name for name in outcomes[0].not_proven if all(name in outcome.not_proven for outcome in outcomes)
+        ),
+        stopped=any(outcome.stopped for outcome in outcomes),
+    )
+
+
+def _prove_there(hosts: Hosts, request: ProveRequest, control: Control, listener: SampleListener) -> ProveOutcome:
+    """Have the one chosen host, a robot, prove its layout."""
+    (name,) = hosts.chosen
+    follower = ExperimentListener(hosts=hosts, host=name, control=control, samples=listener)
+    components = (each.name for each in hosts.system.components.values() if each.may_run_on(name))
+    loads = loads_to_prove(hosts.system, request)
+    answer = ask_robot(hosts, name, "prove", request, follower, components=components, loads=loads)
+    with readable_answer(name):
+        return decode(ProveOutcome, answer)
 
 
 def _layouts_to_prove(
@@ -288,7 +321,7 @@ def _real_components(hosts: Hosts, layouts: Mapping[str, AppliedLayout]) -> Iter
 
 
 def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:
-    measurable = tuple(name for name in hosts.chosen if hosts.open_to_measure(name) is not None)
+    measurable = tuple(name for name in hosts.chosen if hosts.can_run_on(name))
     if not measurable:
         message = f"rarms can run components on none of these hosts: {', '.join(hosts.chosen) or 'there are none'}."
         advice = "Run the components there by hand, and compare what they show with their thresholds."

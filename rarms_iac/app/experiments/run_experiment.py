@@ -108,7 +108,8 @@ def with_observed_processors(session: MeasuringSession, experiment: Experiment) 
     if experiment.processors_from in {ProcessorSource.MANIFEST, ProcessorSource.MEMBERS}:
         return experiment
     facts = session.host_of(experiment).platform_facts()
-    used = used_processors(session.hosts.system, experiment.host, Files(session.hosts.folder), facts)
+    files = Files(session.hosts.folder, code=session.hosts.manifest.code_folder)
+    used = used_processors(session.hosts.system, experiment.host, files, facts)
     return experiment.with_processors(
         processor_number(experiment.members, None, experiment.host.logical_processors, used)
     )

@@ -8,7 +8,7 @@ from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import flag
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.app.run_component import RunRequest, become_component, run_components
+from rarms_iac.app.run_component import RunRequest, become_component, run_components_of
 from rarms_iac.app.select import SelectRequest, select_level
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.command import rarms_command
@@ -83,8 +83,10 @@ class ExecOptions:
 
 
 @rarms_command("run")
-def run_command(session: Session, request: RunRequest, source: ManifestSource, become: ExecOptions) -> ExitCode:
-    """Run components on this machine as the manifest says, and show each sample.
+def run_command(
+    session: Session, request: RunRequest, source: ManifestSource, host_selection: HostSelection, become: ExecOptions
+) -> ExitCode:
+    """Run components as the manifest says, on this machine or on the robot behind ssh, and show each sample.
 
     Where the manifest has this machine as a Linux host, and a component's partition is applied and runs, the component
     starts in it and in its task class; otherwise it has no reservation, and that is said. So one sees whether a
@@ -104,7 +106,8 @@ def run_command(session: Session, request: RunRequest, source: ManifestSource, b
         become_component(load_manifest(source), request.components[0], FailureReporter(session.terminal))
     manifest = load_manifest(source)
     reporter = FailureReporter(session.terminal) if session.as_json else LiveSampleReporter(session.terminal)
-    outcome = run_components(manifest, request, reporter)
+    control = Control(reporter=TerminalReporter(session), stop=session.interrupts)
+    outcome = run_components_of(select_hosts(manifest, host_selection), request, reporter, control)
     if session.as_json:
         session.terminal.data(json_of(outcome))
     tell(session.terminal, outcome.findings, manifest.sources)

@@ -8,7 +8,16 @@ from rarms_iac.manifest.document.components import FromEnvironmentBlock
 from rarms_iac.manifest.document.fields import Block, Maybe, by_name, needed, optional
 from rarms_iac.manifest.document.quantities import AmountOfHost, Memory, PositiveMemory, Time
 from rarms_iac.manifest.document.rules import BLOCK_OF
-from rarms_iac.manifest.document.text_forms import Filled, HostName, Name, Operation, SliceName, SshFile, SshTarget
+from rarms_iac.manifest.document.text_forms import (
+    AbsoluteFolder,
+    Filled,
+    HostName,
+    Name,
+    Operation,
+    SliceName,
+    SshFile,
+    SshTarget,
+)
 from rarms_iac.model.host import FaultEffect, Mechanism, ProviderKind, Receiver, SchedulerType
 
 
@@ -56,6 +65,10 @@ class ConnectBlock(Block):
     control_path: Maybe[SshFile] = optional(
         "The socket over which connections are shared (ssh's `ControlPath`): one login for all. Absent: as your "
         "ssh configuration says."
+    )
+    folder: Maybe[AbsoluteFolder] = optional(
+        "Where a Linux host has the manifest's folder with the components' files: `/opt/robot`. Measuring, proving and "
+        "`rarms run` need it."
     )
 
 

@@ -16,6 +16,7 @@ CALL_PATTERN = rf"^{_PYTHON}(\.{_PYTHON})*:{_PYTHON}$"
 SSH_PATTERN = r"^([A-Za-z0-9_][A-Za-z0-9_.\\-]{0,127}@)?[A-Za-z0-9\[][A-Za-z0-9_.:%\[\]-]{0,254}$"
 HOST_PATTERN = r"^[A-Za-z0-9\[][A-Za-z0-9_.:%\[\]-]{0,254}$"
 SSH_FILE_PATTERN = "^[A-Za-z0-9_~/.%][A-Za-z0-9_~/.%+:@ -]{0,254}$"
+ABSOLUTE_FOLDER_PATTERN = "^/[^\\x00-\\x1f\\x7f]{0,254}$"
 SLICE_PATTERN = "^[a-z0-9][a-z0-9_-]{0,62}$"
 STRESSOR_PATTERN = "^[a-z][a-z0-9-]{0,39}$"
 OPERATION_PATTERN = "^[a-z][a-z_]{0,62}$"
@@ -40,6 +41,7 @@ FORMS: dict[str, tuple[str, str]] = {
     SSH_PATTERN: ("an address for ssh", "Write user@host, or a name of your ssh configuration."),
     HOST_PATTERN: ("the name of a host", "Write its name or address, as in cell.plant.example."),
     SSH_FILE_PATTERN: ("a file of ssh", "Write its path, without quotes; letters, digits, blanks and ~/._%+:@- fit."),
+    ABSOLUTE_FOLDER_PATTERN: ("an absolute path", "Write the whole path on the robot, as in /opt/robot."),
     SLICE_PATTERN: (
         "the name of a control group",
         "Such names have small letters, digits, hyphens and underscores, and start with a letter or digit.",
@@ -59,6 +61,7 @@ CallTarget = Annotated[str, StringConstraints(pattern=CALL_PATTERN)]
 SshTarget = Annotated[str, StringConstraints(pattern=SSH_PATTERN)]
 HostName = Annotated[str, StringConstraints(pattern=HOST_PATTERN)]
 SshFile = Annotated[str, StringConstraints(pattern=SSH_FILE_PATTERN)]
+AbsoluteFolder = Annotated[str, StringConstraints(pattern=ABSOLUTE_FOLDER_PATTERN)]
 SliceName = Annotated[str, StringConstraints(pattern=SLICE_PATTERN)]
 Stressor = Annotated[str, StringConstraints(pattern=STRESSOR_PATTERN)]
 Operation = Annotated[str, StringConstraints(pattern=OPERATION_PATTERN)]

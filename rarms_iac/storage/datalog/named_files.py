@@ -10,13 +10,14 @@ import os
 import re
 import shutil
 import time
-from collections.abc import Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from rarms_iac.model.loads import CommandLoad
+from rarms_iac.model.loads import CommandLoad, Interference
 from rarms_iac.model.run import Call, Command, Run
+from rarms_iac.model.system import Component
 from rarms_iac.storage.datalog.digest_cache import DigestCache
 from rarms_iac.storage.datalog.identity import LogSubject
 from rarms_iac.storage.digest import short
@@ -48,6 +49,7 @@ class Files:
 
     folder: Path
     most_bytes: int | None = MOST_BYTES  # that are read in all; None: no limit
+    code: Path | None = None  # the folder that the components' files lie in; None: the same
     cut: str = ""  # a bound that left out names of files, as the end of a sentence; empty: none did
     _known: MutableMapping[Path, str] = field(default_factory=dict)
     _cache: DigestCache = field(default_factory=DigestCache)
@@ -68,8 +70,23 @@ class Files:
         Raises:
             OSError: one of them cannot be read.
         """
-        root = self.folder.resolve()
-        files = {path.relative_to(root).as_posix(): path for path in sorted(set(self._all(subject)))}
+        return self.named_by(subject.components, (subject.load,))
+
+    def named_by(self, components: Iterable[Component], loads: Iterable[Interference]) -> dict[str, str]:
+        """The digest of every file that components and loads name, as `of` returns them.
+
+        Args:
+            components: of the manifest.
+            loads: likewise.
+
+        Returns:
+            Digests by path below the folder of the components' files.
+
+        Raises:
+            OSError: one of them cannot be read.
+        """
+        root = self._root.resolve()
+        files = {path.relative_to(root).as_posix(): path for path in sorted(set(self._all(components, loads)))}
         return self._digests(files, MOST_MEASURED_BYTES, "its files have more than 2 GiB")
 
     def interpreters(self, subject: LogSubject) -> dict[str, str]:
@@ -105,15 +122,20 @@ class Files:
         self._cache.save()
         return {name: value for name, value in found.items() if value is not None}
 
-    def _all(self, subject: LogSubject) -> Iterator[Path]:
-        for component in subject.components:
+    @property
+    def _root(self) -> Path:
+        return self.code or self.folder
+
+    def _all(self, components: Iterable[Component], loads: Iterable[Interference]) -> Iterator[Path]:
+        for component in components:
             if component.run is not None:
                 yield from self._of_run(component.run)
-        if isinstance(subject.load, CommandLoad):
-            yield from self._of_words(self.folder, subject.load.command)
+        for load in loads:
+            if isinstance(load, CommandLoad):
+                yield from self._of_words(self._root, load.command)
 
     def _of_run(self, run: Run) -> Iterator[Path]:
-        base = self.folder / run.folder
+        base = self._root / run.folder
         match run.start:
             case Command(words=words):
                 yield from self._of_words(base, words)
@@ -142,7 +164,7 @@ class Files:
 
     def _matching(self, pattern: Path) -> Iterator[Path]:
         """The files that a pattern names; none where it leads out of the folder."""
-        top = self.folder.resolve()
+        top = self._root.resolve()
         if not pattern.is_relative_to(top):
             return
         parts: list[str] = []
@@ -195,7 +217,7 @@ class Files:
         return not self.cut
 
     def _is_below(self, path: Path) -> bool:
-        return path.is_relative_to(self.folder.resolve())
+        return path.is_relative_to(self._root.resolve())
 
     def _digest(self, path: Path) -> str | None:
         """The file's digest; None where a bound leaves it out."""

@@ -1,0 +1,296 @@
+"""Experiments that a robot's own rarms does whole: what is sent for them, and what comes back meanwhile.
+
+Manifest, data logs and digests of the components' files go there. Records of data logs come back as soon as they are
+made, through the readers of these logs. `rarms_iac.robot.experiments` is the other end. Begin at `ask_robot`.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from datetime import date
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from rarms_iac.app.control import Control
+from rarms_iac.app.experiments.measure_request import ExperimentResult
+from rarms_iac.app.hosts import Hosts, host_errors, observe_host
+from rarms_iac.app.measurement_files import MOMENT_MS, hold_configuration_logs, hold_data_log, log_errors
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError
+from rarms_iac.measuring.measuring_findings import CANNOT_MEASURE, MEASURED_ELSEWHERE
+from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
+from rarms_iac.model.host import Connect
+from rarms_iac.model.series import Series
+from rarms_iac.model.state import State
+from rarms_iac.providers.interface import HostFailed
+from rarms_iac.providers.robot import LINE_LIMIT, perform_call
+from rarms_iac.storage.codec import Json, NotDecodable, decode_union, encode
+from rarms_iac.storage.datalog.decisions import read_entries
+from rarms_iac.storage.datalog.files import read_log
+from rarms_iac.storage.datalog.named_files import Files
+from rarms_iac.storage.disk import MEASUREMENTS, make_folders
+from rarms_iac.storage.reading import read_file
+from rarms_iac.storage.replace import replace as replace_file
+
+OTHER_FILE = Finding.error("RARMS411", "A file of a component differs on the robot")
+
+REPORTS, SETTINGS, SAMPLES = "reports", "settings", "samples"
+"""The reporters of this side, as calls name them."""
+
+_NAME = "[a-z0-9][a-z0-9-]*"
+CONFIGURATION_LOG = re.compile(rf"{_NAME}/{_NAME}\.configuration\.jsonl")
+DATA_LOG = re.compile(rf"{_NAME}/{_NAME}(\+{_NAME})*/{_NAME}\.jsonl")
+"""Paths below `measurements/` of the logs that travel; the platform comes first."""
+
+
+SamplesSoFar = Callable[[str, str | None, Mapping[str, Series]], None]
+"""Called with the name of a host, of the load beside it, and the samples of its components so far, as they come."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ManifestText:
+    """A manifest or an overlay."""
+
+    file: str  # as messages of this side name it
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExperimentJob:
+    """Everything that an experiment on the robot needs, but for the request of its command."""
+
+    texts: tuple[ManifestText, ...]  # the manifest, then its overlays in their order
+    today: date
+    folder: str  # of the components' files, there
+    files: Mapping[str, str]  # digests of the components' files, here, by path below their folder
+    logs: Mapping[str, str]  # by path below `measurements/`
+    others: Mapping[str, State]  # the other hosts of the manifest that could be reached from here
+    may_stop: bool  # partitions may be stopped to measure; counts where no question can be asked
+
+
+class RobotReports:
+    """Hears what a robot reports, beside its settings and samples."""
+
+    def message(self, text: str) -> None:
+        """Take whole sentences for a person."""
+
+    def findings(self, diagnostics: tuple[Diagnostic, ...]) -> None:
+        """Take findings that do not end the work."""
+
+    def log(self, path: str, kept: int, text: str) -> None:
+        """Take what is new in a log below `measurements/`: its first `kept` bytes are known, and `text` follows."""
+
+    def measured(self, result: ExperimentResult) -> None:
+        """Take the result of an experiment."""
+
+    def proving(self, host: str, load: str | None, series: Mapping[str, Series]) -> None:
+        """Take the samples of a proof so far."""
+
+
+@dataclass(slots=True, kw_only=True)
+class ExperimentListener(RobotReports):
+    """The `RobotListener` of an experiment: reporters hear what they would hear of this machine; logs are kept here."""
+
+    hosts: Hosts
+    host: str
+    control: Control
+    reporters: Mapping[str, tuple[type[Any], Any]] = field(default_factory=dict)  # by target: its class and itself
+    samples: SamplesSoFar = lambda _host, _load, _series: None
+    results: list[ExperimentResult] = field(default_factory=list)
+    known: dict[str, bytes] = field(default_factory=dict)  # logs there, as far as this side knows them
+
+    def should_stop(self) -> bool:
+        return self.control.stop.should_stop()
+
+    def on_call(self, target: str, method: str, arguments: Json) -> bool | None:
+        if (target, method) == (REPORTS, "consents"):
+            host, partitions = decode_union(tuple[str, tuple[str, ...]], arguments)
+            return self.control.consents(host, partitions)
+        if target == REPORTS:
+            perform_call(self, RobotReports, method, arguments)
+        elif target in self.reporters:
+            interface, reporter = self.reporters[target]
+            perform_call(reporter, interface, method, arguments)
+        else:
+            raise NotDecodable("target", f"there is no {target[:40]}")
+        return None
+
+    def message(self, text: str) -> None:
+        self.control.reporter.message(text)
+
+    def findings(self, diagnostics: tuple[Diagnostic, ...]) -> None:
+        self.control.reporter.findings(diagnostics, self.hosts.manifest.sources)
+
+    def proving(self, host: str, load: str | None, series: Mapping[str, Series]) -> None:
+        self.samples(host, load, series)
+
+    def measured(self, result: ExperimentResult) -> None:
+        self.results.append(replace(result, log=(self.hosts.folder / result.log).as_posix()))
+
+    def log(self, path: str, kept: int, text: str) -> None:
+        platform = self.hosts.system.hosts[self.host].platform
+        if not is_log(path) or path.partition("/")[0] != platform:
+            raise NotDecodable("path", f"{path[:80]!r} is not a log of {platform}")
+        before = self.known.get(path, b"")
+        if not 0 <= kept <= len(before):
+            raise NotDecodable("kept", f"{kept} of {len(before)} bytes")
+        self.known[path] = before[:kept] + text.encode("utf-8")
+        take_log(self.hosts.folder, path, before, self.known[path])
+
+
+def ask_robot(
+    hosts: Hosts,
+    host: str,
+    command: str,
+    request: object,
+    listener: ExperimentListener,
+    *,
+    components: Iterable[str],
+    loads: Iterable[str],
+) -> Json:
+    """Have a robot do an experiment, and return what its use case returned, encoded.
+
+    Args:
+        hosts: those of the manifest.
+        host: the robot's name in it.
+        command: `measure`, `prove` or `run`.
+        request: of the command.
+        listener: hears what the robot reports.
+        components: names of those whose files must be the same there as here.
+        loads: likewise.
+
+    Raises:
+        UseCaseError: the robot cannot be asked or `connect` has no folder (failed); or its use case raised one.
+    """
+    logs = logs_below(hosts.folder)
+    listener.known = dict(logs)
+    system, control = hosts.system, listener.control
+    members, against = [system.components[name] for name in components], [system.interference[name] for name in loads]
+    job = ExperimentJob(
+        texts=tuple(ManifestText(file=file, text="\n".join(lines)) for file, lines in hosts.manifest.sources.items()),
+        today=hosts.manifest.source.today,
+        folder=_folder_there(hosts, host),
+        files=Files(hosts.folder).named_by(members, against),
+        logs={path: content.decode("utf-8") for path, content in logs.items()},
+        others=_other_states(hosts, host),
+        may_stop=host in hosts.channels and control.consents(host, ()),
+    )
+    robot = hosts.robot(host)
+    assert robot is not None, "only robots are asked"
+    with host_errors(), control.stop.gently():
+        return robot.ask(command, {"job": encode(job), "request": encode(request)}, listener)
+
+
+@contextmanager
+def readable_answer(host: str) -> Iterator[None]:
+    """Inside, an answer of a robot that cannot be read ends the use case.
+
+    Raises:
+        UseCaseError: it is not as the codec writes it (failed).
+    """
+    with host_errors():
+        try:
+            yield
+        except NotDecodable as problem:
+            raise HostFailed(host, f"its answer cannot be read: {problem}", "Look at the host by hand.") from None
+
+
+def _folder_there(hosts: Hosts, host: str) -> str:
+    connect = hosts.system.hosts[host].connect
+    if connect is None:  # a channel of the caller leads to it
+        return hosts.folder.resolve().as_posix()
+    if isinstance(connect, Connect) and connect.folder is not None:
+        return connect.folder
+    message = f"The manifest does not say where {host} has the files of its components."
+    advice = "Copy the manifest's folder there, and name the copy: `connect: { folder: /opt/robot }`."
+    place = hosts.manifest.places.value("hosts", host, "connect")
+    finding = CANNOT_MEASURE.of_host(host, message, advice, place=place)
+    raise UseCaseError(Outcome.FAILED, [finding], hosts.manifest.sources)
+
+
+def _other_states(hosts: Hosts, host: str) -> Mapping[str, State]:
+    """The states of the manifest's other hosts, of those that can be reached."""
+    states: dict[str, State] = {}
+    for name in sorted(set(hosts.system.hosts) - {host}):
+        with suppress(UseCaseError):
+            states[name] = observe_host(hosts.open(name))
+    return states
+
+
+def different_files(host: str, job: ExperimentJob, there: Mapping[str, str]) -> list[Diagnostic]:
+    """Find the components' files that the robot does not have as this side has them.
+
+    Args:
+        host: the robot's name.
+        job: what was sent.
+        there: digests of the robot's files, by path below `job.folder`.
+
+    Returns:
+        An error for each file, in the order of their names.
+    """
+    problems: list[Diagnostic] = []
+    for path, digest in sorted(job.files.items()):
+        if there.get(path) != digest:
+            how = "is another file there than here" if path in there else "is not there"
+            message = f"{path} {how}: {host} has the components' files in {job.folder}."
+            advice = "Copy it there, and repeat the command."
+            problems.append(OTHER_FILE.of_host(host, message, advice, file=path, folder=job.folder))
+    return problems
+
+
+def logs_below(folder: Path) -> Mapping[str, bytes]:
+    """Read the logs that a robot needs, by path below `measurements/`.
+
+    Raises:
+        UseCaseError: they have more bytes than a request (failed).
+    """
+    found: dict[str, bytes] = {}
+    root = folder / MEASUREMENTS
+    for path in sorted(root.rglob("*.jsonl")):
+        name = path.relative_to(root).as_posix()
+        if is_log(name):
+            found[name] = read_file(path, LINE_LIMIT)
+    return found
+
+
+def is_log(path: str) -> bool:
+    """Return whether a path below `measurements/` is one of a log that travels."""
+    return bool(DATA_LOG.fullmatch(path) or CONFIGURATION_LOG.fullmatch(path))
+
+
+def take_log(folder: Path, path: str, before: bytes, content: bytes) -> None:
+    """Have a log that came lie beside the manifest, if its reader takes it.
+
+    Records that another run added here meanwhile stay, and follow.
+
+    Args:
+        folder: of the manifest.
+        path: of the log, below `measurements/`.
+        before: what both sides had before.
+        content: what the robot has now.
+
+    Raises:
+        UseCaseError: it cannot be read (negative), or another run holds the log here (refused).
+    """
+    is_configuration = bool(CONFIGURATION_LOG.fullmatch(path))
+    with TemporaryDirectory() as temporary, log_errors():
+        came = Path(temporary) / Path(path).name
+        replace_file(came, content)
+        read_entries(came) if is_configuration else read_log(came)
+    target = folder / MEASUREMENTS / path
+    with hold_configuration_logs(folder) if is_configuration else hold_data_log(folder, target, MOMENT_MS):
+        here = read_file(target, LINE_LIMIT) if target.exists() else b""
+        if here and _lines(here)[:1] not in (_lines(before)[:1], _lines(content)[:1]):
+            message = f"{target.as_posix()} was begun anew here meanwhile. What the robot measured is not added."
+            advice = "Run the command again: the robot then begins with the log that lies here."
+            values: Facts = {"log": target.as_posix()}
+            raise UseCaseError(Outcome.REFUSED, [MEASURED_ELSEWHERE.at(None, message, advice, values=values)])
+        added = [line for line in _lines(here) if line not in _lines(before)] if here != before else []
+        make_folders(target.parent)
+        replace_file(target, content + b"".join(line + b"\n" for line in added if line not in _lines(content)))
+
+
+def _lines(content: bytes) -> list[bytes]:
+    """The whole records of a log; git may have changed line ends."""
+    return [line.rstrip(b"\r\n") for line in content.splitlines(keepends=True) if line.endswith(b"\n")]
