@@ -16,6 +16,7 @@ from rarms_iac.app.planning import plan_request, with_reservations
 from rarms_iac.app.report_measurements import ReportedLog, report_of
 from rarms_iac.app.report_model import ComponentProof, HostDifference, HostStatus, Report
 from rarms_iac.app.requests import HostSelection
+from rarms_iac.app.standing_proofs import HostNow, compared_with_hosts, host_now
 from rarms_iac.app.totals import totals_at_hand
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.diff.drift import DriftKind
@@ -24,6 +25,7 @@ from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, first_of_each_kind, has_errors, in_order
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.indexes import index_named, show_threshold
+from rarms_iac.model.journal import history_of
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.quantities import show_reserve
 from rarms_iac.model.system import System
@@ -70,9 +72,10 @@ def report_of_manifest(manifest: Manifest, components: Sequence[str] = (), *, wi
     report = _report(manifest, components, logs, with_candidates=with_candidates)
     if not report.measurements:
         raise UseCaseError(Outcome.NEGATIVE, [_nothing(components)])
-    statuses, problems = _statuses(manifest)
-    findings = not_yet_proven((*manifest.findings, *problems), report.proofs)
-    return replace(report, statuses=statuses, findings=first_of_each_kind(in_order(findings)))
+    statuses, problems, hosts = _statuses(manifest)
+    proofs = compared_with_hosts(report.proofs, [host for host in hosts if host.runs])  # a checkout has no host's state
+    findings = not_yet_proven((*manifest.findings, *problems), proofs)
+    return replace(report, proofs=proofs, statuses=statuses, findings=first_of_each_kind(in_order(findings)))
 
 
 def not_yet_proven(findings: Iterable[Diagnostic], proofs: Sequence[ComponentProof]) -> tuple[Diagnostic, ...]:
@@ -264,30 +267,41 @@ def _proof(entry: Proven, proven: ProvenIndex, outdated: tuple[str, ...]) -> Com
         interference=entry.interference,
         samples_needed=proven.samples_needed,
         outdated=outdated,
+        partition=entry.partition,
+        layout=entry.layout,
         machine=entry.machine,
         serial=entry.serial,
     )
 
 
-def _statuses(manifest: Manifest) -> tuple[tuple[HostStatus, ...], tuple[Diagnostic, ...]]:
-    """One a simulated host, by name, and why there is no layout."""
+_Looked = tuple[tuple[HostStatus, ...], tuple[Diagnostic, ...], tuple[HostNow, ...]]
+
+
+def _statuses(manifest: Manifest) -> _Looked:
+    """One a simulated host, by name, why there is no layout, and what proofs are compared with."""
     # NOTE: a report needs no host, and waits for none: others are not asked.
     hosts = manifest.system.hosts
     names = tuple(sorted(name for name, host in hosts.items() if host.provider is ProviderKind.SIMULATED))
     if not names:
-        return (), ()
+        return (), (), ()
     try:
         return _statuses_of(select_hosts(manifest, HostSelection(hosts=names)))
     except UseCaseError:  # a host's file is damaged, or held: every command that is about hosts says so
-        return (), ()
+        return (), (), ()
 
 
-def _statuses_of(hosts: Hosts) -> tuple[tuple[HostStatus, ...], tuple[Diagnostic, ...]]:
+def _statuses_of(hosts: Hosts) -> _Looked:
     states = {name: observe_host(hosts.open(name)) for name in hosts.chosen}
     request = with_reservations(hosts, plan_request(hosts), states)
-    drifts, problems = drift_of_hosts(request, states, dict(last_runs(hosts)))
+    runs = dict(last_runs(hosts))
+    drifts, problems = drift_of_hosts(request, states, runs)
+    application = hosts.system.application.name
+    now = tuple(
+        host_now(name, application, states[name], history_of(runs.get(name)), drifts.get(name, ()))
+        for name in hosts.chosen
+    )
     if has_errors(problems):
-        return tuple(HostStatus(host=name, is_planned=False) for name in hosts.chosen), problems
+        return tuple(HostStatus(host=name, is_planned=False) for name in hosts.chosen), problems, now
     compared = (
         HostStatus(
             host=name,
@@ -300,4 +314,4 @@ def _statuses_of(hosts: Hosts) -> tuple[tuple[HostStatus, ...], tuple[Diagnostic
         for name, drifted in drifts.items()
         if name in hosts.chosen
     )
-    return tuple(compared), problems
+    return tuple(compared), problems, now

@@ -206,6 +206,8 @@ class ComponentProof:
     interference: str | None  # the load beside all of them; None: there was none
     samples_needed: int | None  # that would show it, where it is not shown yet; None: nothing tells
     outdated: tuple[str, ...]  # what is no longer as it was when this was proven
+    partition: Internal[str] = ""  # of the component; empty: it runs on the host itself
+    layout: Internal[Mapping[str, int]] = field(default_factory=dict)  # as of `Proven`
     machine: Internal[str] = ""  # the identity of the host that it was made on; empty: not known
     serial: Internal[int] = 0  # of `Proven`
 

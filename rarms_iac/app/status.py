@@ -1,6 +1,6 @@
 """How an application stands: what is on its hosts, what was proven, what no longer holds, and what to do next."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
@@ -9,6 +9,7 @@ from rarms_iac.app.drift import look_for_drift
 from rarms_iac.app.hosts import Hosts, last_runs, observe_host
 from rarms_iac.app.report import measured_report
 from rarms_iac.app.report_model import ComponentProof, ComponentVerdict, Report
+from rarms_iac.app.standing_proofs import HostNow, compared_with_hosts, host_now
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.preconditions import marked_resources, no_rights
 from rarms_iac.applying.state_after import totals_after
@@ -18,7 +19,7 @@ from rarms_iac.model.achievement import Achievement
 from rarms_iac.model.commands import APPLY, DRIFT, MEASURE, PLAN, START, RecommendedCommand, command
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.environment_setup import TEST_PARTITIONS
-from rarms_iac.model.journal import PastRun, RunKind, history_of
+from rarms_iac.model.journal import PastRun, history_of
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import Rights, State, StoppedBy
@@ -81,9 +82,7 @@ class HostOverview:
     unrecorded: tuple[str, ...] = ()  # as of `History`
     problems: tuple[Diagnostic, ...] = ()  # why it could not be looked at; then nothing else is known
     held_by: str = ""  # who runs something on it now, as `hosts.owner` names them; empty: no run that can be seen
-    machine: Internal[str] = ""  # its own identity
-    serial: Internal[int] = 0  # of the application's runs there
-    undone_serials: Internal[range] = range(0)  # during which stood what the last run took back
+    now: Internal[HostNow | None] = None  # what proofs are compared with; None: it could not be looked at
 
     @output
     def reserved_lp(self) -> Fraction:
@@ -186,7 +185,7 @@ def overview_of(hosts: Hosts, report: Report | None = None) -> Overview:
     used = {load for name in hosts.system.components for load in hosts.system.loads_of((name,))}
     outdated_logs = [log for log in report.measurements if log.stale]
     stale = {log.log: log.stale for log in outdated_logs if log.interference in used}
-    proofs = _proofs_of_these_hosts(report.proofs, overviews)
+    proofs = compared_with_hosts(report.proofs, [host.now for host in overviews if host.now])
     return Overview(
         application=hosts.system.application.name,
         hosts=overviews,
@@ -218,37 +217,6 @@ def history_of_hosts(hosts: Hosts) -> History:
         hosts=runs,
         unrecorded={name: marked_resources(observe_host(hosts.open(name))) for name, past in runs.items() if not past},
     )
-
-
-def _proofs_of_these_hosts(
-    proofs: Sequence[ComponentProof], hosts: Sequence[HostOverview]
-) -> tuple[ComponentProof, ...]:
-    """The proofs that were made on these hosts, with those outdated whose partition is not there, or not as applied.
-
-    Robots share the names of hosts, and the log: a proof that another machine gave says nothing of this one.
-    """
-    machines = {host.name: host.machine for host in hosts if host.machine}
-    own = [proof for proof in proofs if not proof.machine or machines.get(proof.host) in {None, proof.machine}]
-    changed = {
-        component
-        for host in hosts
-        for partition in host.partitions
-        if partition.drift is not None and partition.drift.is_of_the_host
-        for component in partition.components
-    }
-    present = {host.name: {name for part in host.partitions for name in part.components} for host in hosts}
-    seen = {host.name for host in hosts if not host.problems}
-    undone = {host.name: host.undone_serials for host in hosts}
-
-    def outdated(proof: ComponentProof) -> Iterator[str]:
-        if proof.component in changed:
-            yield "its partition was changed on the host"
-        if proof.serial in undone.get(proof.host, ()):
-            yield f"what was applied to {proof.host} was taken back"
-        elif proof.host in seen and proof.component not in present[proof.host]:
-            yield f"its partition is not on {proof.host}"
-
-    return tuple(replace(proof, outdated=(*proof.outdated, *outdated(proof))) for proof in own)
 
 
 def _observe_alone(hosts: Hosts, name: str) -> State:
@@ -310,12 +278,9 @@ def _host_overview(
     }
     own = [partition for partition in state.of(application).partitions if partition.mark]
     names = {partition.mark.name for partition in own if partition.mark}
-    serial = state.serials.get(application, 0)
     return HostOverview(
         name=name,
-        machine=state.facts.id,
-        serial=serial,
-        undone_serials=_undone_serials([run for run in runs if run.application == application], serial),
+        now=host_now(name, application, state, runs, drifted),
         totals=host_totals(
             system.hosts[name],
             state.facts,
@@ -348,14 +313,6 @@ def _host_overview(
         unrecorded=history.unrecorded.get(name, ()),
         last_run=runs[-1] if runs else None,
     )
-
-
-def _undone_serials(runs: Sequence[PastRun], serial: int) -> range:
-    """From the apply that the last run took back up to that undo; all, where the host does not remember that apply."""
-    if not runs or runs[-1].run is not RunKind.UNDO:
-        return range(0)
-    since = (ago for ago, run in enumerate(reversed(runs)) if run.run is RunKind.APPLY and run.plan == runs[-1].plan)
-    return range(serial - next(since, serial), serial)
 
 
 def _next_command(

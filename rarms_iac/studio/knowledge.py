@@ -97,7 +97,8 @@ def look(source: ManifestSource, version: str) -> Knowledge:
         looked_at = datetime.now(UTC).strftime("%H:%M:%S UTC")
         overview = overview_of(hosts, report)
         findings = first_of_each_kind(in_order((*manifest.findings, *overview.problems)))
-        known = replace(known, overview=overview, findings=findings, looked_at=looked_at)
+        report = replace(report, proofs=overview.proofs)  # compared with the hosts
+        known = replace(known, report=report, overview=overview, findings=findings, looked_at=looked_at)
         return replace(known, history=history_of_hosts(hosts))
     except UseCaseError as error:
         findings = first_of_each_kind(in_order((*known.findings, *error.findings)))

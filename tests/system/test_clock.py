@@ -91,4 +91,4 @@ def test_a_proof_that_an_undo_made_worthless_stays_so_where_the_clock_went_back(
 
         shown = " ".join(rarms("status").out.split())
 
-    assert "what was applied to onboard was taken back" in shown
+    assert "its layout on onboard was undone at " in shown

@@ -289,6 +289,7 @@ def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]
                 wall_seconds=round(proof.wall_seconds, 1),
                 partition=partition_of.get(component.name, ""),
                 reserve=reserves.get(partition_of.get(component.name, ""), 0),
+                layout=reserves,
                 beside=tuple(name for name in everyone if name != component.name),
                 indexes=tuple(
                     _proven(verdict) for verdict in proof.verdicts if verdict.measured.component == component.name

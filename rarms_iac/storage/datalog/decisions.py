@@ -7,7 +7,7 @@ why components share a partition.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Literal
@@ -75,6 +75,8 @@ class Proven:
     # Of the application's runs on the host before it, undos among them: clocks jump back, a count of runs does not.
     serial: int
     wall_seconds: float = 0.0  # what the proof took its user; a host's own clock may be a simulation's
+    # The reserves of all partitions of the application on the host, by name, in per cent; empty: not known.
+    layout: Mapping[str, int] = field(default_factory=dict)
 
 
 Entry = Chosen | Proven

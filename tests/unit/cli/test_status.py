@@ -197,7 +197,7 @@ def test_a_proof_of_a_partition_that_another_tool_changed_is_outdated() -> None:
 
     assert "1 of 1 threshold held" in proven.out
     assert "0 of 1 threshold held" in changed.out
-    assert "planner is outdated: its partition was changed on the host." in changed.out
+    assert "planner is outdated: its partition was changed on onboard by another tool after 20" in changed.out
 
 
 def test_an_undo_outdates_the_proofs_of_what_it_took_back_and_of_nothing_before() -> None:
@@ -214,7 +214,10 @@ def test_an_undo_outdates_the_proofs_of_what_it_took_back_and_of_nothing_before(
 
     assert "1 of 1 threshold held" in stands_again.out
     assert "planner is outdated" not in stands_again.out
-    assert "what was applied to onboard was taken back" in " ".join(taken_back.out.split())
+    undone = json.loads(rarms("history", "--json").out)["hosts"]["onboard"][-1]["started_at"]
+    assert f"planner is outdated: its layout on onboard was undone at {undone}." in " ".join(taken_back.out.split())
+    page = rarms("report", "-o", "-")
+    assert f"outdated: its layout on onboard was undone at {undone}" in page.out
 
 
 def test_a_proof_of_a_partition_that_is_not_there_any_more_is_outdated() -> None:
@@ -225,7 +228,7 @@ def test_a_proof_of_a_partition_that_is_not_there_any_more_is_outdated() -> None
     removed = rarms("status")
 
     assert "0 of 1 threshold held" in removed.out
-    assert "planner is outdated: its partition is not on onboard." in removed.out
+    assert "planner is outdated: its layout on onboard was changed at 20" in removed.out
     assert "Next: `rarms plan` shows what is not applied yet." in removed.out
 
 
