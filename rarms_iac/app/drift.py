@@ -41,7 +41,7 @@ def drift_of_hosts(
         The drift by host name, and the findings that keep the manifest from being compared: without a layout it is
         unknown what is wanted, and only what was changed on the hosts is told. With one, those of hosts that fail.
     """
-    hosts, findings = desired_hosts(request, observed)
+    hosts, findings = desired_hosts(replace(request, explain=False), observed)
     application = request.application
     present = {name: partitions_after_last_run(run, application) for name, run in runs.items()}
     if hosts:
@@ -123,7 +123,7 @@ def look_for_drift(hosts: Hosts) -> DriftReport:
     if outcome_of(problems) is Outcome.FAILED:
         raise UseCaseError(Outcome.FAILED, problems, hosts.manifest.sources)
     # Nothing is held back, so that every difference has the change that shows it attribute by attribute.
-    plan = make_plan(replace(request, max_disruption=Disruption.REMOVAL), states).plan
+    plan = make_plan(replace(request, max_disruption=Disruption.REMOVAL, explain=False), states).plan
     parts = {part.host.name: part for part in plan.hosts} if plan else {}
     owned = {name: state.of(system.application.name) for name, state in states.items()}
     return DriftReport(

@@ -83,7 +83,7 @@ def partition_to_explain(hosts: Hosts, group: Group, states: Mapping[str, State]
         reservations=reservations,
         states=states,
         views=views,
-        planning=plan_layout(hosts.system, reservations, views, hosts.manifest.places),
+        planning=plan_layout(hosts.system, reservations, views, hosts.manifest.places, explain=False),
     )
 
 

@@ -88,7 +88,7 @@ def graph_of_manifest(manifest: Manifest) -> LayoutGraph:
         UseCaseError: There is no layout (negative).
     """
     reservations = measured_reservations(manifest, {})
-    planning = plan_layout(manifest.system, reservations, {}, manifest.places)
+    planning = plan_layout(manifest.system, reservations, {}, manifest.places, explain=False)
     if not isinstance(planning.answer, Layout):
         raise UseCaseError(Outcome.NEGATIVE, planning.findings, manifest.sources)
     return graph_of_layout(manifest.system, planning.answer)
@@ -169,7 +169,7 @@ def _candidates(manifest: Manifest) -> tuple[Candidates, Predict]:
         host for host in by_name(system.hosts) if all(host.name in problem.claims[group.name] for group in groups)
     ]
     if not shared:
-        findings = plan_layout(system, reservations, {}, manifest.places).findings
+        findings = plan_layout(system, reservations, {}, manifest.places, explain=False).findings
         errors = [finding for finding in findings if has_errors([finding])]
         raise UseCaseError(Outcome.NEGATIVE, errors, manifest.sources)
     host = shared[0]

@@ -76,7 +76,7 @@ def guide_facts(manifest: Manifest, name: str) -> GuideFacts:
                 group.members, system.tasks, group.name, manifest.places, processors=partition.settings.processors
             ).classes
             return replace(facts, task_values=_task_values(facts.task, classes))
-    planning = plan_layout(system, reservations, {}, manifest.places)
+    planning = plan_layout(system, reservations, {}, manifest.places, explain=False)
     raise UseCaseError(Outcome.NEGATIVE, planning.findings, manifest.sources)
 
 

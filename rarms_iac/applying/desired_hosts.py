@@ -56,7 +56,9 @@ def desired_hosts(
     if request.purpose is not Purpose.APPLY:
         return {name: _without_layout(request, state) for name, state in states}, ()
     views = {name: host_view(state, request.application) for name, state in states}
-    planning = plan_layout(system, request.reservations, views, places, max_disruption=request.limit)
+    planning = plan_layout(
+        system, request.reservations, views, places, max_disruption=request.limit, explain=request.explain
+    )
     layout = planning.answer
     if not isinstance(layout, Layout):
         namesakes = tuple(map(_without_place, _namesakes(system, observed, places)))

@@ -35,6 +35,7 @@ class PlanRequest:
     after_last_run: Callable[[str], frozenset[str] | None] = lambda _: None
     findings: tuple[Diagnostic, ...] = ()  # of the manifest and of snapshots, told with those of the plan
     reservations: ReservationSource = FixedReservations()
+    explain: bool = True  # as of `plan_layout`
 
     @property
     def application(self) -> str:

@@ -164,3 +164,5 @@ class Infeasible:
     conflict: tuple[str, ...]  # names of partitions, a smallest set that does not fit together
     causes: tuple[Cause, ...]
     relaxations: tuple[Relaxation, ...]
+    unfinished: tuple[str, ...] = ()  # parts of the search for relaxations that ended at its limit, as nouns
+    node_limit: int = 0  # solver nodes of that search; 0: it was not run

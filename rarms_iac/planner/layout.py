@@ -17,7 +17,7 @@ from rarms_iac.model.layout import Cause, Infeasible, Layout, Relaxation, Relaxa
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts
 from rarms_iac.model.system import Disruption, Measured, System
-from rarms_iac.model.wording import counted
+from rarms_iac.model.wording import counted, list_names
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.mechanism import deadline_problems, mechanism_of
 from rarms_iac.planner.neighbours import neighbour_findings
@@ -40,6 +40,7 @@ def plan_layout(
     places: Places,
     *,
     max_disruption: Disruption | None = None,
+    explain: bool = True,
 ) -> Planning:
     """Place every component in a partition on a host, within what the hosts have, or explain why that is impossible.
 
@@ -50,6 +51,7 @@ def plan_layout(
         hosts: the hosts that were observed, by name; of the others the manifest alone counts.
         places: lines of the manifest, for the findings.
         max_disruption: the most that may be disturbed; `REMOVAL` lets partitions move. None: as the policy says.
+        explain: search for the smallest conflict and for ways out, if there is no layout; otherwise sums alone say why.
 
     Returns:
         A layout; or `Infeasible` with the conflict and ways out. Findings come with both. The solver's work is limited
@@ -70,7 +72,11 @@ def plan_layout(
         notes += _deadlines(answer, problem, hosts, places)
         notes += _placement(answer, places)
     else:
-        if not answer.causes:
+        if not answer.causes and not explain:
+            from rarms_iac.planner.infeasibility.causes import explain_by_sums
+
+            answer = explain_by_sums(answer, problem.without_checks())
+        elif not answer.causes:
             from rarms_iac.planner.infeasibility.causes import explain_infeasibility
             from rarms_iac.planner.infeasibility.edits import Variant
 
@@ -96,10 +102,22 @@ def causes_as_findings(answer: Infeasible, system: System, places: Places) -> It
         yield planning_findings.KINDS[cause.code].at(
             _place(cause, system, places),
             f"{cause.message}{unproven}",
-            cause.advice or describe_ways_out(answer.relaxations),
+            cause.advice or prose(describe_ways_out(answer.relaxations), _limit_of_search(answer)),
             address=cause.address,
-            values={**cause.values, **relaxed_levels(answer.relaxations), "proven": answer.proven},
+            values={
+                **cause.values,
+                **relaxed_levels(answer.relaxations),
+                "proven": answer.proven,
+                **({"not_searched": answer.unfinished, "node_limit": answer.node_limit} if answer.unfinished else {}),
+            },
         )
+
+
+def _limit_of_search(answer: Infeasible) -> str:
+    if not answer.unfinished:
+        return ""
+    limit = f"The search for causes and changes is limited to {answer.node_limit} solver nodes"
+    return f"\n{limit}. Not searched to the end: {list_names(answer.unfinished)}."
 
 
 def relaxed_levels(ways: Sequence[Relaxation]) -> Facts:

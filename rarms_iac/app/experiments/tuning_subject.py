@@ -203,7 +203,8 @@ def subject_of_tuning(hosts: Hosts, host: Host, states: Mapping[str, State]) -> 
     problem = problem_around(hosts, states)
     reservations = problem.reservations
     if any(not problem.claims[group.name] for group in problem.groups):
-        diagnostics = plan_layout(problem.system, reservations, problem.views, hosts.manifest.places).findings
+        places = hosts.manifest.places
+        diagnostics = plan_layout(problem.system, reservations, problem.views, places, explain=False).findings
         raise UseCaseError(
             Outcome.NEGATIVE,
             [diagnostic for diagnostic in diagnostics if has_errors([diagnostic])],

@@ -1,21 +1,36 @@
 """Why there is no layout: who cannot share which hosts, by how much, and what would fit."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import assert_never
 
 from rarms_iac.model.claims import load_of
+from rarms_iac.model.commands import PLAN, prose
 from rarms_iac.model.diagnostics import Facts
-from rarms_iac.model.layout import Cause, Infeasible, Layout
+from rarms_iac.model.layout import Cause, Infeasible
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
-from rarms_iac.model.wording import list_names, natural_order, number
+from rarms_iac.model.wording import counted, list_names, natural_order, number
 from rarms_iac.planner import planning_findings
-from rarms_iac.planner.infeasibility.conflict import Conflict, Lack, conflicts, evident_conflicts
-from rarms_iac.planner.infeasibility.edits import Variant
+from rarms_iac.planner.infeasibility.budget import (
+    NODES_FOR_CHANGES,
+    NODES_FOR_MOVES,
+    NODES_OF_A_SEARCH,
+    SearchBudget,
+    unfinished_parts,
+)
+from rarms_iac.planner.infeasibility.conflict import (
+    Conflict,
+    Lack,
+    conflict_budget,
+    conflicts,
+    conflicts_by_sums,
+    evident_conflicts,
+)
+from rarms_iac.planner.infeasibility.edits import Variant, VariantPlanner
 from rarms_iac.planner.infeasibility.ways_out import ways_out
-from rarms_iac.planner.packing.pack import can_pack
+from rarms_iac.planner.packing.pack import can_pack, find_packing
 from rarms_iac.planner.packing.values import Bin, Item, free_on, is_move, least_cost, least_memory
-from rarms_iac.planner.problem import Problem, problem_of, solve
+from rarms_iac.planner.problem import Problem, problem_of
 
 MOST_NAMES = 12
 """Names in a sentence; more are counted."""
@@ -33,8 +48,14 @@ def explain_infeasibility(answer: Infeasible, problem: Problem, start: Variant) 
         The same answer with causes, the names of who conflicts, and up to a few ways out, each planned before it is
             offered.
     """
-    found = conflicts(problem.items, problem.bins, proven=answer.proven)
-    needed = moves_needed(start)
+    budgets = (
+        conflict_budget(),
+        SearchBudget.of(NODES_FOR_MOVES, "moves"),
+        SearchBudget.of(NODES_FOR_CHANGES, "changes"),
+    )
+    for_conflict, for_moves, for_changes = budgets
+    found = conflicts(problem.items, problem.bins, for_conflict, proven=answer.proven)
+    needed = moves_needed(start, for_moves)
     causes = [_cause(conflict, problem) for conflict in found]
     if needed:
         causes[0] = replace(
@@ -42,21 +63,25 @@ def explain_infeasibility(answer: Infeasible, problem: Problem, start: Variant) 
             message=f"{causes[0].message} If partitions may move, there is a layout: {_describe_moves(needed)}.",
             values={**causes[0].values, "would_move": tuple(needed)},
         )
+    planner = VariantPlanner(start=start, budget=for_changes)
     names = sorted({item.name for conflict in found for item in conflict.items}, key=natural_order)
     return replace(
         answer,
         proven=answer.proven or all(conflict.proven for conflict in found),
         conflict=tuple(names),
         causes=tuple(causes),
-        relaxations=ways_out(problem, names, start, needed),
+        relaxations=ways_out(problem, names, planner, needed),
+        unfinished=unfinished_parts((for_conflict, for_moves, for_changes)),
+        node_limit=NODES_OF_A_SEARCH,
     )
 
 
-def moves_needed(start: Variant) -> Mapping[str, str]:
+def moves_needed(start: Variant, budget: SearchBudget) -> Mapping[str, str]:
     """Find partitions whose present hosts alone leave no layout.
 
     Args:
         start: What has no layout.
+        budget: Of this search; none of the moves is without need where it is enough.
 
     Returns:
         The host that each of them would have to leave, by name; none where moving is allowed already, or does not help.
@@ -64,17 +89,31 @@ def moves_needed(start: Variant) -> Mapping[str, str]:
     if start.may_move or not any(view.present for view in start.views.values()):
         return {}
     problem = problem_of(start.system, start.reservations, start.views, may_move=True)
-    answer = solve(problem)
-    if not isinstance(answer, Layout):
-        return {}
-    host_of = {partition.name: partition.host for partition in answer.partitions}
-    moving = [item.name for item in problem.items if is_move(item, host_of[item.name])]
-    for name in tuple(moving):
-        others = [other for other in moving if other != name]
-        items = [item if item.name in others else _staying(item) for item in problem.items]
-        if can_pack(items, problem.bins):
-            moving = others
-    return {item.name: item.current_host for item in problem.items if item.name in moving}
+    pairs = sum(len(item.claims) for item in problem.items)
+    for items, bins in ((each.items, each.bins) for each in (problem, problem.without_checks())):
+        if budget.takes(pairs) and (host_of := find_packing(items, bins, budget.nodes)):
+            moving = [item for item in items if is_move(item, host_of[item.name])]
+            return {item.name: item.current_host for item in _fewest_moves(moving, items, bins, budget)}
+    return {}
+
+
+def _fewest_moves(
+    moving: Sequence[Item], items: Sequence[Item], bins: Sequence[Bin], budget: SearchBudget
+) -> Sequence[Item]:
+    """Leave out moves that are not needed, by halves, quarters and so on."""
+    step = len(moving)
+    while step:
+        at = 0
+        while at < len(moving):
+            others = [*moving[:at], *moving[at + step :]]
+            names = {item.name for item in others}
+            tried = [item if item.name in names else _staying(item) for item in items]
+            if budget.takes(sum(len(item.claims) for item in tried)) and can_pack(tried, bins, nodes=budget.nodes):
+                moving = others
+            else:
+                at += step
+        step = -(-step // 2) if step > 1 else 0
+    return moving
 
 
 def _staying(item: Item) -> Item:
@@ -101,6 +140,30 @@ def evident_causes(problem: Problem) -> tuple[Cause, ...]:
     return tuple(_cause(conflict, problem) for conflict in evident_conflicts(items, problem.bins))
 
 
+def explain_by_sums(answer: Infeasible, problem: Problem) -> Infeasible:
+    """Say why nothing fits as far as sums show it; the solver is not asked.
+
+    Args:
+        answer: What `solve` said, without causes.
+        problem: What was solved; every partition has a claim.
+
+    Returns:
+        The same answer with at least one cause, whose advice is the command that searches for more.
+    """
+    advice = prose("Search for the causes, and for changes that help: ", PLAN, ".")
+    found = conflicts_by_sums(problem.items, problem.bins)
+    causes = [_cause(conflict, problem) for conflict in found]
+    if not causes:
+        placed = counted(len(problem.items), "partition"), counted(len(problem.bins), "host")
+        message = f"No placement of {placed[0]} on {placed[1]} was found."
+        causes = [Cause(address="application", message=message, code=planning_findings.PLACEMENT.code)]
+    return replace(
+        answer,
+        proven=answer.proven or bool(found),
+        causes=tuple(replace(cause, advice=advice) for cause in causes),
+    )
+
+
 def _cause(conflict: Conflict, problem: Problem) -> Cause:
     names = list_names((item.name for item in conflict.items), MOST_NAMES)
     cannot_share = f"{names} cannot share {list_names((host.name for host in conflict.bins), MOST_NAMES)}"
@@ -119,8 +182,6 @@ def _cause(conflict: Conflict, problem: Problem) -> Cause:
             message = f"{cannot_share}: {reason}."
         case _:
             assert_never(conflict.lacking)
-    if conflict.proven and not conflict.smallest:
-        message += " Whether fewer of them conflict was not searched to the end."
     if conflict.lacking is not Lack.MEMORY:
         message += "".join(_describe_smt(conflict, host) for host in conflict.bins)
     free = free_on(conflict.bins)

@@ -7,18 +7,9 @@ from enum import Enum
 from itertools import accumulate
 
 from rarms_iac.model.wording import natural_order
-from rarms_iac.planner.packing.highs import Nodes
+from rarms_iac.planner.infeasibility.budget import NODES_FOR_A_CONFLICT, SearchBudget
 from rarms_iac.planner.packing.pack import can_pack, without_hopeless_claims
 from rarms_iac.planner.packing.values import Bin, Item, free_in, least_cost, least_memory
-
-NODES_TO_EXPLAIN = 50
-"""Nodes of the solver in which a smallest set is looked for: a count, so that equal inputs have equal answers."""
-
-ITERATIONS_OF_A_NODE = 100
-"""Iterations of the simplex method that count as one of these."""
-
-PACKINGS_TRIED = 80
-"""Sets that are packed at most, as most of them take no node."""
 
 
 class Lack(Enum):
@@ -40,18 +31,19 @@ class Conflict:
     smallest: bool = True  # otherwise the search for a smaller one ended at its limit
 
 
-def conflicts(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> Sequence[Conflict]:
+def conflicts(items: Sequence[Item], bins: Sequence[Bin], budget: SearchBudget, *, proven: bool) -> Sequence[Conflict]:
     """Find who conflicts, by processors and by memory where each of the two is too little.
 
     Args:
         items: Partitions of which no packing was found.
         bins: All hosts.
+        budget: Of the search for a smaller conflict.
         proven: Whether there is none.
 
     Returns:
         One or two conflicts. Without any one of its partitions the rest of each would fit, where it is `smallest`.
     """
-    return _by_sums(items, bins) or [_by_packing(items, bins, proven=proven)]
+    return conflicts_by_sums(items, bins) or [_by_packing(items, bins, budget, proven=proven)]
 
 
 def evident_conflicts(items: Sequence[Item], bins: Sequence[Bin]) -> Sequence[Conflict]:
@@ -69,10 +61,15 @@ def evident_conflicts(items: Sequence[Item], bins: Sequence[Bin]) -> Sequence[Co
     hopeless = {item.name for item in placeable if not item.claims}
     if hopeless:
         return [_alone(item, bins) for item in _by_name(items) if item.name in hopeless]
-    found = _by_sums(placeable, bins)
+    found = conflicts_by_sums(placeable, bins)
     if found or any(len(item.claims) > 1 for item in placeable) or can_pack(placeable, bins) is not False:
         return found
-    return [_by_packing(placeable, bins, proven=True)]
+    return [_by_packing(placeable, bins, conflict_budget(), proven=True)]
+
+
+def conflict_budget() -> SearchBudget:
+    """Return the budget of the search for a smallest conflict."""
+    return SearchBudget.of(NODES_FOR_A_CONFLICT, "a smaller set of partitions that conflict")
 
 
 def _alone(item: Item, bins: Sequence[Bin]) -> Conflict:
@@ -81,7 +78,13 @@ def _alone(item: Item, bins: Sequence[Bin]) -> Conflict:
     return Conflict(items=[item], bins=hosts, lacking=Lack.MEMORY if memory else Lack.PROCESSORS)
 
 
-def _by_sums(items: Sequence[Item], bins: Sequence[Bin]) -> Sequence[Conflict]:
+def conflicts_by_sums(items: Sequence[Item], bins: Sequence[Bin]) -> Sequence[Conflict]:
+    """Find who needs more processors or memory in sum than the hosts have; empty: the sums do not show it.
+
+    Args:
+        items: Partitions with at least one claim each.
+        bins: All hosts.
+    """
     processors = _fewest_beyond(items, bins, least_cost, lambda host: free_in(host).percent)
     memory = _fewest_beyond(items, bins, least_memory, lambda host: free_in(host).memory)
     return [
@@ -126,16 +129,16 @@ def _fewest_beyond(
     return min(found, key=lambda fewest: (len(fewest), [item.name for item in fewest]), default=())
 
 
-def _by_packing(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> Conflict:
+def _by_packing(items: Sequence[Item], bins: Sequence[Bin], budget: SearchBudget, *, proven: bool) -> Conflict:
     """Leave out the small ones first, by halves, quarters and so on, as long as those that stay still conflict."""
-    tried, nodes, smallest = 0, Nodes(NODES_TO_EXPLAIN, ITERATIONS_OF_A_NODE), True
+    smallest = True
 
     def conflict(remaining: Sequence[Item]) -> bool:
-        nonlocal tried, smallest
+        nonlocal smallest
         if not remaining:
             return False
-        tried += 1
-        fits = can_pack(remaining, _hosts_of(remaining, bins), nodes=nodes) if tried <= PACKINGS_TRIED else None
+        may_ask = budget.takes(sum(len(item.claims) for item in remaining))
+        fits = can_pack(remaining, _hosts_of(remaining, bins), nodes=budget.nodes) if may_ask else None
         smallest = smallest and fits is not None
         return fits is False
 
@@ -155,6 +158,8 @@ def _by_packing(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> 
                 remaining = without
             else:
                 at += step
+    if not smallest:
+        budget.unfinished[budget.part] = None
     return Conflict(
         items=_by_name(remaining), bins=_hosts_of(remaining, bins), smallest=smallest, lacking=Lack.PLACEMENT
     )

@@ -8,11 +8,9 @@ from typing import Any
 
 from rarms_iac.model.layout import RelaxedLevel
 from rarms_iac.model.system import System
+from rarms_iac.planner.infeasibility.budget import SearchBudget
 from rarms_iac.planner.problem import HostView, has_layout, problem_of
 from rarms_iac.planner.reservations import ReservationSource
-
-MOST_PLANNED = 250
-"""Manifests that are planned in all, before nothing more is offered: a count, never a time."""
 
 MOST_EDITS = 8
 """Changes that are offered together: no reader makes more of them from a list."""
@@ -67,10 +65,19 @@ class RelaxationRange:
 
 @dataclass(slots=True, kw_only=True)
 class VariantPlanner:
-    """Plans changed manifests, up to `MOST_PLANNED` of them; from then on nothing fits."""
+    """Plans changed manifests while the budget lasts; from then on nothing fits."""
 
     start: Variant
-    made: int = 0
+    budget: SearchBudget
+
+    def searching(self, part: str) -> "VariantPlanner":
+        """Return the planner, which searches for this from now on.
+
+        Args:
+            part: A noun for what is searched, such as `lower reserves`.
+        """
+        self.budget.part = part
+        return self
 
     def fits(self, edits: Iterable[Edit], *, by_first_fit: bool = True) -> bool:
         """Say whether a layout with all of these changes is found, by first fit or also by the solver.
@@ -80,11 +87,10 @@ class VariantPlanner:
             by_first_fit: only first fit is asked, not the solver: a hundred times as fast.
 
         Returns:
-            False also where neither is known, and after `MOST_PLANNED` plans.
+            False also where neither is known, and where nothing is left of the budget.
         """
-        if self.made >= MOST_PLANNED:
+        if not self.budget.takes(len(self.start.system.components) * len(self.start.system.hosts)):
             return False
-        self.made += 1
         after = reduce(lambda before, edit: edit.apply(before), edits, self.start)
         problem = problem_of(after.system, after.reservations, after.views, may_move=after.may_move)
         return has_layout(problem, by_first_fit=by_first_fit) is True

@@ -8,7 +8,7 @@ from itertools import chain, islice, zip_longest
 from rarms_iac.model.layout import Relaxation, RelaxationKind
 from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.planner.groups import Group
-from rarms_iac.planner.infeasibility.edits import Edit, Edits, RelaxationRange, Variant, VariantPlanner, smallest_edits
+from rarms_iac.planner.infeasibility.edits import Edit, Edits, RelaxationRange, VariantPlanner, smallest_edits
 from rarms_iac.planner.infeasibility.relaxations import (
     apt_relaxations,
     is_lowest_measured,
@@ -29,14 +29,14 @@ PAIRS = 30
 
 
 def ways_out(
-    problem: Problem, conflict: Sequence[str], start: Variant, moves: Mapping[str, str]
+    problem: Problem, conflict: Sequence[str], planner: VariantPlanner, moves: Mapping[str, str]
 ) -> tuple[Relaxation, ...]:
     """Find changes with which everything fits.
 
     Args:
         problem: What has no layout.
         conflict: Names of the partitions that cannot share their hosts.
-        start: What the problem was made of.
+        planner: Plans changes of what the problem was made of.
         moves: As of `moves_needed`.
 
     Returns:
@@ -45,21 +45,39 @@ def ways_out(
         fewer processors for components that cannot use theirs; after them what else may be enough, and has to be
         measured.
     """
-    planner = VariantPlanner(start=start)
     groups = sorted(problem.groups, key=lambda group: (group.criticality, natural_order(group.name)))
     memory = list(islice(memory_relaxations(problem), MOST_WAYS_OUT))
     processors = list(islice(processor_relaxations(problem), MOST_WAYS_OUT))
     kinds = (
         _moving(moves),
-        _of_kind(chain.from_iterable(apt_relaxations(group, problem) for group in groups), memory, conflict, planner),
-        _of_kind(memory, (), conflict, planner),
-        _of_kind((relaxation for relaxation in processors if not relaxation.to_be_measured), memory, conflict, planner),
-        _of_kind(chain.from_iterable(map(reserve_relaxations, groups)), memory, conflict, planner),
+        _of_kind(
+            chain.from_iterable(apt_relaxations(group, problem) for group in groups),
+            memory,
+            conflict,
+            planner.searching("easier thresholds"),
+        ),
+        _of_kind(memory, (), conflict, planner.searching("more memory")),
+        _of_kind(
+            (relaxation for relaxation in processors if not relaxation.to_be_measured),
+            memory,
+            conflict,
+            planner.searching("more logical processors"),
+        ),
+        _of_kind(
+            chain.from_iterable(map(reserve_relaxations, groups)),
+            memory,
+            conflict,
+            planner.searching("lower reserves"),
+        ),
     )
     in_turns = (_relaxation(edits) for turn in zip_longest(*kinds, fillvalue=()) for edits in turn if edits)
     sure = list(islice(dict.fromkeys(in_turns), MOST_WAYS_OUT))
-    perhaps = (*_combining(problem, conflict, planner), *_ways_with_more_processors(processors, planner))
-    free = (*_lower_settings(problem, conflict), *_narrowing(groups, problem, conflict, planner))
+    perhaps = (
+        *_combining(problem, conflict, planner.searching("combined partitions")),
+        *_ways_with_more_processors(processors, planner.searching("more logical processors")),
+    )
+    narrowing = _narrowing(groups, problem, conflict, planner.searching("fewer virtual processors"))
+    free = (*_lower_settings(problem, conflict), *narrowing)
     return (*free, *sure, *perhaps)
 
 

@@ -147,17 +147,38 @@ def can_pack(
     Returns:
         True: there is one; False: there is none; None: none was found, and there may be one.
     """
+    found = _find_quickly(items, bins, by_first_fit=by_first_fit, nodes=nodes)
+    return found.host_of is not None or (False if found.bound is None else None)
+
+
+def find_packing(items: Sequence[Item], bins: Sequence[Bin], nodes: Nodes) -> Mapping[str, str] | None:
+    """Find any packing by a short search, good or not.
+
+    Args:
+        items: As of `pack`.
+        bins: As of `pack`.
+        nodes: As of `can_pack`.
+
+    Returns:
+        The host of each partition; None: none was found, and there may be one.
+    """
+    return _find_quickly(items, bins, by_first_fit=False, nodes=nodes).host_of
+
+
+def _find_quickly(
+    items: Sequence[Item], bins: Sequence[Bin], *, by_first_fit: bool, nodes: Nodes | None
+) -> "_StageResult":
     items, bins = without_hopeless_claims(items, bins)
     if _is_too_much(items, bins):
-        return False
+        return _StageResult(host_of=None, bound=None)
     if (forced := _forced_hosts(items)) is not None:
-        return hosts_can_hold(items, bins, forced)
-    if best_first_fit(items, bins, ways=FEW_WAYS if by_first_fit else None) is not None:
-        return True
+        fits = hosts_can_hold(items, bins, forced)
+        return _StageResult(host_of=forced if fits else None, bound=None if fits is False else 0)
+    if (host_of := best_first_fit(items, bins, ways=FEW_WAYS if by_first_fit else None)) is not None:
+        return _StageResult(host_of=host_of, bound=0)
     if by_first_fit or not is_installed():
-        return None
-    found = _find_any(items, bins, nodes)
-    return found.host_of is not None or (False if found.bound is None else None)
+        return _StageResult(host_of=None, bound=0)
+    return _find_any(items, bins, nodes)
 
 
 def without_hopeless_claims(items: Sequence[Item], bins: Sequence[Bin]) -> tuple[list[Item], list[Bin]]:

@@ -324,7 +324,7 @@ def test_on_a_host_where_it_runs_it_says_what_a_plan_says(tmp_path: Path) -> Non
     assert stays in there["host"]
     assert f"on h2: it would reserve 0.8 LP there too; there is room, and {stays}" in there["rejected"]
     assert plan.code == 4
-    assert "--max-disruption removal" in too_much["no layout"]
+    assert "`rarms plan`" in too_much["no layout"]
     assert stays in too_much["host"]
     assert f"on h2: it would reserve 1.2 LP; {stays}" in too_much["rejected"]
     assert "it is on h1 now: applied, it is made anew on h2" in moved["host"]

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.app.status import Overview
+from rarms_iac.planner.infeasibility import causes
 from rarms_iac.storage import disk
 from rarms_iac.views.console import render
 from rarms_iac.views.status import status_text
@@ -382,3 +383,19 @@ def test_a_missing_journal_is_reported() -> None:
         assert missing in " ".join(text.split())
     assert json.loads(rarms("history", "--json").out)["unrecorded"] == {"onboard": ["speech", "vision"]}
     assert rarms("start", "vision", "--auto-approve").code == 0
+
+
+@pytest.mark.parametrize("words", [("status",), ("drift",), ("graph",), ("explain", "vision")])
+def test_only_a_plan_searches_for_ways_out(words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    def searched(*_: object) -> None:
+        raise AssertionError
+
+    assert rarms("apply", "--auto-approve").code == 0
+    Path("rarms.yaml").write_text(MANIFEST.replace("40 %", "80 %"), encoding="utf-8")
+    monkeypatch.setattr(causes, "explain_infeasibility", searched)
+
+    answer = rarms(*words)
+
+    assert "RARMS014" in answer.out + answer.err
+    assert "`rarms plan`" in answer.out + answer.err
+    assert "RARMS199" in rarms("plan").err

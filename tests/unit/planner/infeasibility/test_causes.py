@@ -4,10 +4,14 @@ from dataclasses import replace
 
 import pytest
 
+from rarms_iac.model.claims import ANY_THREAD
 from rarms_iac.model.layout import Cause, Infeasible, Relaxation
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner import planning_findings
+from rarms_iac.planner.infeasibility import causes
+from rarms_iac.planner.infeasibility.budget import NODES_FOR_CHANGES, NODES_OF_A_SEARCH, SearchBudget
 from rarms_iac.planner.layout import Planning, causes_as_findings, plan_layout
+from rarms_iac.planner.problem import HostView
 from rarms_iac.planner.reservations import FixedReservations
 from tests.builders import a_component, a_host, a_system
 from tests.planning import PLACES
@@ -105,3 +109,44 @@ def test_it_is_said_how_sure_it_is(proven: bool, detail: str) -> None:
     answer = Infeasible(proven=proven, conflict=(), causes=(cause,), relaxations=())
 
     assert [finding.detail for finding in causes_as_findings(answer, five_of_two(), PLACES)] == [detail]
+
+
+def test_what_the_limit_left_unsearched_is_printed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(causes, "NODES_FOR_CHANGES", 0)
+
+    (finding,) = planned(five_of_two()).findings
+
+    limit = f"The search for causes and changes is limited to {NODES_OF_A_SEARCH} solver nodes."
+    assert f"\n{limit} Not searched to the end: more logical processors" in str(finding.advice)
+    assert finding.values["node_limit"] == NODES_OF_A_SEARCH
+
+
+def test_twice_the_size_is_not_searched_longer() -> None:
+    asked = []
+    for components, hosts in ((125, 25), (250, 50)):
+        budget, questions = SearchBudget.of(NODES_FOR_CHANGES, "changes"), 0
+        while budget.takes(components * hosts):
+            questions += 1
+        asked.append(questions * components * hosts)
+    assert asked[1] == pytest.approx(asked[0], rel=0.1)
+
+
+def test_where_few_partitions_must_move_only_those_are_named() -> None:
+    """Of twelve on three hosts two have to leave the first, which a layout made afresh would not keep in place."""
+    names = [f"p{at:02}" for at in range(12)]
+    system = a_system(
+        hosts=[a_host(f"host{at}", logical_processors=2, memory="16 GiB") for at in range(3)],
+        components=[a_component(name, reserve="20 %", processors=1, memory="64 MiB") for name in names],
+    )
+    views = {
+        f"host{at}": HostView(present=dict.fromkeys(on, ANY_THREAD))
+        for at, on in enumerate((names[:6], names[6:9], names[9:]))
+    }
+
+    planning = plan_layout(system, FixedReservations(), views, PLACES)
+
+    (finding,) = planning.findings
+    moved = finding.values["would_move"]
+    assert isinstance(moved, tuple)
+    assert len(moved) == 2
+    assert set(moved) < set(names[:6])

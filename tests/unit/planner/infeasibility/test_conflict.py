@@ -10,7 +10,7 @@ import pytest
 from rarms_iac.model.capacity import Capacity, fits
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
-from rarms_iac.planner.infeasibility.conflict import Lack, conflicts
+from rarms_iac.planner.infeasibility.conflict import Lack, conflict_budget, conflicts
 from rarms_iac.planner.packing.pack import pack
 from rarms_iac.planner.packing.values import Bin, Item, Packing
 from tests.effort import examples
@@ -56,7 +56,7 @@ def can_be_placed(items: Sequence[Item], bins: Sequence[Bin]) -> bool:
 
 
 def names_of(items: list[Item], bins: list[Bin]) -> list[str]:
-    (conflict,) = conflicts(items, bins, proven=True)
+    (conflict,) = conflicts(items, bins, conflict_budget(), proven=True)
     assert conflict.proven
     return [item.name for item in conflict.items]
 
@@ -70,7 +70,7 @@ def test_who_is_told_conflicts_and_none_without_need() -> None:
             continue
         looked_at += 1
 
-        for conflict in conflicts(items, bins, proven=True):
+        for conflict in conflicts(items, bins, conflict_budget(), proven=True):
             assert conflict.proven, seed
             assert not can_be_placed(conflict.items, bins), seed
             for item in conflict.items:
@@ -102,7 +102,7 @@ def test_among_many_the_few_who_conflict_are_found(many: int) -> None:
 def test_where_processors_and_memory_are_both_too_little_each_is_told() -> None:
     items = [an_item("a", 70, "one", memory=10), an_item("b", 60, "one", memory=10), an_item("c", 1, "one", memory=90)]
 
-    found = conflicts(items, [a_bin("one")], proven=True)
+    found = conflicts(items, [a_bin("one")], conflict_budget(), proven=True)
 
     assert [(conflict.lacking, [item.name for item in conflict.items]) for conflict in found] == [
         (Lack.PROCESSORS, ["a", "b"]),
@@ -119,7 +119,7 @@ def test_of_thirty_none_is_named_without_need(seed: int) -> None:
     items = [an_item(f"p{at:02}", random.randint(34, 40), *hosts) for at in range(19)]
     items += [an_item(f"s{at:02}", random.randint(1, 5), *hosts) for at in range(11)]
 
-    (conflict,) = conflicts(items, bins, proven=True)
+    (conflict,) = conflicts(items, bins, conflict_budget(), proven=True)
 
     if not conflict.smallest:  # an old version of the solver takes more nodes: then it names a few more and says so
         assert {item.name for item in conflict.items} >= {item.name for item in items[:19]}
