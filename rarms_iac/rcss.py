@@ -106,7 +106,8 @@ elif sys.platform == "linux":
         except OSError as problem:
             os.sched_setaffinity(0, processors)
             code = PRIVILEGE_NOT_HELD if isinstance(problem, PermissionError) else problem.errno or 0
-            message = f"the kernel refuses priority {priority} on the processors {affinity:#x}: {problem.strerror}"
+            why = problem.strerror or type(problem).__name__
+            message = f"the kernel refuses priority {priority} on the processors {affinity:#x}: {why}"
             raise CannotJoin(name, code, message) from problem
 
         def leave() -> None:

@@ -1,12 +1,16 @@
 """What holds for every test: hypothesis' counts, the needs of tests, and no silent skips in CI."""
 
 import os
+import re
 from collections import Counter, defaultdict
 from collections.abc import Generator, Iterator, Sequence
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
 
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
+from rarms_iac.providers.interface import HostError
 from tests import needs
 from tests.effort import LONG, TRIED, Attempt, examples
 
@@ -41,6 +45,27 @@ def pytest_collection_modifyitems(items: Sequence[pytest.Item]) -> None:
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skips, before any fixture, what this machine cannot run."""
     needs.require(*_needed_by(item))
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _no_message_without_a_reason() -> Iterator[None]:
+    """Every finding and every error of a host that a test meets has its reason, in the sentence and for programs."""
+    at, made = Finding.at, HostError.__init__
+
+    def with_reason(self: Finding, place: Place | None, detail: str, *rest: Any, **more: Any) -> Diagnostic:
+        assert not re.search(r"[:,]\s*\.?$", detail), detail
+        assert more["values"].get("reason") != "", detail
+        return at(self, place, detail, *rest, **more)
+
+    def with_message(self: HostError, host: str, message: str, advice: Any) -> None:
+        assert message, host
+        assert not message.rstrip(". ").endswith(":"), message
+        made(self, host, message, advice)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(Finding, "at", with_reason)
+        patched.setattr(HostError, "__init__", with_message)
+        yield
 
 
 @pytest.hookimpl(wrapper=True)

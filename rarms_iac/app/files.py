@@ -8,6 +8,7 @@ from rarms_iac.app.general_findings import conflict_finding, read_finding, write
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.model.commands import PLAN_OUT, RecommendedCommand, prose
+from rarms_iac.model.wording import reason_of
 from rarms_iac.storage.disk import make_folders
 from rarms_iac.storage.reading import STANDARD_INPUT, read_input
 from rarms_iac.storage.replace import remove_leftovers_of_ended, replace
@@ -33,7 +34,7 @@ def read_input_file(path: str, limit: int, origin: RecommendedCommand) -> bytes:
     try:
         return read_input(path, limit)
     except (OSError, ValueError) as error:
-        message = (error.strerror if isinstance(error, OSError) else "") or str(error)
+        message = reason_of(error)
         advice = prose("Look at the path and its rights; ", origin, " writes such a file.")
         outcome = Outcome.MISSING if isinstance(error, FileNotFoundError) else Outcome.FAILED
         raise UseCaseError(outcome, [read_finding(path, message, advice)]) from error

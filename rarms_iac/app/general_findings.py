@@ -2,6 +2,7 @@
 
 from rarms_iac.model.commands import PLAN, Wording, command, prose, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.wording import reason_of
 from rarms_iac.storage.disk import advice_on
 
 IN_THE_WAY = Finding.error("RARMS176", "A file is in the way")
@@ -22,12 +23,12 @@ def bug_finding(error: BaseException) -> Diagnostic:
     Returns:
         A finding with the exception's kind and place, and where to report it.
     """
-    message = " ".join(str(error).split())
+    reason, name = reason_of(error)[:300], type(error).__name__
     return BUG.at(
         None,
-        f"{type(error).__name__}: {message[:300]}" if message else type(error).__name__,
+        name if reason == name else f"{name}: {reason}",
         "Run the same command with --debug: the trace it shows is what a report of the bug needs.",
-        values={"exception": type(error).__name__, "reason": message[:300]},
+        values={"exception": name, "reason": reason},
     )
 
 
@@ -61,9 +62,9 @@ def system_finding(error: OSError) -> Diagnostic:
     path = f"{error.filename}: " if error.filename else ""
     return SYSTEM_REFUSED.at(
         None,
-        f"{path}{error.strerror or error}.",
+        f"{path}{reason_of(error)}.",
         advice_on(error, "Look at the path, its rights and the space on its disk; --debug shows where it happened."),
-        values={"file": str(error.filename or ""), "reason": str(error.strerror or error)},
+        values={"file": str(error.filename or ""), "reason": reason_of(error)},
     )
 
 
@@ -97,9 +98,9 @@ def write_finding(path: str, error: OSError) -> Diagnostic:
     advice = "Name a regular file, no link, in a folder that exists and that you may write to."
     return NOT_WRITTEN.at(
         None,
-        f"{path}: {error.strerror or error}.",
+        f"{path}: {reason_of(error)}.",
         advice,
-        values={"file": path, "reason": str(error.strerror or error)},
+        values={"file": path, "reason": reason_of(error)},
     )
 
 

@@ -89,7 +89,7 @@ def main(archive: tarfile.TarFile, places: RobotPlaces) -> None:
         answer = refused.facts
     except OSError as error:
         full = error.errno in {errno.ENOSPC, errno.EDQUOT}
-        answer = {"problem": "full" if full else "system", "said": error.strerror or str(error)}
+        answer = {"problem": "full" if full else "system", "said": error.strerror or repr(error)}
         answer["file"] = str(error.filename or "")
     sys.stdout.write(f"{ANSWER}{json.dumps(answer)}\n")
 

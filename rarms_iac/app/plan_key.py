@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from rarms_iac.app.use_case_errors import RequestError
+from rarms_iac.model.wording import reason_of
 from rarms_iac.storage.reading import read_file
 
 VARIABLE, FILE_VARIABLE = "RARMS_PLAN_KEY", "RARMS_PLAN_KEY_FILE"
@@ -49,7 +50,7 @@ def _key_in(name: str) -> bytes:
     try:
         status, key = Path(name).stat(), read_file(name, _MAX_BYTES)
     except (OSError, ValueError) as error:
-        reason = (error.strerror if isinstance(error, OSError) else "") or str(error)
+        reason = reason_of(error)
         raise RequestError(f"{FILE_VARIABLE} names {name}: {reason}.", "Name a file that holds the key.") from error
     if sys.platform == "win32":
         return key

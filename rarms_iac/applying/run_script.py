@@ -14,6 +14,7 @@ from rarms_iac.model.commands import APPLY, DRIFT, prose, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.journal import RunKind, ScriptRun, StepStatus
 from rarms_iac.model.plan import HostPlan, UndoLevel
+from rarms_iac.model.wording import last_words
 from rarms_iac.powershell.inspection.inspect import inspect_recorded
 from rarms_iac.powershell.render import script_name
 from rarms_iac.powershell.summary import NOT_UNDONE
@@ -272,30 +273,30 @@ def _unknown_ending(host: str, plan: str, why: str) -> Diagnostic:
 def _script_refused(host: str, event: RunEvent) -> Diagnostic:
     """The script ended with exit code 3: before a step, or before any."""
     if event.kind is EventKind.LOCK:
-        return lock_held(host, event.detail)
+        return lock_held(host, event.reason)
     if event.address == "host":
         return SCRIPT_REFUSED.of_host(
             host,
-            f"{host}: {event.detail}.",
+            f"{host}: {event.reason}.",
             prose("No step was done. Look with ", DRIFT, ", then make a new plan."),
-            reason=event.detail,
+            reason=event.reason,
         )
     return STEP_MOVED.at(
         None,
-        f"{event.address} on {host}: {event.detail}.",
+        f"{event.address} on {host}: {event.reason}.",
         prose("Nothing more was changed. Look with ", DRIFT, ". ", GO_ON),
         address=event.address,
-        values={"host": host, "resource": event.address, "reason": event.detail},
+        values={"host": host, "resource": event.address, "reason": event.reason},
     )
 
 
 def _script_failed(host: str, at: str, printed: str, code: int) -> Diagnostic:
     """The script ended with another exit code, in the middle of a step or outside of all."""
-    location = f"{at} on {host}" if at else host
+    location, reason = f"{at} on {host}" if at else host, last_words(printed)
     return (STEP_FAILED if at else SCRIPT_FAILED).at(
         None,
-        f"{location}: {printed.strip().rstrip('.') or 'the script says nothing'} (exit code {code}).",
+        f"{location}: {reason} (exit code {code}).",
         sentences("Mend that on the host.", GO_ON),
         address=at or f"host/{host}",
-        values={"host": host, "resource": at, "exit_code": code, "reason": printed.strip()},
+        values={"host": host, "resource": at, "exit_code": code, "reason": reason},
     )

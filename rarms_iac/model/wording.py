@@ -72,6 +72,30 @@ def quoted(text: object, most: int | None = None) -> str:
     return f'"{"".join(signs)}"'
 
 
+def reason_of(error: BaseException) -> str:
+    """Say why something failed, on one line that is never empty: the system's words, the error's own, or its kind."""
+    said = getattr(error, "strerror", None) or error
+    return " ".join(str(said).split()) or type(error).__name__
+
+
+def last_words(said: str, code: int | None = None) -> str:
+    """Repeat what a program said when it failed, on one line; if it said nothing, how it ended.
+
+    Args:
+        said: its last lines, possibly none.
+        code: its exit code; negative: the number of the signal that ended it; None: not known.
+
+    Returns:
+        Text without a full stop at its end, never empty.
+    """
+    if text := " ".join(said.split()).rstrip("."):
+        return text
+    if code is None:
+        return "it gave no reason"
+    ended = f"signal {-code} ended it" if code < 0 else f"it ended with exit code {code}"
+    return f"{ended}, and it gave no reason"
+
+
 MOST_CANDIDATES = 400
 """Names that are compared: more would make a file full of wrong names slow to refuse."""
 

@@ -25,6 +25,7 @@ from types import TracebackType
 from typing import Protocol
 
 from rarms_iac.model.host import Connect
+from rarms_iac.model.wording import last_words, reason_of
 from rarms_iac.providers.interface import HostFailed, HostUnreachable
 from rarms_iac.storage.reading import STATE_LIMIT
 
@@ -242,7 +243,7 @@ def open_channel(host: str, words: Sequence[str]) -> Channel:
     try:
         return Channel(words)
     except OSError as error:
-        message = f"{words[0]} cannot be started: {error.strerror or error}"
+        message = f"{words[0]} cannot be started: {reason_of(error)}"
         raise HostUnreachable(host, message, f"Install {words[0]}, or mend its rights.") from None
 
 
@@ -271,15 +272,13 @@ def await_line(channel: Conversation, host: str, target: str, is_wanted: Callabl
     except SilenceTimeout:
         raise HostUnreachable(host, f"{target} did not answer within {CONNECT_SECONDS:.0f} s", advice) from None
     if channel.code() == SSH_FAILED:
-        raise HostUnreachable(
-            host, f"{way} does not reach {target}: {last_of(channel.error_lines)}".rstrip("."), advice
-        )
+        raise HostUnreachable(host, f"{way} does not reach {target}: {last_of(channel.error_lines)}", advice)
     return None
 
 
-def last_of(lines: Sequence[str]) -> str:
-    """Return the last line; where there is none, words for that."""
-    return lines[-1] if lines else "it said nothing"
+def last_of(lines: Sequence[str], code: int | None = None) -> str:
+    """Return the last line; if there is none, how the program ended, as of `last_words`."""
+    return last_words(lines[-1] if lines else "", code)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

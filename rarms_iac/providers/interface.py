@@ -14,6 +14,7 @@ from rarms_iac.model.journal import Journal, JournalRecord, RunStarted, ScriptRu
 from rarms_iac.model.operations import Operation
 from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import State
+from rarms_iac.model.wording import last_words
 from rarms_iac.storage.codec import Json
 
 
@@ -202,6 +203,11 @@ class RunEvent:
     status: EventStatus
     detail: str
     changed: int | None = None  # steps that the run changed until then; None: scripts of early versions do not say
+
+    @property
+    def reason(self) -> str:
+        """Why a script refused or failed; never empty."""
+        return last_words(self.detail)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

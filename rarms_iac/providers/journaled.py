@@ -7,7 +7,7 @@ from typing import cast
 
 from rarms_iac.model.journal import Journal, JournalRecord, RunClosed, RunStarted, StepRecorded
 from rarms_iac.model.plan_names import wrong_name
-from rarms_iac.model.wording import quoted
+from rarms_iac.model.wording import quoted, reason_of
 from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked
 from rarms_iac.storage.append import Damaged, Record, append, first_in, last_in, records_in, sealed_line
 from rarms_iac.storage.codec import NotDecodable, decode_union, encode
@@ -109,7 +109,7 @@ def report_damage(host: str, path: Path) -> Iterator[None]:
     except NotDecodable as problem:
         raise HostDamaged(host, f"{path.name} is damaged: {problem}", advice) from None
     except OSError as problem:
-        message = f"{path.name} cannot be read: {problem.strerror or problem}"
+        message = f"{path.name} cannot be read: {reason_of(problem)}"
         raise HostFailed(host, message, advice_on(problem, advice)) from None
 
 
@@ -121,7 +121,7 @@ def report_failure(host: str, path: Path) -> Iterator[None]:
     except Locked as locked:
         raise HostLocked(host, locked.owner) from None
     except OSError as problem:
-        message = f"{path} cannot be written: {problem.strerror or problem}"
+        message = f"{path} cannot be written: {reason_of(problem)}"
         raise HostFailed(host, message, advice_on(problem, "Look at its disk, which may be full or damaged.")) from None
 
 

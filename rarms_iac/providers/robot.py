@@ -258,7 +258,7 @@ class RobotByChannel:
         except SilenceTimeout:
             raise self._broken(f"it said nothing for {SILENCE_S / 3600:.0f} hours") from None
         code = conversation.code()
-        why = last_of(conversation.error_lines).rstrip(".")
+        why = last_of(conversation.error_lines, code)
         raise self._broken(why if code == SSH_FAILED else f"the rarms there ended without a result: {why}")
 
     def _await_ready(self, conversation: Conversation, look: Callable[[], None]) -> None:
@@ -275,7 +275,7 @@ class RobotByChannel:
         raise self._garbage("before it, rarms did not begin")
 
     def _not_reached(self, conversation: Conversation) -> HostFailed:
-        target, error = self._channel.target, last_of(conversation.error_lines).rstrip(".")
+        target, error = self._channel.target, last_of(conversation.error_lines, conversation.code())
         if conversation.code() == SSH_FAILED:
             advice = f"Try it by hand, as rarms does, without questions: `ssh -o BatchMode=yes {target}`."
             return HostUnreachable(self.name, f"ssh does not reach {target}: {error}", advice)

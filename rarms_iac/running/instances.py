@@ -24,7 +24,8 @@ def main(words: list[str]) -> int:
     while True:
         number, code = messages.get()
         if code is not None:
-            sys.stderr.write(f"\ninstance {number + 1} of {count} ended with exit code {code}\n")
+            ended = f"ended with exit code {code}" if code >= 0 else f"was ended by signal {-code}"
+            sys.stderr.write(f"\ninstance {number + 1} of {count} {ended}\n")
             return 1
         waiting.discard(number)
         if not waiting:
@@ -38,7 +39,7 @@ def watch(number: int, program: list[str], expected: bytes, messages: "queue.Que
     try:
         process = subprocess.Popen(program, stdin=nothing, stdout=nothing, stderr=subprocess.PIPE)
     except OSError as error:
-        sys.stderr.write(f"{program[0]}: {error.strerror or error}\n")
+        sys.stderr.write(f"{program[0]}: {error.strerror or repr(error)}\n")
         messages.put((number, NOT_THERE))
         return
     assert process.stderr is not None

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from rarms_iac.model.run import Call, Command, FromEnvironment, OutputStream, Periodic, Run, Stop
+from rarms_iac.model.wording import reason_of
 
 
 class RunningError(Exception):
@@ -141,7 +142,7 @@ def become(order: StartOrder) -> NoReturn:
         os.chdir(order.folder)
         os.execve(order.words[0], order.words, order.environment)  # noqa: S606 - so it is meant
     except OSError as problem:
-        raise CannotStart(order.name, f"{problem.filename}: {problem.strerror}") from problem
+        raise CannotStart(order.name, f"{problem.filename or order.folder}: {reason_of(problem)}") from problem
 
 
 def environment_of(component: str, run: Run, own: Mapping[str, str]) -> dict[str, str]:

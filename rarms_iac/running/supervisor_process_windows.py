@@ -102,7 +102,7 @@ class WindowsSupervisor:
                 creationflags=NEW_GROUP,
             )
         except OSError as error:
-            self._send_event(event="cannot", message=f"{self._order['words'][0]}: {error.strerror or error}")
+            self._send_event(event="cannot", message=f"{self._order['words'][0]}: {error.strerror or error!r}")
             return
         self._job = new_job()
         win32job.AssignProcessToJobObject(self._job, int(self._process._handle))  # type: ignore[attr-defined]  # noqa: SLF001 - Windows only

@@ -13,6 +13,7 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from rarms_iac.app.use_case_errors import RequestError
+from rarms_iac.model.wording import reason_of
 
 LOOPBACK = "127.0.0.1"
 MOST_CONNECTIONS = 32
@@ -90,6 +91,5 @@ def bind(port: int) -> socket.socket:
         bound.bind((LOOPBACK, port))
     except OSError as error:
         bound.close()
-        reason = error.strerror or str(error)
-        raise RequestError(f"Port {port} cannot be taken: {reason}. Choose another with --port.") from error
+        raise RequestError(f"Port {port} cannot be taken: {reason_of(error)}. Choose another with --port.") from error
     return bound

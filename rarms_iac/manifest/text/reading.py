@@ -12,7 +12,7 @@ from rarms_iac.manifest.text.positions import ManifestPlaces, dotted
 from rarms_iac.manifest.text.tree import Node, build_positions
 from rarms_iac.model.commands import INIT, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related
-from rarms_iac.model.wording import quoted
+from rarms_iac.model.wording import quoted, reason_of
 from rarms_iac.storage.disk import NotRegular
 from rarms_iac.storage.reading import STANDARD_INPUT, TooLarge, read_input
 
@@ -174,7 +174,7 @@ def _not_readable(file: str, problem: OSError | ValueError, *, overlay: bool) ->
                 values={"file": file},
             )
         case OSError():
-            reason = problem.strerror or type(problem).__name__
+            reason = reason_of(problem)
             return NOT_READABLE.at(
                 place, f"The system reports: {reason}.", "Check the path.", values={"file": file, "reason": reason}
             )

@@ -11,6 +11,7 @@ from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
 
+from rarms_iac.model.wording import last_words
 from rarms_iac.providers.interface import HostDamaged
 from rarms_iac.providers.journaled import LocalFiles
 from rarms_iac.running.kernel_files import kernel_text, whole_number
@@ -150,7 +151,7 @@ class LinuxEffects(LocalFiles):
         except subprocess.TimeoutExpired as problem:
             raise TimeoutError(errno.ETIMEDOUT, str(problem)) from None
         if done.returncode and not may_fail:
-            raise OSError(errno.EIO, f"{' '.join(words)}: {done.stderr.strip()}")
+            raise OSError(errno.EIO, f"{' '.join(words)}: {last_words(done.stderr, done.returncode)}")
 
     def await_text(self, path: Path, pattern: str) -> None:
         """Return once a file of the kernel has such a text (`*`: anything). Raises OSError after 10 s."""

@@ -25,6 +25,7 @@ from rarms_iac.model.series import Sample
 from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
 from rarms_iac.model.system import Component, run_of
+from rarms_iac.model.wording import reason_of
 from rarms_iac.planner.task_classes import ClassValues
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.processes import consumed_ms
@@ -241,7 +242,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
             except UnreadableFile as problem:
                 raise unreadable(self.name, problem) from problem
             except OSError as problem:
-                message = f"{partition} gets no budget for its task classes: {problem.strerror}"
+                message = f"{partition} gets no budget for its task classes: {reason_of(problem)}"
                 advice = "Take real-time budgets (cpu.rt_runtime_us) from other control groups."
                 raise HostRefused(self.name, message, advice) from problem
         return group

@@ -28,6 +28,7 @@ from rarms_iac.model.operations import (
 )
 from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import PartitionSettings, StartAction, State
+from rarms_iac.model.wording import reason_of
 from rarms_iac.providers.cgroups.condition import nothing_withheld, off_without_stop, orphan_findings
 from rarms_iac.providers.cgroups.definition_files import DefinitionFiles
 from rarms_iac.providers.cgroups.definitions import (
@@ -293,7 +294,7 @@ class LinuxHostProvider(JournaledHost):
             self._definitions.save(after)
         except OSError as problem:
             self._restore(replace(before, changing=True))
-            message = f"{after.settings.name}: the kernel refuses: {problem.strerror or problem}"
+            message = f"{after.settings.name}: the kernel refuses: {reason_of(problem)}"
             raise HostRefused(self.name, message, ASK_DOCTOR) from None
 
     def _start(self, definition: GroupDefinition, state: State) -> None:
@@ -398,7 +399,7 @@ class LinuxHostProvider(JournaledHost):
         except UnreadableFile as problem:
             raise unreadable(self.name, problem) from problem
         except OSError as problem:
-            message = f"{partition}: the kernel refuses: {problem.strerror or problem}"
+            message = f"{partition}: the kernel refuses: {reason_of(problem)}"
             raise HostFailed(self.name, message, ASK_DOCTOR) from None
 
     def _plan_again(self, message: str) -> HostRefused:

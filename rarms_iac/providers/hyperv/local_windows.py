@@ -25,6 +25,7 @@ import win32file
 import win32security
 import winerror
 
+from rarms_iac.model.wording import reason_of
 from rarms_iac.providers.hyperv.file_access import ADMINISTRATORS_ONLY, protect
 from rarms_iac.providers.hyperv.local_probes import RegistryKey, local_document
 from rarms_iac.providers.hyperv.observation import MAX_BYTES
@@ -99,7 +100,7 @@ class ThisWindows:
             # The module wraps what a call raises; a query fails while it is listed, which it does not.
             error = problem.com_error if isinstance(problem, wmi.x_wmi) else problem
             code = _code_of(error)
-            message = EXPLANATIONS.get(code, str(error))
+            message = EXPLANATIONS.get(code, reason_of(error))
             raise NotRead(f"0x{code:08x}", f"{message} ({namespace})", denied=code == ACCESS_DENIED) from problem
 
     def key(self, path: str, *, of_user: bool = False) -> RegistryKey:
@@ -131,7 +132,7 @@ class ThisWindows:
             events = win32evtlog.EvtNext(win32evtlog.EvtQuery("System", newest, EVENT), 1)
         except pywintypes.error as problem:
             denied = problem.winerror == 5
-            raise NotRead(f"Win32Error{problem.winerror}", problem.strerror, denied=denied) from problem
+            raise NotRead(f"Win32Error{problem.winerror}", reason_of(problem), denied=denied) from problem
         text = win32evtlog.EvtRender(events[0], win32evtlog.EvtRenderEventXml) if events else ""
         data = re.search(r"<Data[^>]*>(0[xX][0-9A-Fa-f]+|[0-9]+)</Data>", text)
         if data is None:
@@ -265,4 +266,4 @@ def _not_read(problem: Any, path: str) -> NotRead:
         return NotRead("UnauthorizedAccess", f"{path} may not be read", denied=True)
     if isinstance(problem, FileNotFoundError) or code in (2, 3):
         return NotRead("PathNotFound", f"there is no {path}")
-    return NotRead(f"Win32Error{code}", f"{path}: {problem}")
+    return NotRead(f"Win32Error{code}", f"{path}: {reason_of(problem)}")

@@ -19,6 +19,7 @@ from rarms_iac.model.loads import Browser, Bursts, BusyLoop, CommandLoad, Interf
 from rarms_iac.model.run import Call, Command, FromEnvironment, Periodic, Run
 from rarms_iac.model.state import HostFacts
 from rarms_iac.model.system import Component, run_of
+from rarms_iac.model.wording import last_words, reason_of
 from rarms_iac.planner.sizes import suggested_secure_boot
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.measuring import GuestWork, TestMachine, render_measuring, script_name
@@ -140,7 +141,7 @@ class HypervMeasuringHost(LiveHypervHost):
         try:
             size = sum((self._base / run.folder / name).stat().st_size for name in run.files)
         except OSError as problem:
-            return Obstacle(f"a file of its `run` cannot be read: {problem}", "Mend `run.files`.")
+            return Obstacle(f"a file of its `run` cannot be read: {reason_of(problem)}", "Mend `run.files`.")
         if size <= LARGEST_FILES:
             return None
         return Obstacle(
@@ -218,14 +219,14 @@ class HypervMeasuringHost(LiveHypervHost):
         if line is None:
             match session.ended():
                 case ScriptExited(code=code, last_lines=lines):
-                    raise self._broken(f"the script ended with {code}: {' '.join(lines[-2:]) or 'and no word why'}")
+                    raise self._broken(f"the script ended: {last_words(' '.join(lines[-2:]), code)}")
                 case lost:
                     raise self._broken(f"the script was lost: {lost.why}")
         event = read_event(line)
         if event is not None and event.status is EventStatus.REFUSED:
-            raise HostRefused(self.name, event.detail, "Mend that, then measure again: what is recorded is kept.")
+            raise HostRefused(self.name, event.reason, "Mend that, then measure again: what is recorded is kept.")
         if event is not None and event.kind is EventKind.FAILED:
-            raise self._broken(event.detail)
+            raise self._broken(event.reason)
         return line
 
     def _broken(self, message: str) -> HostFailed:

@@ -9,6 +9,7 @@ from rarms_iac.model.commands import command, prose
 from rarms_iac.model.host import Connect, Host, WinRmConnect
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import State
+from rarms_iac.model.wording import last_words, reason_of
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.powershell.templates import without_signature
 from rarms_iac.providers.channel import CommandChannel
@@ -129,7 +130,7 @@ class LiveHypervHost:
             return text
         except OSError as error:
             raise HostFailed(
-                self.name, f"{self._signed_folder / name} cannot be read: {error}", "Mend or remove it."
+                self.name, f"{self._signed_folder / name} cannot be read: {reason_of(error)}", "Mend or remove it."
             ) from None
         return copy if without_signature(copy) == text else text
 
@@ -182,7 +183,7 @@ class LiveHypervHost:
             case ScriptExited(code=0):
                 return document.text
             case ScriptExited(code=code, last_lines=lines):
-                raise self._unreadable(f"exit code {code}, {' '.join(lines[-3:]) or 'and no word why'}")
+                raise self._unreadable(last_words(" ".join(lines[-3:]), code))
             case _:
                 assert_never(ended)
 

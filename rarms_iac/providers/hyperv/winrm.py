@@ -14,6 +14,7 @@ from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
 
 from rarms_iac.model.host import WinRmConnect
+from rarms_iac.model.wording import reason_of
 from rarms_iac.providers.channel import (
     KEPT_LINES,
     LAST_SECONDS,
@@ -145,13 +146,13 @@ def _program(host: str, target: str, reach: "Callable[[], Any]", words: Sequence
             shell.__enter__()
         except (WinRMError, SpnegoError, OSError) as error:
             advice = f"Try it by hand: `Test-WSMan -UseSSL -ComputerName {target}`; its certificate is checked."
-            raise HostUnreachable(host, f"{WAY} does not reach {target}: {_in_a_line(error)}", advice) from None
+            raise HostUnreachable(host, f"{WAY} does not reach {target}: {reason_of(error)}", advice) from None
         opened.callback(_close, shell)
         process = Process(shell, words[0], list(words[1:]))
         try:
             process.begin_invoke()
         except (WinRMError, OSError) as error:
-            message = f"{words[0]} cannot be started on {target}: {_in_a_line(error)}"
+            message = f"{words[0]} cannot be started on {target}: {reason_of(error)}"
             raise HostFailed(host, message, "Look into the host's log of WinRM, then run it again.") from None
         yield opened.enter_context(RemoteProgram(process))
 
@@ -197,10 +198,6 @@ def _password(host: str, connect: WinRmConnect) -> str | None:
         message = f"the variable {name}, which holds the password of {connect.user}, is not set here"
         raise HostFailed(host, message, f"Set {name} where rarms runs.")
     return value
-
-
-def _in_a_line(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
 
 
 class RemoteProgram:
@@ -258,7 +255,7 @@ class RemoteProgram:
                 self._take()
         except (WinRMError, OSError) as error:
             self._broke = True
-            self._errors.append(_in_a_line(error))
+            self._errors.append(reason_of(error))
         finally:
             if self._rest:
                 self._lines.put(self._rest)

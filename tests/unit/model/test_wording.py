@@ -1,17 +1,23 @@
 """Words in a row, names that were misspelt, and text of other programs."""
 
+import re
+from pathlib import Path
+
 import pytest
 
+import rarms_iac
 from rarms_iac.model.wording import (
     MOST_SUGGESTIONS,
     Suggestions,
     did_you_mean,
     distance,
     in_a_row,
+    last_words,
     list_others,
     natural_order,
     number,
     quoted,
+    reason_of,
     suggestion,
 )
 
@@ -109,3 +115,47 @@ def test_of_many_unknown_names_the_first_get_a_suggestion_and_the_others_say_tha
 
     assert set(found[:-1]) == {("vision", ' Did you mean "vision"?')}
     assert found[-1] == ("", " Similar names were looked for 20 times, and not for this one.")
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (OSError(28, "No space left on device"), "No space left on device"),
+        (OSError("of another kind"), "of another kind"),
+        (OSError(5, ""), "[Errno 5]"),
+        (OSError(), "OSError"),
+        (TimeoutError(), "TimeoutError"),
+        (ValueError("in two\n  lines"), "in two lines"),
+    ],
+)
+def test_reason_is_never_empty(error: Exception, reason: str) -> None:
+    assert reason_of(error) == reason
+
+
+@pytest.mark.parametrize(
+    ("said", "code", "words"),
+    [
+        (" no such unit.\n", 5, "no such unit"),
+        ("\n", 5, "it ended with exit code 5, and it gave no reason"),
+        ("", -9, "signal 9 ended it, and it gave no reason"),
+        ("", None, "it gave no reason"),
+    ],
+)
+def test_last_words_are_never_empty(said: str, code: int | None, words: str) -> None:
+    assert last_words(said, code) == words
+
+
+def test_no_other_module_asks_an_error_for_its_words() -> None:
+    """An OSError may have no `strerror`; programs of their own that import nothing of rarms say what they do then."""
+    alone = {
+        "install_there.py",
+        "instances.py",
+        "rcss.py",
+        "supervisor_process.py",
+        "supervisor_process_windows.py",
+        "wording.py",
+    }
+    package = Path(rarms_iac.__file__).parent
+
+    readers = {file.name for file in package.rglob("*.py") if re.search(r"\.strerror\b(?!\()", file.read_text("utf-8"))}
+    assert readers <= alone
