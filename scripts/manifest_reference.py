@@ -24,7 +24,8 @@ whole examples, and `rarms init` writes a first manifest.
   processors `LP`; rates `/s`, `/min`, `/h`. A bare number where a unit belongs is an error.
 - The file is YAML 1.2 without aliases, merge keys, tags and further documents: `no` is a text.
 - An overlay (`--overlay FILE`) has only the keys that differ: maps merge, everything else replaces, `null` removes.
-  `apt.<index>`, `run.samples` and `run.until` are replaced as a whole.
+  `apt.<index>`, `run.samples` and `run.until` are replaced as a whole. A component, host or partition that the manifest
+  does not have needs `new: true` there, so that a misspelt name is found.
 - `rarms fmt` writes a manifest in one form.
 """
 

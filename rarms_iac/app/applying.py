@@ -27,7 +27,7 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted, run_to_undo
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.step_titles import reversal
-from rarms_iac.model.wording import quoted
+from rarms_iac.model.wording import in_a_row, quoted
 from rarms_iac.powershell.templates import without_signature
 from rarms_iac.providers.channel import CommandChannel
 from rarms_iac.providers.interface import NO_WAITING, LiveHost, RobotHost, WaitLimits
@@ -233,17 +233,19 @@ def hosts_to_apply(source: ManifestSource, selection: HostSelection) -> Hosts | 
     return select_hosts(manifest, selection)
 
 
-def manifest_of(plan: Plan, source: ManifestSource) -> ManifestSource:
-    """Name the manifest that a plan was made of.
+def manifest_of(plan: Plan, given: ManifestSource, *, is_named: bool) -> ManifestSource:
+    """Name the manifest and the overlays that a plan was made of.
 
     Args:
-        plan: the plan, which knows its manifest's path.
-        source: where overlays and the day come from; also the manifest, where the plan's came from standard input.
+        plan: the plan, which has their paths.
+        given: the caller's; its overlays count if there are any, and the day is taken from it.
+        is_named: the caller named the manifest.
 
     Returns:
-        The source with the manifest's path as the plan has it.
+        The source; what the caller did not name is as the plan has it, but for a manifest from standard input.
     """
-    return source if plan.manifest == STANDARD_INPUT else replace(source, manifest=plan.manifest)
+    manifest = given.manifest if is_named or plan.manifest == STANDARD_INPUT else plan.manifest
+    return replace(given, manifest=manifest, overlays=given.overlays or plan.overlays)
 
 
 def refuse_contradiction(plan: Plan, source: ManifestSource) -> None:
@@ -261,7 +263,8 @@ def refuse_contradiction(plan: Plan, source: ManifestSource) -> None:
     """
     if source.manifest == STANDARD_INPUT:
         return
-    if plan_key() is None and demands_signed_plans(source):
+    # A forged plan could name an overlay that asks for no key, so the manifest is also read without its overlays.
+    if plan_key() is None and (demands_signed_plans(source) or demands_signed_plans(replace(source, overlays=()))):
         raise UseCaseError(Outcome.REFUSED, [refusals.without_key(plan.id)])
     name = declared_application(source)
     if name is None or name == plan.application:
@@ -272,8 +275,6 @@ def refuse_contradiction(plan: Plan, source: ManifestSource) -> None:
     advice = prose(
         "Nothing was changed. Make a new plan: ",
         PLAN_OUT,
-        ". If overlays name the application, give them, too: ",
-        command("apply", "PLAN", f="MANIFEST", overlay="OVERLAY"),
         ".",
     )
     values = {"application": plan.application, "manifest_application": name}
@@ -294,13 +295,12 @@ def changed_manifest(plan: Plan, source: ManifestSource) -> tuple[Diagnostic, ..
         return ()
     if manifest_digest(source.manifest, source.overlays) in {None, plan.manifest_digest}:
         return ()
-    overlays = "" if source.overlays else ", or the plan was made with overlays"
+    files = in_a_row((source.manifest, *source.overlays), "or")
     note = MANIFEST_CHANGED.at(
         None,
-        f"{source.manifest} has changed since plan {plan.id} was made{overlays}. The plan is applied as it was "
-        "reviewed.",
-        prose("See what the manifest asks for now with ", PLAN, "."),
-        values={"manifest": source.manifest, "plan": plan.id},
+        f"{files} has changed since plan {plan.id} was made. The plan is applied as it was reviewed.",
+        prose("To see what the manifest asks for now, run ", PLAN, "."),
+        values={"manifest": source.manifest, "overlays": source.overlays, "plan": plan.id},
     )
     return (note,)
 

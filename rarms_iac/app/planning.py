@@ -41,6 +41,7 @@ def plan_request(hosts: Hosts, limits: PlanLimits = NO_LIMITS) -> PlanRequest:
         system=hosts.system,
         places=hosts.manifest.places,
         manifest=hosts.manifest.source.manifest,
+        overlays=hosts.manifest.source.overlays,
         manifest_digest=hosts.manifest.loaded.digest,
         today=hosts.manifest.source.today,
         max_disruption=limits.max_disruption,

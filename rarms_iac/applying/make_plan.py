@@ -93,6 +93,7 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
         needs_key=request.system.policy.signed_plans,
         purpose=request.purpose,
         manifest=request.manifest,
+        overlays=request.overlays,
         manifest_digest=request.manifest_digest,
         today=request.today.isoformat(),
         max_disruption=request.limit,

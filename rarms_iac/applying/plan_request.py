@@ -20,6 +20,7 @@ class PlanRequest:
     manifest: str  # path as given
     manifest_digest: str
     today: date
+    overlays: tuple[str, ...] = ()  # paths as given
     purpose: Purpose = Purpose.APPLY
     max_disruption: Disruption | None = None  # None: as the manifest's policy says
     hosts: tuple[str, ...] = ()  # names; empty: all

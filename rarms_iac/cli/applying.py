@@ -1,5 +1,6 @@
 """Running a plan at a terminal: show it, ask, do it, and report how it ended."""
 
+import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,6 +18,7 @@ from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.refusals import UNFINISHED
 from rarms_iac.applying.run_report import RunEnding, RunReport
+from rarms_iac.cli.command import overlay_words
 from rarms_iac.cli.ending import ExitCode, Interrupted
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.session import Session
@@ -45,7 +47,8 @@ def write_and_advise(session: Session, path: str, plan: Plan) -> None:
             "RARMS_PLAN_KEY or RARMS_PLAN_KEY_FILE and plan again."
         )
     else:
-        advice = f" Apply it with: rarms apply {path}" if plan.has_changes else ""
+        words = shlex.join(["rarms", "apply", path, *overlay_words(plan.overlays)])
+        advice = f" Apply it with: {words}" if plan.has_changes else ""
     session.terminal.tell(f"Wrote the plan to {path}.{advice}")
 
 

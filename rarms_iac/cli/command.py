@@ -2,7 +2,7 @@
 
 import os
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, Field, fields, replace
 from enum import StrEnum
 from inspect import cleandoc, get_annotations
@@ -21,7 +21,6 @@ from rarms_iac.cli.ending import ExitCode, WrongRequest
 from rarms_iac.cli.session import Session, common_options, session_flag
 from rarms_iac.cli.table import COMMANDS
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.names import robot_of
 
 T = TypeVar("T")
 
@@ -78,8 +77,8 @@ def rarms_command(name: str, *, json: bool = True) -> Callable[[Callable[..., Ex
                     given = {key: _from_above(context, session, request) for key, request in given.items()}
                 for source in given.values():
                     if isinstance(source, ManifestSource):
-                        _repeat_in_advice(context, session, source)
-                        _name_robot(session, source)
+                        is_given = context.get_parameter_source("manifest") is ParameterSource.COMMANDLINE
+                        name_manifest(session, source, in_advice=is_given)
                 return function(session, **given)
             except RequestError as error:
                 raise WrongRequest(error, context) from error
@@ -127,18 +126,25 @@ def _answer_in_json(context: click.Context, _parameter: click.Parameter, value: 
         context.find_root().obj.as_json = True
 
 
-def _repeat_in_advice(context: click.Context, session: Session, source: ManifestSource) -> None:
-    """Have the commands that messages recommend name the same manifest and overlays."""
-    words = [word for overlay in source.overlays for word in ("--overlay", overlay)]
-    if context.get_parameter_source("manifest") is ParameterSource.COMMANDLINE:
-        words = ["-f", source.manifest, *words]
+def name_manifest(session: Session, source: ManifestSource, *, in_advice: bool) -> None:
+    """Say which overlays count, and have the commands that messages recommend name the same files.
+
+    Args:
+        session: of the command.
+        source: the manifest and its overlays; hosts have the same names on each robot.
+        in_advice: whether recommended commands name the manifest, too.
+    """
+    words = ["-f", source.manifest] if in_advice else []
+    words += overlay_words(source.overlays)
     session.terminal.manifest_options = f" {shlex.join(words)}" if words else ""
-
-
-def _name_robot(session: Session, source: ManifestSource) -> None:
-    """Say which robot all that follows is about; hosts have the same names on each."""
     if source.overlays and all(os.path.lexists(overlay) for overlay in source.overlays):
-        session.terminal.tell(f"The robot is {robot_of(source.overlays)}.")
+        noun = "Overlay" if len(source.overlays) == 1 else "Overlays"
+        session.terminal.tell(f"{noun}: {', '.join(source.overlays)}")
+
+
+def overlay_words(overlays: Sequence[str]) -> list[str]:
+    """Return the options that name these overlays: `--overlay laptop.yaml`."""
+    return [word for overlay in overlays for word in ("--overlay", overlay)]
 
 
 def parameters_of(request: type) -> list[click.Parameter]:

@@ -104,7 +104,7 @@ def load_system(
         return _loaded(texts, None, FirstLine(texts[0].source.file), empty)
     combined = combine(texts)
     places = combined.places
-    if combined.diagnostics:
+    if has_errors(combined.diagnostics):
         return _loaded(texts, None, places, list(combined.diagnostics))
     # Imported here: pydantic takes 150 ms, and what cannot be read does not need it.
     from rarms_iac.manifest.document.messages import findings_of_structure, not_a_robot
@@ -114,12 +114,12 @@ def load_system(
     try:
         document = validate_document(combined.value, places)
     except NotAManifest as problem:
-        return _loaded(texts, None, places, findings_of_structure(problem))
+        return _loaded(texts, None, places, [*combined.diagnostics, *findings_of_structure(problem)])
     robot = robot_of(overlays)
     if overlays and not is_name(robot):
         return _loaded(texts, None, places, [not_a_robot(texts[-1].source.file, robot)])
     system = to_system(document, robot)
-    found = list(checks(system, places, today))
+    found = [*combined.diagnostics, *checks(system, places, today)]
     return _loaded(texts, with_acceptances_in_force(system, today), places, found)
 
 

@@ -5,17 +5,24 @@ relative to the manifest's folder, because the overlay may be in another folder.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, TypeGuard
 
 from rarms_iac.manifest.text.positions import ManifestPlaces
 from rarms_iac.manifest.text.reading import ParsedText
-from rarms_iac.manifest.text.tree import Collection, Node, entries_by_key, is_null, place_of_node, plain
+from rarms_iac.manifest.text.tree import Collection, Entry, Node, entries_by_key, is_null, place_of_node, plain
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
+from rarms_iac.model.wording import Suggestions, quoted
 
 NOT_A_MAP = Finding.error("RARMS013", "The overlay is not a map")
+UNKNOWN_NAME = Finding.warning("RARMS400", "A name in an overlay is not in the manifest")
+
+_NAMED = {"components": "component", "hosts": "host", "partitions": "partition"}
+"""Sections whose names an overlay repeats, and what they name."""
+NEW = "new"
+"""The key of a component, host or partition that only the overlay has."""
 
 _WHOLE = (
     ("components", "*", "apt", "*"),
@@ -38,7 +45,7 @@ YamlPath = tuple[str | int, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Combined:
-    """The values after all overlays, and the place of each."""
+    """The values after all overlays, and the place of each; `diagnostics` may have errors."""
 
     value: Any
     places: Places
@@ -51,7 +58,8 @@ def combine(texts: Sequence[ParsedText]) -> Combined:
     if not overlays:
         return Combined(value=manifest.value, places=ManifestPlaces(manifest.source.positions), diagnostics=())
     merged = manifest.source.positions()
-    wrong = []
+    wrong: list[Diagnostic] = []
+    suggestions = Suggestions()
     for overlay in overlays:
         node = overlay.source.positions()
         if not _is_mapping(node):
@@ -65,6 +73,7 @@ def combine(texts: Sequence[ParsedText]) -> Combined:
                 )
             )
         elif _is_mapping(merged):
+            wrong += _unknown_names(merged, node, suggestions)
             merged = _merged(merged, _relative(node, overlay.source.folder, manifest.source.folder, ()), ())
     whole = merged
     return Combined(value=plain(whole), places=ManifestPlaces(lambda: whole), diagnostics=tuple(wrong))
@@ -72,6 +81,47 @@ def combine(texts: Sequence[ParsedText]) -> Combined:
 
 def _is_mapping(node: Node) -> TypeGuard[Collection]:
     return isinstance(node, Collection) and node.is_mapping
+
+
+def _unknown_names(below: Collection, overlay: Collection, suggestions: Suggestions) -> Iterator[Diagnostic]:
+    """Find the names that an overlay adds or removes, and that nothing below it has.
+
+    A component has a partition of its name, also if `partitions` does not list it.
+    """
+    for section, kind in _NAMED.items():
+        known = _entries_of(below, section)
+        if section == "partitions":
+            known |= _entries_of(below, "components") | _entries_of(overlay, "components")
+        for name, entry in _entries_of(overlay, section).items():
+            if name not in known and not _says_new(entry):
+                yield _unknown_name(entry, kind, tuple(known), suggestions)
+
+
+def _entries_of(document: Collection, section: str) -> dict[str, Entry]:
+    entry = entries_by_key(document).get(section)
+    return entries_by_key(entry.value) if entry is not None and _is_mapping(entry.value) else {}
+
+
+def _says_new(entry: Entry) -> bool:
+    said = entries_by_key(entry.value).get(NEW) if _is_mapping(entry.value) else None
+    return said is not None and plain(said.value) is True
+
+
+def _unknown_name(entry: Entry, kind: str, known: Sequence[str], suggestions: Suggestions) -> Diagnostic:
+    assert entry.key is not None, "entries of a mapping have keys"
+    name, removes = entry.key.value, is_null(entry.value)
+    similar, suggestion = suggestions.find(name, known)
+    does = "removes" if removes else "adds"
+    advice = f"Correct the name; if the {kind} is new, give it `new: true`."
+    if removes:
+        advice = "Correct the name, or delete the line."
+    return UNKNOWN_NAME.at(
+        place_of_node(entry.key),
+        f"The overlay {does} the {kind} {quoted(name)}, which the manifest does not have.{suggestion}",
+        advice,
+        values={kind: name, "similar": similar, "removes": removes},
+        address=f"{kind}/{name}",
+    )
 
 
 def _merged(below: Collection, above: Collection, path: YamlPath) -> Collection:

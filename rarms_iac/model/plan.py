@@ -222,6 +222,7 @@ class Plan:
     hosts: tuple[HostPlan, ...]  # by name
     findings: tuple[Diagnostic, ...]  # warnings and notes that the reviewer should see
     accepted: tuple[Diagnostic, ...]
+    overlays: tuple[str, ...] = ()  # paths as given, the last one names the robot
     robot: str = ""  # of `Application`
     needs_key: bool = False  # `Policy.signed_plans`
     placement: Placement | None = None  # how good the choice of hosts is; None where there was nothing to choose

@@ -70,8 +70,8 @@ def plan_id(plan: Plan) -> str:
     """12 hex digits of what the plan does: the same from any place in the file system `rarms plan` is called.
 
     Scripts are left out, which carry the id, what steps are made of again, and all that names files as they are seen
-    from there: the manifest's path, the files of places, and the findings, whose advice repeats the options of the
-    command. The seal covers them.
+    from there: the paths of the manifest and its overlays, the files of places, and the findings, whose advice repeats
+    the options of the command. The seal covers them.
 
     Args:
         plan: whose own id does not matter.
@@ -82,6 +82,7 @@ def plan_id(plan: Plan) -> str:
     hosts = tuple(_bare(host) for host in plan.hosts)
     bare = replace(plan, id="", manifest="", findings=(), accepted=(), hosts=hosts)
     document = cast("dict[str, Any]", encode(bare))
+    del document["overlays"]
     for host in document["hosts"]:
         del host["basis"], host["signature"]
     for place in _places_in(document["hosts"]):

@@ -67,7 +67,7 @@ def plan_text(
     ]
     parts: list[RenderableType] = []
     if changed:
-        manifest = visible(plan.manifest, keep="")
+        manifest = visible(" with ".join([plan.manifest, *plan.overlays]), keep="")
         robot = f" on {plan.robot}" if plan.robot else ""
         title = f"{TITLES[plan.purpose]}: {plan.application}{robot} (plan {plan.id}, from {manifest})"
         planned = _read_host if is_read else _planned_host

@@ -24,11 +24,18 @@ from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import argument, flag, load_host_option
 from rarms_iac.app.planning import plan_request
-from rarms_iac.app.requests import DatedManifestSource, HostSelection, ManifestSource, PlanLimits, RunOptions
+from rarms_iac.app.requests import (
+    DEFAULT_MANIFEST,
+    DatedManifestSource,
+    HostSelection,
+    ManifestSource,
+    PlanLimits,
+    RunOptions,
+)
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.cli.applying import apply_and_show, ask, finish_first, plan_ask_apply, report_end
-from rarms_iac.cli.command import rarms_command
+from rarms_iac.cli.command import name_manifest, rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.session import Session
@@ -74,7 +81,9 @@ def apply_command(
                 "A PLAN is the whole instruction: it takes no --host, --target, --max-disruption or --abandon."
             )
         plan = read_plan_file(options.plan_file)
-        manifest_source = source if _is_named() else manifest_of(plan, source)
+        manifest_source = manifest_of(plan, source, is_named=_is_named())
+        if not source.overlays:
+            name_manifest(session, manifest_source, in_advice=_is_named() or plan.manifest != DEFAULT_MANIFEST)
         refuse_contradiction(plan, manifest_source)
         notes = changed_manifest(plan, manifest_source)
         tell(session.terminal, notes)

@@ -13,11 +13,12 @@ from rarms_iac.manifest.acceptance import FINDINGS as ABOUT_ACCEPTANCES
 from rarms_iac.manifest.acceptance import check_acceptances
 from rarms_iac.manifest.checks import hosts, measurement, names, partitions, processors, secrets, tasks  # noqa: F401 - each adds its checks
 from rarms_iac.manifest.checks.violation import CHECKS
+from rarms_iac.manifest.overlays import UNKNOWN_NAME
 from rarms_iac.model.diagnostics import MOST_OF_A_KIND, Diagnostic, Places, in_order, remainder
 from rarms_iac.model.system import System
 
-CODES = frozenset(finding.code for finding in (*CHECKS, *ABOUT_ACCEPTANCES))
-"""The codes that `run_checks` can give: an acceptance of another code may yet be needed by another command."""
+CODES = frozenset(finding.code for finding in (*CHECKS, *ABOUT_ACCEPTANCES, UNKNOWN_NAME))
+"""The codes of findings about a manifest and its overlays: another command may need an acceptance of another code."""
 
 
 def run_checks(system: System, places: Places, today: date) -> tuple[Diagnostic, ...]:

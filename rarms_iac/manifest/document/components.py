@@ -204,3 +204,4 @@ class ComponentBlock(Block):
         "partition",
     )
     simulation: Maybe[SimulationBlock] = optional("What a job demands on a simulated host.")
+    new: bool = optional("In an overlay: the manifest has no component of this name.", False)

@@ -187,3 +187,4 @@ class HostBlock(Block):
     simulated: Maybe[SimulatedBlock] = optional("Settings of a host with `provider: simulated`.")
     hyperv: Maybe[HypervHostBlock] = optional("Settings of a host with `provider: hyperv`.")
     linux: Maybe[LinuxBlock] = optional("Settings of a host with `provider: linux`.")
+    new: bool = optional("In an overlay: the manifest has no host of this name.", False)

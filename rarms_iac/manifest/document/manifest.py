@@ -192,6 +192,7 @@ class PartitionBlock(Block):
     hyperv: Maybe[HypervPartitionBlock] = optional("Settings of Hyper-V.")
     linux: Maybe[LinuxPartitionBlock] = optional("Settings of Linux.")
     guest: Maybe[GuestBlock] = optional("How rarms reaches inside.")
+    new: bool = optional("In an overlay: the manifest has no partition of this name.", False)
 
 
 class ApplicationBlock(Block):

@@ -41,6 +41,43 @@ def test_a_mark_names_the_robot_and_the_next_plan_is_empty() -> None:
     assert json.loads(_journal("robot-7").read_text().partition("\n")[0])["robot"] == "robot-7"
 
 
+def test_a_plan_file_knows_its_overlays() -> None:
+    made = rarms("plan", *_overlay("robot-7"), "--out", "made.plan")
+
+    assert "Overlay: robot-7.yaml\n" in made.err
+    assert "Apply it with: rarms apply made.plan --overlay robot-7.yaml\n" in made.err
+    assert "from rarms.yaml with robot-7.yaml" in rarms("show", "made.plan").out
+
+    done = rarms("apply", "made.plan", *_overlay("robot-7"))
+    again = rarms("apply", "made.plan")
+
+    assert (done.code, again.code) == (0, 3)
+    for answer in (done, again):
+        assert "Overlay: robot-7.yaml\n" in answer.err
+        assert "RARMS371" not in answer.err
+    assert "--overlay robot-7.yaml`" in " ".join(again.err.split())
+
+
+def test_a_changed_overlay_of_a_plan_is_noted() -> None:
+    rarms("plan", *_overlay("robot-7"), "--out", "made.plan")
+    Path("robot-7.yaml").write_text("application: { description: other }\n", encoding="utf-8")
+
+    done = rarms("apply", "made.plan")
+
+    assert done.code == 0
+    assert "rarms.yaml or robot-7.yaml has changed" in " ".join(done.err.split())
+    assert "rarms plan --overlay robot-7.yaml" in " ".join(done.err.split())
+
+
+def test_a_forged_plan_names_no_overlay_that_asks_for_no_key() -> None:
+    Path("robot-7.yaml").write_text("policy: { signed_plans: false }\n", encoding="utf-8")
+    rarms("plan", *_overlay("robot-7"), "--out", "made.plan")
+    demanding = MANIFEST.replace("policy: {", "policy: { signed_plans: true,")
+    Path("rarms.yaml").write_text(demanding, encoding="utf-8")
+
+    assert rarms("apply", "made.plan").code == 3
+
+
 @pytest.mark.parametrize("command", ["plan", "apply --auto-approve", "destroy --auto-approve", "stop --auto-approve"])
 def test_what_was_made_for_another_robot_is_refused_by_its_name(command: str) -> None:
     for robot in ("robot-7", "robot-8"):

@@ -64,6 +64,7 @@ components:
       arrival: { every: 33 ms }
       samples:
         from: pattern
+        stream: stdout
         pattern: '^ok=(?P<ok>[01]) ms=(?P<ms>[0-9.]+) n=(?P<n>[0-9]+)'
         response_time: { field: ms, unit: ms }
         success: { field: ok }
@@ -76,6 +77,7 @@ components:
     together: [speech]
     apart: [planning]
     dedicated: false
+    new: false
     task: ObjectIdentification
     hosts: [onboard, server]
     runs_on: partition

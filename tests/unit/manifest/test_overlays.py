@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.manifest.load import Loaded, load_system
-from rarms_iac.manifest.overlays import moved_path
+from rarms_iac.manifest.overlays import UNKNOWN_NAME, moved_path
 from rarms_iac.model.loads import DEFAULT_LOADS
 from rarms_iac.model.run import Command, Elapsed, Run
 from rarms_iac.model.system import AtMost, Component
@@ -32,6 +32,35 @@ def test_maps_merge(tmp_path: Path) -> None:
     assert (vision(read).memory, vision(read).criticality) == (2**30, 40)
     assert read.system is not None
     assert list(read.system.components) == ["vision", "speech"]
+
+
+@pytest.mark.parametrize(
+    ("overlay", "found"),
+    [
+        ("components: {vison: {criticality: 3}}", ("component/vison", 'Did you mean "vision"?')),
+        ("components: {vison: null}", ("component/vison", 'removes the component "vison"')),
+        ("hosts: {onbord: {logical_processors: 2, memory: 1 GiB}}", ("host/onbord", 'Did you mean "onboard"?')),
+        ("partitions: {vison: {components: [vision]}}", ("partition/vison", 'Did you mean "vision"?')),
+        ("partitions: {vision: {memory: 1 GiB}}", None),
+        ("components: {speech: {criticality: 3, new: true}}\npartitions: {speech: {memory: 1 GiB}}", None),
+        ("hosts: {dock: {logical_processors: 2, memory: 1 GiB, new: true}}", None),
+        ("partitions: {front: {components: [vision], new: true}}", None),
+    ],
+)
+def test_name_that_only_the_overlay_has(tmp_path: Path, overlay: str, found: tuple[str, str] | None) -> None:
+    read = loaded(tmp_path, SMALL, f"{overlay}\n")
+
+    warnings = [(each.address, each.detail) for each in read.diagnostics if each.code == UNKNOWN_NAME.code]
+    assert [address for address, _ in warnings] == ([found[0]] if found else [])
+    assert all(found is not None and found[1] in detail for _, detail in warnings)
+    assert read.system is not None
+
+
+def test_misspelt_name_is_named_beside_what_it_lacks(tmp_path: Path) -> None:
+    read = loaded(tmp_path, SMALL, "components: {vison: {memory: 1 GiB}}\n")
+
+    assert read.system is None
+    assert {each.code for each in read.diagnostics} > {UNKNOWN_NAME.code}
 
 
 def test_the_later_overlay_wins(tmp_path: Path) -> None:
