@@ -5,12 +5,12 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from rarms_iac.manifest.document.schema import Path, choices_at, describe, keys_at
+from rarms_iac.manifest.document.schema import Path, choices_at, describe, keys_at, keys_for, keys_of_map
 from rarms_iac.manifest.document.text_forms import FORMS
 from rarms_iac.manifest.document.validate_document import NotAManifest, StructureError
 from rarms_iac.manifest.text.positions import dotted
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
-from rarms_iac.model.indexes import INDEXES
+from rarms_iac.model.indexes import INDEXES, percentile_index
 from rarms_iac.model.names import NAME_PATTERN, nearest_name
 from rarms_iac.model.task_names import TASK_PATTERN
 from rarms_iac.model.wording import did_you_mean, in_a_row, question
@@ -160,6 +160,8 @@ def _wrong_kind(error: StructureError) -> Diagnostic:
     advice = describe(error.path) or f"Write {needed}."
     if error.value is None:
         advice = "Write a value, or remove the key. Only in an overlay, null removes a value."
+    elif needed == "a map" and (maps := _maps_with(error.path, error.value)):
+        advice = f"Write {maps}."
     elif error.kind == "string_type" and isinstance(error.value, bool | int | float):
         advice = f'Put it into quotes: "{_show(error.value)}".'
     elif error.kind == "int_type" and isinstance(error.value, str) and re.fullmatch(r"[0-9]{1,15}", error.value):
@@ -175,8 +177,10 @@ def _choice(error: StructureError) -> Diagnostic:
 
 def _choice_finding(error: StructureError, path: Path, value: Any) -> Diagnostic:
     known = choices_at(path)
-    allowed = in_a_row(known, "or")
-    advice = question(did_you_mean(value, known) if isinstance(value, str) else None) or f"Write {allowed}."
+    maps = tuple(f"a map with the key {key}" for key in keys_of_map(path))
+    allowed = in_a_row((*known, *maps), "or")
+    meant = question(did_you_mean(value, known) if isinstance(value, str) else None)
+    advice = meant or f"Write {_maps_with(path, value) or allowed}."
     detail = f"{dotted(path)} is {_show(value)}. It must be {allowed}."
     return NOT_A_CHOICE.at(
         error.places.value(*path),
@@ -184,6 +188,18 @@ def _choice_finding(error: StructureError, path: Path, value: Any) -> Diagnostic
         advice,
         values={"path": dotted(path), "value": _fact(value), "allowed": tuple(map(str, known))},
     )
+
+
+MOST_MAPS = 3
+"""So many ways to write a value as a map are shown; where there are more, the value fits none for sure."""
+
+
+def _maps_with(path: Path, value: Any) -> str:
+    """The value as the map that must stand there: `{every: 40 ms}`; of several, `{reserve: 40 %} or {limit: 40 %}`."""
+    if isinstance(value, bool) or not isinstance(value, str | int):
+        return ""
+    keys = keys_for(path, value)
+    return in_a_row([f"{{{key}: {value}}}" for key in keys], "or") if 0 < len(keys) <= MOST_MAPS else ""
 
 
 def _tag(error: StructureError) -> Diagnostic:
@@ -333,12 +349,23 @@ def _index(error: StructureError) -> Diagnostic:
     name = str(error.path[-1])
     known = (*INDEXES, "p50_response_time", "p95_response_time", "p99_response_time", "p99.9_response_time")
     advice = f"The indexes are {', '.join(INDEXES)}, and percentiles such as p95_response_time."
+    nearest = "maximum_response_time" if name.startswith("p100_") else did_you_mean(name, known)
     return UNKNOWN_INDEX.at(
         error.places.key(*error.path),
         f"{error.name}: there is no performance index {_show(name)}.",
-        question("maximum_response_time" if name.startswith("p100_") else did_you_mean(name, known)) or advice,
+        question(_same_percentile(name) or nearest) or advice,
         values={"path": error.name, "index": name},
     )
+
+
+def _same_percentile(name: str) -> str:
+    """The name of the same percentile: `p99_response_time` of `p99.0_response_time`; empty: it has none."""
+    match = re.fullmatch(r"p0*([0-9]{1,2})(?:\.([0-9]{1,15}))?(?:th)?_response_time", name)
+    if match is None:
+        return ""
+    whole, decimals = match[1], (match[2] or "").rstrip("0")
+    same = f"p{whole}{'.' if decimals else ''}{decimals}_response_time"
+    return same if percentile_index(same) else ""
 
 
 def _direction(error: StructureError) -> Diagnostic:

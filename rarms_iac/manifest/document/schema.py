@@ -141,6 +141,27 @@ def choices_at(path: Path) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
+def keys_of_map(path: Path) -> tuple[str, ...]:
+    """The keys that a map at this path must have; none where no map may stand there, or it needs none."""
+    maps = (schema for schema in _schemas(path) if schema.get("additionalProperties") is False)
+    return tuple(dict.fromkeys(key for schema in maps for key in schema.get("required", ())))
+
+
+def keys_for(path: Path, value: str | int) -> tuple[str, ...]:
+    """The keys of a map at this path that take this value: `every` takes `40 ms`; keys that it must have come alone."""
+    properties = [key for schema in _schemas(path) if "type" in schema for key in schema.get("properties", ())]
+    found = [key for key in dict.fromkeys(properties) if any(_takes(each, value) for each in _schemas((*path, key)))]
+    return tuple(key for key in found if key in keys_of_map(path)) or tuple(found)
+
+
+def _takes(schema: dict[str, Any], value: str | int) -> bool:
+    """Whether a scalar's own schema takes the value; a schema that takes any text does not count."""
+    if isinstance(value, int):
+        return schema.get("type") == "integer" and schema.get("minimum", value) <= value <= schema.get("maximum", value)
+    choices = (*schema.get("enum", ()), *((schema["const"],) if "const" in schema else ()))
+    return value in choices or ("pattern" in schema and re.search(schema["pattern"], value) is not None)
+
+
 def describe(path: Path) -> str:
     """The description of the field at this path; empty where there is none."""
     return next((schema["description"] for schema in _schemas(path) if "description" in schema), "")

@@ -110,6 +110,18 @@ def test_more_than_the_whole_host_kept_for_it_is_refused_there_and_nowhere_else(
     [
         ("40", '"40"', "Take away the quotes: 40."),
         ("mean_response_time", "p100_response_time", "Did you mean maximum_response_time?"),
+        ("mean_response_time", "p99.0_response_time", "Did you mean p99_response_time?"),
+        ("mean_response_time", "p99.90_response_time", "Did you mean p99.9_response_time?"),
+        ("[python3, vision.py]", "[a], arrival: 40 ms", "Write {every: 40 ms}."),
+        (
+            "[python3, vision.py]",
+            "[a], arrival: often",
+            "Write closed or a map with the key every.",
+        ),
+        ("[python3, vision.py]", "[a], until: 60 s", "Write {elapsed: 60 s}."),
+        ("[python3, vision.py]", "[a], until: 60", "Write {samples: 60}."),
+        ("[python3, vision.py]", "[a], samples: per_run", "Write {from: per_run}."),
+        ("criticality: 40", "cpu: 40 %\n    criticality: 40", "Write {reserve: 40 %} or {limit: 40 %}."),
     ],
 )
 def test_what_was_meant_is_advised(tmp_path: Path, before: str, after: str, advice: str) -> None:
