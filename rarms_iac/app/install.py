@@ -22,7 +22,8 @@ from rarms_iac.app.install_there import RobotPlaces
 from rarms_iac.app.install_wheels import PIP, RobotPython, Wheel, build_name, wheels_for
 from rarms_iac.app.options import flag, option
 from rarms_iac.app.use_case_errors import RequestError
-from rarms_iac.model.commands import Wording, command, prose
+from rarms_iac.model.commands import APPLY_ABANDON, Wording, command, prose
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import Connect, ProviderKind
 from rarms_iac.model.version import __version__
 from rarms_iac.providers.channel import SSH_FAILED, CommandChannel, ProgramChannel, last_of, ssh_channel
@@ -34,6 +35,7 @@ from rarms_iac.storage.shipped import shipped_module
 T = TypeVar("T")
 
 PLACES = RobotPlaces()
+STILL_OPEN = Finding.warning("RARMS417", "An unfinished run of another version stays on the host")
 SILENCE_S = 1_800.0
 """Seconds that a host may take to install."""
 
@@ -66,12 +68,13 @@ class InstallRequest:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FinishedRun:
-    """A run that the version which began it has finished."""
+class BegunRun:
+    """A run of a host, and the version that began it."""
 
     slice: str
     plan: str
     version: str
+    said: str = ""  # by that version, where it did not finish the run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +89,8 @@ class HostInstallation:
     machine: str
     boot: str = ""  # the file that starts partitions with the machine; empty: there is neither systemd nor cron
     sent_bytes: int = 0
-    finished: tuple[FinishedRun, ...] = ()
+    finished: tuple[BegunRun, ...] = ()
+    left: tuple[BegunRun, ...] = ()  # not finished by the version that began each
     removed: tuple[str, ...] = ()  # versions
 
 
@@ -95,6 +99,7 @@ class Installation:
     """What became of rarms on the hosts, in the order in which they were asked."""
 
     hosts: tuple[HostInstallation, ...]
+    findings: tuple[Diagnostic, ...] = ()
     kind: Literal["installation"] = "installation"
 
 
@@ -109,15 +114,16 @@ class _Look:
     versions: Mapping[str, str]  # the environment of each
     current: str
     boots: bool
+    unfinished: tuple[BegunRun, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Done:
     """A host's own words on what it did."""
 
-    before: str = ""
     boot: str = ""
-    finished: tuple[FinishedRun, ...] = ()
+    finished: tuple[BegunRun, ...] = ()
+    left: tuple[BegunRun, ...] = ()
     removed: tuple[str, ...] = ()
 
 
@@ -135,7 +141,7 @@ class _Refusal:
     wanted: str = ""
     found: str = ""
     code: int = 0
-    runs: tuple[FinishedRun, ...] = ()
+    runs: tuple[BegunRun, ...] = ()
     slices: tuple[str, ...] = ()
 
 
@@ -183,7 +189,28 @@ def install(hosts: Hosts, request: InstallRequest, control: Control = UNATTENDED
             host = _RobotSetup(name, _channel(hosts, name))
             with host_errors():
                 done.append(_remove(host) if request.removing else _install(host, wheels, control))
-    return Installation(hosts=tuple(done))
+    return Installation(
+        hosts=tuple(done), findings=tuple(_still_open(host.host, run) for host in done for run in host.left)
+    )
+
+
+def _still_open(host: str, run: BegunRun) -> Diagnostic:
+    reason = f"it ended with: {_last_line(run.said)}" if run.said else "it is not there"
+    return STILL_OPEN.of_host(
+        host,
+        f"{host}: rarms {run.version} began the run of plan {run.plan} and did not finish it; {reason.rstrip('.')}.",
+        prose(
+            f"Remove the reason, or install rarms {run.version} there, then run ",
+            command("install", host=host),
+            ". To close the run and leave the host as it is, run ",
+            APPLY_ABANDON,
+            ".",
+        ),
+        plan=run.plan,
+        began=run.version,
+        version=__version__,
+        reason=run.said,
+    )
 
 
 def _linux_hosts(hosts: Hosts) -> tuple[str, ...]:
@@ -209,7 +236,8 @@ def _install(host: "_RobotSetup", wheels: _Wheels, control: Control) -> HostInst
     python = _python_of(host.name, look)
     build = build_name(python)
     has_build = look.versions.get(__version__) == build
-    if has_build and look.current == __version__ and look.boots:
+    has_others_run = any(run.version != __version__ for run in look.unfinished)
+    if has_build and look.current == __version__ and look.boots and not has_others_run:
         return HostInstallation(
             host=host.name,
             before=look.current,
@@ -245,6 +273,7 @@ def _install(host: "_RobotSetup", wheels: _Wheels, control: Control) -> HostInst
         boot=done.boot,
         sent_bytes=size,
         finished=done.finished,
+        left=done.left,
         removed=done.removed,
     )
 

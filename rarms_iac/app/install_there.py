@@ -103,7 +103,8 @@ def look(_request: Facts, _archive: tarfile.TarFile, places: RobotPlaces) -> Fac
         "libc": list(platform.libc_ver()),
         "versions": {name: build.name for name, build in _versions(places).items()},
         "current": _current(places),
-        "boots": bool(places.boot_file and places.boot_file.is_file()),
+        "boots": places.boot_file is None or places.boot_file.is_file(),
+        "unfinished": _unfinished(places),
     }
 
 
@@ -117,7 +118,7 @@ def install(request: Facts, archive: tarfile.TarFile, places: RobotPlaces) -> Fa
     _refuse_writable(Path(sys.executable).resolve())
     with _held(places, make=True):
         _refuse_running(places)
-        finished = _finish_runs(places, version)
+        finished, left = _finish_runs(places, version)
         before, build = _current(places), places.builds / request["build"]
         _remove_rest(places)
         if _versions(places).get(version) != build:
@@ -126,10 +127,10 @@ def install(request: Facts, archive: tarfile.TarFile, places: RobotPlaces) -> Fa
             _point(root / version, f"{places.builds.name}/{build.name}")
         boot = _install_boot(places)
         _point(root / "current", version)
-        needed = {version, before, *(run["version"] for run in _unfinished(places))}
+        needed = {version, before, *(run["version"] for run in left)}
         removed = [] if before == version else _remove_versions(places, needed)
         _remove_rest(places)
-    return {"before": before, "finished": finished, "boot": boot, "removed": removed}
+    return {"finished": finished, "left": left, "boot": boot, "removed": removed}
 
 
 def remove(_request: Facts, _archive: tarfile.TarFile, places: RobotPlaces) -> Facts:
@@ -188,8 +189,7 @@ def _refuse_writable(path: Path) -> None:
     """Refuse what others than root can replace: root will run it."""
     for each in (path, *path.parents):
         found = each.stat()
-        others = stat.S_IWOTH if found.st_gid == 0 else stat.S_IWOTH | stat.S_IWGRP
-        if found.st_uid != 0 or (found.st_mode & others and not found.st_mode & stat.S_ISVTX):
+        if found.st_uid != 0 or found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
             raise Refused("writable", file=str(each))
 
 
@@ -320,24 +320,27 @@ def _unfinished(places: RobotPlaces) -> list[Facts]:
             except ValueError:
                 last = {}  # a crash tore it
             if last.get("kind") != "run_closed":
-                found.append({"slice": path.parent.name, "plan": started["plan"], "version": started["rarms"]})
+                run = {"slice": path.parent.name, "plan": started["plan"], "version": started["rarms"]}
+                found.append({**run, "said": ""})
     return found
 
 
-def _finish_runs(places: RobotPlaces, version: str) -> list[Facts]:
-    """Have each other version that is here finish the runs that it began."""
-    installed = _versions(places)
-    runs = [run for run in _unfinished(places) if run["version"] != version and run["version"] in installed]
-    for name in sorted({run["version"] for run in runs}):
+def _finish_runs(places: RobotPlaces, version: str) -> tuple[list[Facts], list[Facts]]:
+    """Have each other version that is here finish the runs that it began; return those, and those that are left."""
+    runs, installed, said = [run for run in _unfinished(places) if run["version"] != version], _versions(places), {}
+    for name in sorted({run["version"] for run in runs} & installed.keys()):
         try:
-            _run("finish", str(Path(places.versions, name, "bin", "python")), "-I", "-m", "rarms_iac", *FINISH)
+            _run("finish", str(Path(places.versions, name, "bin", "python")), "-I", "-m", FINISH)
         except Refused as refused:
-            raise Refused("unfinished", runs=runs, said=refused.facts.get("said", "")) from None
-    return runs
+            said[name] = str(refused.facts["said"])
+    open_now = [(run["slice"], run["plan"]) for run in _unfinished(places)]
+    left = [run for run in runs if (run["slice"], run["plan"]) in open_now]
+    finished = [run for run in runs if run not in left]
+    return finished, [{**run, "said": said.get(run["version"], "")} for run in left]
 
 
-FINISH = ("apply", "--unfinished", "--auto-approve")
-"""What each version understands: finish what is unfinished on this machine."""
+FINISH = "rarms_iac.robot.finish"
+"""The module of each version that finishes the runs which it began on this machine."""
 
 
 def _install_boot(places: RobotPlaces) -> str:

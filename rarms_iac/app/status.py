@@ -6,7 +6,7 @@ from fractions import Fraction
 from typing import Literal
 
 from rarms_iac.app.drift import look_for_drift
-from rarms_iac.app.hosts import Hosts, last_runs, observe_host
+from rarms_iac.app.hosts import Hosts, host_errors, last_runs, observe_host
 from rarms_iac.app.report import measured_report
 from rarms_iac.app.report_model import ComponentProof, ComponentVerdict, Report
 from rarms_iac.app.standing_proofs import HostNow, compared_with_hosts, host_now
@@ -232,7 +232,8 @@ def _holder(hosts: Hosts, name: str) -> str:
     if name in hosts.snapshots.hosts:
         return ""
     host = hosts.open(name)
-    return host.holder() if isinstance(host, StepwiseHost | RobotHost) else ""
+    with host_errors():
+        return host.holder() if isinstance(host, StepwiseHost | RobotHost) else ""
 
 
 def _host_overviews(hosts: Hosts) -> tuple[tuple[HostOverview, ...], tuple[Diagnostic, ...]]:

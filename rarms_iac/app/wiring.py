@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import assert_never
@@ -10,7 +10,7 @@ from typing import assert_never
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Connect, Host, HypervHost, LinuxHost, ProviderKind
-from rarms_iac.model.journal import ScriptRun
+from rarms_iac.model.journal import Journal, ScriptRun
 from rarms_iac.model.names import is_name
 from rarms_iac.model.state import State, TaskClass
 from rarms_iac.model.system import System
@@ -97,10 +97,34 @@ def start_after_boot(owner: str, timeout_ms: int) -> Mapping[str, tuple[str, ...
     Raises:
         HostError: another run holds a slice, or the machine does not start a partition.
     """
-    from rarms_iac.providers.cgroups.provider import STATE_FOLDER, LinuxHostProvider
-    from rarms_iac.providers.journaled import LocalFiles, journal_in
+    from rarms_iac.providers.cgroups.provider import LinuxHostProvider
 
     started: dict[str, tuple[str, ...]] = {}
+    for slice_name, journal in _journals_here():
+        host = LinuxHostProvider(journal.started.host_plan.host)
+        with host.lock(owner, timeout_ms):
+            started[slice_name] = host.start_after_boot()
+    return started
+
+
+def unfinished_hosts_here() -> Iterator[tuple[LiveHost, Journal]]:
+    """Yield this machine, a Linux host, once for each slice with an unfinished run, and that run.
+
+    Raises:
+        HostDamaged: a journal cannot be read.
+    """
+    from rarms_iac.providers.cgroups.provider import LinuxHostProvider
+
+    for _, journal in _journals_here():
+        if journal.unfinished:
+            yield LinuxHostProvider(journal.started.host_plan.host), journal
+
+
+def _journals_here() -> Iterator[tuple[str, Journal]]:
+    """The slices that rarms keeps on this machine, each with its last run."""
+    from rarms_iac.providers.cgroups.provider import STATE_FOLDER
+    from rarms_iac.providers.journaled import LocalFiles, journal_in
+
     for path in sorted(STATE_FOLDER.glob("*/journal.jsonl")):
         try:
             journal = journal_in(LocalFiles().content(path), path)
@@ -108,10 +132,7 @@ def start_after_boot(owner: str, timeout_ms: int) -> Mapping[str, tuple[str, ...
             advice = f"Restore {path} from a copy, or move it away to go on without it."
             raise HostDamaged(path.parent.name, f"{path} cannot be read: {problem}", advice) from problem
         if journal is not None:
-            host = LinuxHostProvider(journal.started.host_plan.host)
-            with host.lock(owner, timeout_ms):
-                started[path.parent.name] = host.start_after_boot()
-    return started
+            yield path.parent.name, journal
 
 
 def open_measuring_host(system: System, name: str, folder: Path, state_path: str) -> MeasuringHost | None:

@@ -22,6 +22,7 @@ STEP_FAILED = Finding.error("RARMS186", "A step failed")
 STEP_MISSED = Finding.error("RARMS187", "A step did not take effect")
 HOST_FAILED = Finding.error("RARMS189", "The host could not be read or changed")
 OTHER_VERSION = Finding.error("RARMS410", "The host has another version of rarms")
+OTHERS_UNFINISHED = Finding.error("RARMS416", "The unfinished run was begun by another version of rarms")
 HOST_UNREACHABLE = Finding.error("RARMS232", "The host cannot be reached")
 DAMAGED = Finding.error("RARMS190", "What the host keeps for rarms is damaged")
 NOT_REACHED = Finding.error("RARMS191", "The host is not as the plan left it")
@@ -72,6 +73,8 @@ def different_host(host: str, serial: int, planned: int) -> Diagnostic:
 
 def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
     """A run of another plan was begun and never closed."""
+    if isinstance(journal, Journal) and (other := begun_by_another_version(host, journal)) is not None:
+        return other
     started = journal.started
     either = prose(APPLY, " to finish it, ", UNDO, " to take it back")
     if started.run is RunKind.UNDO:
@@ -82,6 +85,30 @@ def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
         prose("Wait while that process still works. Otherwise run ", either, ", or ", _LEAVE),
         run=started.run.value,
         plan=started.plan,
+        owner=started.started_by,
+    )
+
+
+def begun_by_another_version(host: str, journal: Journal) -> Diagnostic | None:
+    """Return why this version does not end an unfinished run; None: it began the run, or the run is finished."""
+    started = journal.started
+    if not journal.unfinished or started.rarms == __version__:
+        return None
+    advice = prose(
+        "Nothing was changed. If the host is reached over ssh, run ",
+        command("install", host=host),
+        f": it has rarms {started.rarms} finish the run. Elsewhere run ",
+        APPLY,
+        f" of rarms {started.rarms}. Or run ",
+        _LEAVE,
+    )
+    return OTHERS_UNFINISHED.of_host(
+        host,
+        f"{_run(started)} on {host} was begun by rarms {started.rarms} and not finished; this is rarms {__version__}.",
+        advice,
+        plan=started.plan,
+        began=started.rarms,
+        version=__version__,
         owner=started.started_by,
     )
 

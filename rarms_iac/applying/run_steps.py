@@ -34,6 +34,8 @@ UNATTENDED_RUN = RunControl()
 
 def run_steps(host: StepwiseHost, journal: Journal, control: RunControl) -> RunReport:
     """Do what is left of the journal's run and close it. The caller holds the host's lock."""
+    if (other := refusals.begun_by_another_version(host.name, journal)) is not None:
+        return RunReport(ending=RunEnding.REFUSED, findings=(other,))
     started, reporter = journal.started, control.reporter
     done: dict[int, StepStatus] = {
         record.number: record.status for record in journal.steps if record.status is not StepStatus.BEGUN

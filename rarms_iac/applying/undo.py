@@ -33,6 +33,7 @@ from rarms_iac.model.journal import (
 from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.model.state import Rights
 from rarms_iac.model.step_titles import reversal
+from rarms_iac.model.version import __version__
 from rarms_iac.providers.interface import (
     NO_WAITING,
     HostError,
@@ -92,6 +93,8 @@ def without_rights(host: LiveHost) -> RunReport | None:
 def _walk_back(
     host: StepwiseHost, journal: Journal, last: Journal, origin: RunOrigin, control: RunControl
 ) -> RunReport:
+    if (other := refusals.begun_by_another_version(host.name, journal)) is not None:
+        return RunReport(ending=RunEnding.REFUSED, findings=(other,))
     if journal.started.run is RunKind.UNDO:
         return run_steps(host, journal, control)
     started = undo_run(journal, origin, last)
@@ -197,6 +200,7 @@ def undo_run(journal: Journal, origin: RunOrigin, last: Journal) -> RunStarted:
         steps=steps,
         started_by=origin.by,
         started_at=origin.at,
+        rarms=__version__,
         history=history_of(last),
         serials=raised_serials(last.started.serials, started.application),
     )

@@ -7,7 +7,7 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
-from rarms_iac.cli.messages import TerminalReporter
+from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.session import Session
 from rarms_iac.views.install import installation_text
 from rarms_iac.views.json_output import json_of
@@ -26,5 +26,6 @@ def install_command(
     hosts = select_hosts(load_manifest(source), host_selection)
     with TerminalReporter(session) as reporter:
         result = install(hosts, request, Control(reporter=reporter))
+    tell(session.terminal, result.findings)
     session.answer(lambda: json_of(result), lambda: installation_text(result))
     return ExitCode.DONE

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.applying import refusals
+from rarms_iac.model.version import __version__
 from rarms_iac.storage import disk
 from tests.crashing import Crash, CrashingDisk, When
 from tests.effort import LONG, Attempt, tried
@@ -131,3 +133,22 @@ def test_destroyed_target_may_be_destroyed_again(tmp_path: Path) -> None:
 
     assert (first.code, again.code, misspelt.code) == (0, 0, 4)
     assert 'Did you mean "partition/speech"?' in " ".join(misspelt.err.split())
+
+
+def test_run_of_another_version_is_closed_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    start = prepared(tmp_path / "start", [])
+    with chdir(start):
+        with disk.use(CrashingDisk(12)), pytest.raises(Crash):
+            rarms("apply", "--auto-approve")
+        monkeypatch.setattr(refusals, "__version__", "9.9")
+
+        for words in ("apply", "undo", "destroy", "plan"):
+            refused = rarms(words, *([] if words == "plan" else ["--auto-approve"]))
+            said = " ".join(refused.err.split())
+            assert refused.code == 3, words
+            assert f"was begun by rarms {__version__} and not finished; this is rarms 9.9" in said, words
+            assert "run `rarms install --host left`" in said, words
+
+        assert rarms("apply", "--abandon").code == 0
+        monkeypatch.undo()
+        assert rarms("apply", "--auto-approve").code == 0
