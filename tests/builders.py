@@ -324,6 +324,10 @@ class PathPlaces:
         """As `value`: there is no text in which they could differ."""
         return self.value(*path)
 
+    def text(self, *path: str | int) -> str:
+        """There is no text."""
+        return ""
+
 
 def a_mark(machine: str, application: str, name: str, digest: str) -> Mark:
     """The mark that makes the machine of this id the application's partition."""

@@ -277,6 +277,13 @@ class Places(Protocol):
             File, line and column, counted from 1.
         """
 
+    def text(self, *path: str | int) -> str:
+        """The text of the scalar at this path as it is written; empty if it stands in quotes or is not there.
+
+        Args:
+            path: as of `value`.
+        """
+
 
 Sources = Mapping[str, str | Sequence[str]]
 """The text of each file, or its lines, by the name that places use."""

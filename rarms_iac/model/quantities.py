@@ -136,9 +136,15 @@ def guaranteed(percent: int, virtual_processors: int) -> LogicalProcessors:
 def plain(value: Fraction | int) -> str:
     """A number without needless digits: `12`, `1.4`, `0.333`."""
     exact = Fraction(value)
-    if exact.denominator == 1:
-        return str(exact.numerator)
-    return f"{float(exact):.3f}".rstrip("0").rstrip(".")
+    return str(exact.numerator) if exact.denominator == 1 else _rounded(float(exact), 3)
+
+
+def _rounded(value: float, places: int) -> str:
+    """Round to so many decimals, or to as many as show that a value is not zero: `0.004`."""
+    text = f"{value:.{places}f}"
+    if value and not text.strip("-0."):
+        text = f"{value:.{-floor(log10(abs(value)))}f}"
+    return text.rstrip("0").rstrip(".")
 
 
 def show_number(value: float, *others: float) -> str:
@@ -164,11 +170,9 @@ def show_percent(value: Fraction | int) -> str:
 
 
 def show_processors(value: Fraction | int) -> str:
-    """`1.4 LP`, `0.33 LP`: what is shown of an amount; what is exact writes `show_amount`."""
+    """`1.4 LP`, `0.33 LP`, `0.004 LP`: a rounded amount; `show_amount` writes the exact one."""
     exact = Fraction(value)
-    if exact.denominator == 1:
-        return f"{exact.numerator} LP"
-    return f"{float(exact):.2f}".rstrip("0").rstrip(".") + " LP"
+    return f"{exact.numerator if exact.denominator == 1 else _rounded(float(exact), 2)} LP"
 
 
 def share_of_processors(percent: Fraction | int, processors: int) -> str:
@@ -180,8 +184,7 @@ def share_of_host(amount: Fraction | int, whole: Fraction | int, host: str) -> s
     """`13 % of onboard`: a share of a host's logical processors, always with its name; none where it has none."""
     if not whole:
         return ""
-    share = f"{float(100 * Fraction(amount) / whole):.1f}".removesuffix(".0")
-    return f"{share} % of {host}"
+    return f"{_rounded(float(100 * Fraction(amount) / whole), 1)} % of {host}"
 
 
 def show_reserve(percent: int, processors: int) -> str:

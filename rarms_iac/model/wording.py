@@ -1,6 +1,7 @@
 """Wording of messages: words in a row, small numbers, and what was probably meant by a misspelt name."""
 
 import re
+import unicodedata
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -94,6 +95,27 @@ def last_words(said: str, code: int | None = None) -> str:
         return "it gave no reason"
     ended = f"signal {-code} ended it" if code < 0 else f"it ended with exit code {code}"
     return f"{ended}, and it gave no reason"
+
+
+_IGNORED = frozenset("\u034f\u115f\u1160\u17b4\u17b5\u2800\u3164\uffa0")
+"""Characters that are letters or signs for Unicode, and that nobody sees."""
+
+
+def is_invisible(character: str) -> bool:
+    """Tell whether a reader does not see a character, or takes it for the space of the keyboard."""
+    if character.isascii():
+        return not character.isprintable()
+    return (
+        unicodedata.category(character) in {"Zs", "Zl", "Zp", "Cf", "Cc"}
+        or character in _IGNORED
+        or "\ufe00" <= character <= "\ufe0f"
+    )
+
+
+def name_character(character: str) -> str:
+    """`a no-break space (U+00A0)`: a character in words, with its number."""
+    name = unicodedata.name(character, {"\t": "tab", "\n": "line feed"}.get(character, "control character")).lower()
+    return f"{'an' if name[0] in 'aeio' else 'a'} {name} (U+{ord(character):04X})"
 
 
 MOST_CANDIDATES = 400

@@ -1,5 +1,6 @@
 """Manifests with something wrong, and exactly what is told of them."""
 
+import json
 import re
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pytest
 
 from rarms_iac.manifest.checks.violation import CHECKS
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.wording import quoted
 from tests.cases.findings_of import case_folders, diagnostics_of, findings_of
 
 NAME = re.compile(r'"([^"]+)"')
@@ -44,4 +46,5 @@ def test_each_name_in_a_sentence_is_a_field_too(folder: Path) -> None:
 
 def _facts(diagnostic: Diagnostic) -> list[str]:
     facts = [fact if isinstance(fact, tuple) else (fact,) for fact in diagnostic.values.values()]
-    return [str(part) for fact in facts for part in fact]
+    texts = [str(part) for fact in facts for part in fact]
+    return [*texts, *(quoted(json.dumps(text, ensure_ascii=False)) for text in texts)]  # as sentences spell them out

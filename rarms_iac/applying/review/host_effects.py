@@ -12,7 +12,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import HostPlan, Purpose
-from rarms_iac.model.quantities import show_bytes, show_processors
+from rarms_iac.model.quantities import guaranteed, show_bytes, show_processors
 from rarms_iac.model.state import Partition, PartitionSettings, RegistryValue, TaskClass, ValueKind
 from rarms_iac.model.system import TaskCategory
 from rarms_iac.model.wording import in_a_row
@@ -114,8 +114,8 @@ def review_unmanaged_machines(request: PlanRequest, desired: Desired, plan: Host
         old, new = busy_share(settings, before, available), busy_share(settings, after, available)
         if new < old:
             losers[machine.id] = (
-                f'"{settings.name}" ({machine.id[:8]}) about {float(old):.2f} -> {float(new):.2f} LP, '
-                f"{settings.reserve * settings.processors / 100:.2f} LP reserved"
+                f'"{settings.name}" ({machine.id[:8]}) about {show_processors(old)} -> {show_processors(new)}, '
+                f"{show_processors(guaranteed(settings.reserve, settings.processors))} reserved"
             )
     if losers:
         yield UNMANAGED_GETS_LESS.of_host(

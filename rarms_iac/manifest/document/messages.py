@@ -3,6 +3,8 @@
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 from rarms_iac.manifest.document.schema import Path, choices_at, describe, keys_at, keys_for, keys_of_map
@@ -12,8 +14,9 @@ from rarms_iac.manifest.text.positions import dotted
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.indexes import INDEXES, percentile_index
 from rarms_iac.model.names import NAME_PATTERN, nearest_name
+from rarms_iac.model.quantities import plain
 from rarms_iac.model.task_names import TASK_PATTERN
-from rarms_iac.model.wording import did_you_mean, in_a_row, question
+from rarms_iac.model.wording import did_you_mean, in_a_row, is_invisible, name_character, question
 
 _OTHER_SPELLINGS = {
     "B": ("b",),
@@ -27,7 +30,7 @@ _OTHER_SPELLINGS = {
     "min": ("minute", "minutes"),
     "h": ("hour", "hours"),
     "%": ("percent", "pct"),
-    "LP": ("lps", "cpu", "cpus", "core", "cores"),
+    "LP": ("lps", "cpu", "cpus", "vcpu", "vcpus", "core", "cores", "processor", "processors"),
     "/s": ("hz", "fps", "per second"),
 }
 
@@ -75,7 +78,7 @@ def findings_of_structure(problem: NotAManifest) -> list[Diagnostic]:
     # A key that is missing because it is misspelt is reported once: where it is misspelt.
     misspelt = {meant for error in errors if (meant := _meant_key(error)) is not None}
     shown = [
-        _MESSAGES.get(error.kind, _not_read)(error)
+        _with_invisible(_MESSAGES.get(error.kind, _not_read)(error), error)
         for error in errors
         if not (error.kind == "missing" and error.path in misspelt)
     ]
@@ -89,22 +92,47 @@ def findings_of_structure(problem: NotAManifest) -> list[Diagnostic]:
     return shown
 
 
+def _with_invisible(found: Diagnostic, error: StructureError) -> Diagnostic:
+    """Name the first character of a wrong text or key that a reader does not see."""
+    text = str(error.path[-1]) if error.kind in _WRONG_KEYS else error.value
+    hidden = next(filter(is_invisible, text), None) if isinstance(text, str) else None
+    if hidden is None:
+        return found
+    return replace(found, detail=f"{found.detail} A{name_character(hidden)[1:]} stands {_where(text, hidden)}.")
+
+
+def _where(text: str, character: str) -> str:
+    before, _, after = text.partition(character)
+    if re.search(r"[0-9.]\s*$", before) and re.match(r"\s*[A-Za-z%/\u00b5\u03bc]", after):
+        return "before the unit"
+    if not before.strip():
+        return f"before {_show(after.strip())}"
+    return f"in {_show(text)}" if after.strip() else f"behind {_show(before.strip())}"
+
+
 def _show(value: Any) -> str:
-    """A value as a message shows it, short."""
+    """A value as a message shows it: short, and with invisible characters spelt out."""
     text = json.dumps(value, ensure_ascii=False, default=str)
-    return text if len(text) <= 60 else text[:57] + "..."
+    text = text if len(text) <= 60 else text[:57] + "..."
+    return "".join(f"<U+{ord(sign):04X}>" if is_invisible(sign) else sign for sign in text)
 
 
-def _kind_of(value: Any) -> str:
-    match value:
+def _show_written(error: StructureError) -> str:
+    """The value of an error as the manifest has it: 3.10, where the value is the number 3.1."""
+    is_number = isinstance(error.value, bool | int | float) and not error.is_key
+    return (error.places.text(*error.path) if is_number else "") or _show(error.value)
+
+
+def _kind_of(error: StructureError) -> str:
+    match error.value:
         case None:
             return "null"
         case bool():
-            return f"{_show(value)} (true or false)"
+            return f"{_show_written(error)} (true or false)"
         case int() | float():
-            return f"the number {_show(value)}"
+            return f"the number {_show_written(error)}"
         case str():
-            return f"the text {_show(value)}"
+            return f"the text {_show(error.value)}"
         case dict():
             return "a map"
         case _:
@@ -163,11 +191,11 @@ def _wrong_kind(error: StructureError) -> Diagnostic:
     elif needed == "a map" and (maps := _maps_with(error.path, error.value)):
         advice = f"Write {maps}."
     elif error.kind == "string_type" and isinstance(error.value, bool | int | float):
-        advice = f'Put it into quotes: "{_show(error.value)}".'
+        advice = f'Put it into quotes: "{_show_written(error)}".'
     elif error.kind == "int_type" and isinstance(error.value, str) and re.fullmatch(r"[0-9]{1,15}", error.value):
         advice = f"Take away the quotes: {error.value}."
     return WRONG_KIND.at(
-        error.place, f"{error.name} must be {needed}, but it is {_kind_of(error.value)}.", advice, values=_facts(error)
+        error.place, f"{error.name} must be {needed}, but it is {_kind_of(error)}.", advice, values=_facts(error)
     )
 
 
@@ -205,7 +233,7 @@ def _maps_with(path: Path, value: Any) -> str:
 def _tag(error: StructureError) -> Diagnostic:
     """An alternative that is chosen by `kind`."""
     if not isinstance(error.value, dict):
-        detail = f"{error.name} must be a map, but it is {_kind_of(error.value)}."
+        detail = f"{error.name} must be a map, but it is {_kind_of(error)}."
         return WRONG_KIND.at(error.place, detail, "Write a map with the key kind.", values=_facts(error))
     path = (*error.path, "kind")
     if "kind" not in error.value:
@@ -226,9 +254,10 @@ def _quantity(error: StructureError) -> Diagnostic:
     advice = f"Write a number with the unit {fitting}. Example: {example}."
     match error.value:
         case bool() | None | dict() | list():
-            detail = f"{error.name} must be a number with a unit, but it is {_kind_of(error.value)}."
+            detail = f"{error.name} must be a number with a unit, but it is {_kind_of(error)}."
         case int() | float():
-            detail = f"{error.name} is {_show(error.value)}, a number without a unit."
+            detail = f"{error.name} is {_show_written(error)}, a number without a unit."
+            advice = _amount_meant(_show_written(error), units) or advice
         case text:
             problem, better = _quantity_problem(str(text), units, positive=error.facts["positive"])
             detail = f"{error.name} is {_show(text)}{problem}."
@@ -239,6 +268,11 @@ def _quantity(error: StructureError) -> Diagnostic:
 
 def _quantity_problem(text: str, units: tuple[str, ...], *, positive: bool) -> tuple[str, str]:
     """What is wrong with a text that is no such quantity, and what to write; empty where only the form helps."""
+    if any(map(is_invisible, text)):
+        seen = "".join(" " if sign.isspace() else "" if is_invisible(sign) else sign for sign in text[:100])
+        found = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?)\s*(\S+)", seen.strip())
+        unit = nearest_unit(found[2], units) if found else None
+        return "", question(f"{found[1]} {unit}") if found and unit else ""
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(.*?)\s*", text[:100])
     if any(character.isdigit() and not character.isascii() for character in text):
         return ". Only the digits 0 to 9 are allowed", ""
@@ -249,7 +283,9 @@ def _quantity_problem(text: str, units: tuple[str, ...], *, positive: bool) -> t
         return ", but the decimal sign is a point", question(f"{whole}.{decimals} {nearest_unit(unit, units) or unit}")
     number, unit = match.groups()
     if not unit:
-        return ", a number without a unit", ""
+        return ", a number without a unit", _amount_meant(number, units)
+    if unit == "m" and "LP" in units:  # Kubernetes: thousandths of a processor
+        return ', but "m" is not a unit that fits', question(f"{plain(Fraction(number) / 1000)} LP")
     if unit not in units:
         better = nearest_unit(unit, units)
         if not better:
@@ -261,6 +297,13 @@ def _quantity_problem(text: str, units: tuple[str, ...], *, positive: bool) -> t
     if positive and not number.strip("0."):
         return ". It must be more than zero", ""
     return ". A number has at most 15 digits on each side of the point, and one space before its unit", ""
+
+
+def _amount_meant(number: str, units: tuple[str, ...]) -> str:
+    """The question for a number without a unit where an amount of processor time is asked for; else nothing."""
+    if "LP" not in units or not re.fullmatch(r"[0-9]+(\.[0-9]+)?", number) or not number.strip("0."):
+        return ""
+    return question(f"{number} LP" if Fraction(number) < 1 else f"{number} % or {number} LP")
 
 
 def _pattern(error: StructureError) -> Diagnostic:
@@ -298,7 +341,7 @@ def _as_name(text: str) -> str | None:
 def _range(error: StructureError) -> Diagnostic:
     bound = "at least" if error.kind == "greater_than_equal" else "at most"
     limit = error.facts.get("ge", error.facts.get("le"))
-    detail = f"{error.name} is {_show(error.value)}. It must be {bound} {limit}."
+    detail = f"{error.name} is {_show_written(error)}. It must be {bound} {limit}."
     return OUT_OF_RANGE.at(error.place, detail, describe(error.path), values={**_facts(error), "limit": limit})
 
 
@@ -397,8 +440,11 @@ def _no_such_day(error: StructureError) -> Diagnostic:
 def _not_read(error: StructureError) -> Diagnostic:
     """An error without words of its own: still a place, the value, and what the field is for."""
     advice = describe(error.path) or "Check the manifest reference."
-    return NOT_READ.at(error.place, f"{error.name} cannot be {_show(error.value)}.", advice, values=_facts(error))
+    return NOT_READ.at(error.place, f"{error.name} cannot be {_show_written(error)}.", advice, values=_facts(error))
 
+
+_WRONG_KEYS = {"extra_forbidden", "rarms_index"}
+"""Errors of a key, which is the last step of their path."""
 
 _MESSAGES: Mapping[str, Callable[[StructureError], Diagnostic]] = {
     **dict.fromkeys(_KINDS, _wrong_kind),

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
-from rarms_iac.manifest.text.tree import Collection, Entry, Node, entries_by_key, place_of_node
+from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar, entries_by_key, place_of_node
 from rarms_iac.model.diagnostics import Place
 
 _SIMPLE_KEY = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_ -]{0,80}")
@@ -40,6 +40,11 @@ class ManifestPlaces:
         """The place of the key at this path, or of the item of a list; of its nearest parent's likewise."""
         node, key, _ = self._walk(path)
         return _at(node if key is None else key, path)
+
+    def text(self, *path: str | int) -> str:
+        """The text of the scalar without quotes at this path: `3.10`, of which the value is 3.1."""
+        node, _, steps = self._walk(path)
+        return node.value if steps == len(path) and isinstance(node, Scalar) and not node.style else ""
 
     def _walk(self, path: tuple[str | int, ...]) -> tuple[Node, Node | None, int]:
         """How far the path leads: the last node, its key (of a list: the item), and the steps that are there."""
@@ -81,3 +86,8 @@ class FirstLine:
     def key(self, *path: str | int) -> Place:
         """The first line."""
         return self.value(*path)
+
+    def text(self, *path: str | int) -> str:
+        """Nothing was read."""
+        del path
+        return ""

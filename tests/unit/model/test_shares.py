@@ -7,8 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rarms_iac.model.quantities import (
+    LogicalProcessors,
     NotAQuantity,
     Percent,
+    ProcessorTime,
     ShareOfHost,
     Unit,
     parse_quantity,
@@ -56,6 +58,19 @@ def test_memory_is_written_as_identities_of_data_logs_have_it() -> None:
 @given(st.integers(0, 2**49))
 def test_what_is_written_of_memory_is_exact(size: int) -> None:
     assert parse_quantity(write_bytes(size), Unit.MEMORY) == (Unit.MEMORY, Fraction(size))
+
+
+@given(st.fractions(min_value=Fraction(1, 10**9), max_value=100))
+def test_an_amount_above_zero_is_not_shown_as_zero(amount: Fraction) -> None:
+    shown = [
+        show_processors(amount),
+        show_processors(-amount),
+        show_amount(ProcessorTime(LogicalProcessors(amount))),
+        share_of_host(amount, 100, "cell").removesuffix(" of cell"),
+    ]
+
+    assert [text for text in shown if not float(text.split()[0])] == []
+    assert show_processors(Fraction(1, 250)) == "0.004 LP"
 
 
 def test_amounts_have_two_decimals_and_shares_say_of_what() -> None:

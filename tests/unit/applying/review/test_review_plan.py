@@ -125,7 +125,7 @@ class TestUnmanaged:
         (finding,) = findings(build.create(partition(settings(reserve=60))), machines=[STRANGER])
 
         assert (finding.code, finding.address) == ("RARMS223", "host/onboard")
-        assert "about 2.00 -> 0.50 LP, 0.20 LP reserved" in finding.detail
+        assert "about 2 LP -> 0.5 LP, 0.2 LP reserved" in finding.detail
 
     def test_several_are_told_in_one_finding(self) -> None:
         other = partition(settings("other", processors=2, reserve=10), application=None)
