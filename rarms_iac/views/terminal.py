@@ -38,8 +38,9 @@ class Terminal:
     lively: bool = False  # standard error is a terminal: lines may be written over
     answers: bool = False  # a user can be asked
     width: int = DEFAULT_WIDTH
-    piped: bool = False  # standard output is no terminal: its lines stay whole, however long
-    talk_piped: bool = False  # the same of standard error
+    piped: bool = False  # standard output is not a terminal: a script goes there as it is
+    wrapped: bool = True  # standard output has a width; without one its lines stay whole, however long
+    talk_wrapped: bool = True  # the same of standard error
     debug: bool = False
     answered: bool = False  # data was written
     out_closed: bool = False  # the process was started without a standard output
@@ -104,7 +105,7 @@ class Terminal:
     def show(self, content: "RenderableType") -> None:
         """Write what a person asked for, laid out for standard output."""
         self.answered = True
-        self._write(self._render(content, piped=self.piped, colour=self.colour), is_coloured=self.colour)
+        self._write(self._render(content, wrapped=self.wrapped, colour=self.colour), is_coloured=self.colour)
 
     def talk(self, content: "RenderableType | Wording") -> None:
         """Write what is said beside it, with a line end; text in its lines, anything else laid out by rich."""
@@ -112,13 +113,13 @@ class Terminal:
         if isinstance(content, str | Prose):
             text = visible(plain_text(content, self.manifest_options)) + "\n"
         else:
-            text = self._render(content, piped=self.talk_piped, colour=self.talk_colour)
+            text = self._render(content, wrapped=self.talk_wrapped, colour=self.talk_colour)
         self.err = write_text(self.err, text)
 
-    def _render(self, content: "RenderableType", *, piped: bool, colour: bool) -> str:
+    def _render(self, content: "RenderableType", *, wrapped: bool, colour: bool) -> str:
         from rarms_iac.views.console import UNLIMITED, render
 
-        return render(content, UNLIMITED if piped else self.width, colour=colour, manifest=self.manifest_options)
+        return render(content, self.width if wrapped else UNLIMITED, colour=colour, manifest=self.manifest_options)
 
     def tell(self, text: Wording) -> None:
         """Write sentences beside it, wrapped between words, and show them now; what begins with blanks is an item.
@@ -126,7 +127,7 @@ class Terminal:
         NOTE: without rich, whose import a command with `--json` would wait for.
         """
         text = plain_text(text, self.manifest_options)
-        if not self.talk_piped:
+        if self.talk_wrapped:
             indent = len(text) - len(text.lstrip(" "))
             further = " " * (indent + 2) if indent else ""
             text = fill(text, self.width, subsequent_indent=further, break_long_words=False, break_on_hyphens=False)
@@ -173,8 +174,9 @@ def this_terminal(environment: Mapping[str, str] = os.environ) -> Terminal:
         lively=err.isatty() and environment.get("TERM") != "dumb",
         answers=sys.stdin is not None and sys.stdin.isatty() and err.isatty(),
         width=width_of(out, environment),
-        piped=not _has_width(out, environment),
-        talk_piped=not _has_width(err, environment),
+        piped=not out.isatty(),
+        wrapped=_has_width(out, environment),
+        talk_wrapped=_has_width(err, environment),
         out_closed=sys.stdout is None and os.name != "nt",  # a Windows program without a console has none
     )
 

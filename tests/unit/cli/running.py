@@ -33,10 +33,13 @@ class _Typed(io.TextIOWrapper):
         return True
 
 
-def rarms(*words: str, stdin: str = "", at_a_terminal: bool = False) -> Ran:
-    """`rarms` with these words, standard input being this text, which a user types at a terminal, or a file."""
+def rarms(*words: str, stdin: str = "", at_a_terminal: bool = False, shown_at_a_terminal: bool = False) -> Ran:
+    """`rarms` with these words, standard input being this text, which a user types at a terminal, or a file.
+
+    Standard output is a file, unless it is shown at a terminal.
+    """
     tried(Attempt.TERMINAL, at_a_terminal)
-    out, err = _stream(), _stream(at_a_terminal=at_a_terminal)
+    out, err = _stream(at_a_terminal=shown_at_a_terminal), _stream(at_a_terminal=at_a_terminal)
     used = UnflushedDisk() if type(disk.current()) is disk.FileEffects else disk.current()
     with disk.use(used), redirect_stdout(out), redirect_stderr(err), _reading(stdin, at_a_terminal=at_a_terminal):
         code = main(list(words))

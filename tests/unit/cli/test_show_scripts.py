@@ -49,12 +49,15 @@ def test_numbers_are_those_of_the_file_and_the_module_is_left_out(
     plan: str, folder: Path, single: Path, form: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     more = ("--single-file",) if form == "single" else ()
-    piped = rarms("show", "--script", plan, "--guest", "", "--host", "cell", *more).out
-    monkeypatch.setenv("COLUMNS", "80")  # as at a terminal
+    words = ("show", "--script", plan, "--guest", "", "--host", "cell", *more)
+    piped = rarms(*words).out
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("NO_COLOR", "1")
     written = (single if form == "single" else folder) / "cell.ps1"
     lines = written.read_bytes().decode("ascii").split("\r\n")
 
-    shown = rarms("show", "--script", plan, *more).out
+    assert rarms(*words).out == piped  # COLUMNS sets a width and nothing else
+    shown = rarms("show", "--script", plan, *more, shown_at_a_terminal=True).out
 
     numbered = re.findall(r"^ *([0-9]+)(?:  (.*))?$", shown, re.MULTILINE)
     assert all(lines[int(number) - 1].rstrip() == text for number, text in numbered)

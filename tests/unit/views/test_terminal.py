@@ -45,7 +45,7 @@ def test_no_reader_means_80_columns_and_a_terminal_its_own_within_reason() -> No
 def test_sentences_keep_to_the_terminal_and_a_pipe_gets_them_whole() -> None:
     err = io.StringIO()
     Terminal(out=io.StringIO(), err=err, width=20).tell("one two three four five six")
-    Terminal(out=io.StringIO(), err=err, width=20, talk_piped=True).tell("one two three four five six")
+    Terminal(out=io.StringIO(), err=err, width=20, talk_wrapped=False).tell("one two three four five six")
 
     assert err.getvalue().splitlines() == ["one two three four", "five six", "one two three four five six"]
 
