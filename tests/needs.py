@@ -112,6 +112,9 @@ NEEDS: dict[str, Need] = {
     "make": Need(missing=_program("make"), obtainable=_on_posix),
     "network": Need(missing=_no_package_index, obtainable=_on_posix),
     "not-root": Need(missing=lambda: "root may do everything" if _is_root() else "", obtainable=lambda: not _is_root()),
+    "podman": Need(
+        missing=lambda: _program("podman")() or _program("runc")() or _program("busybox")(), obtainable=_on_linux
+    ),
     "posix": Need(missing=lambda: "this is Windows" if ON_WINDOWS else "", obtainable=_on_posix),
     "pre-commit": Need(
         missing=lambda: "" if importlib.util.find_spec("pre_commit") else "pre-commit is not installed",

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from rarms_iac.app.manifests import Manifest
+from rarms_iac.measuring.work_findings import MORE_MEMORY, memory_kills
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Verdict
 from rarms_iac.model.output import Internal, output
@@ -36,6 +37,7 @@ class ComponentRunResult:
     series: Series
     ending: SamplingEnd
     skipped_lines: SkippedLines = SkippedLines()
+    killed_for_memory: Internal[int] = 0  # so many of its processes the kernel killed, whose group had no memory left
 
     @output
     def apt(self) -> Mapping[str, Threshold]:
@@ -84,6 +86,8 @@ def findings_of_run(result: ComponentRunResult, manifest: Manifest, *, reserved:
         Too many failed samples, or each APT that is missed although nothing was reserved.
     """
     name, places = result.component.name, manifest.places
+    if result.killed_for_memory:
+        yield from memory_kills({name: result.killed_for_memory}, places)
     address = f"component/{name}"
     if result.ending is SamplingEnd.FAILURES:
         reasons = list(dict.fromkeys(sample.failure for sample in result.series.samples if sample.failure))
@@ -92,9 +96,11 @@ def findings_of_run(result: ComponentRunResult, manifest: Manifest, *, reserved:
             places.key("components", name, "run"),
             f'"{name}" had {count} and may have {result.run.failures}: '
             f"{'; '.join(reasons[:FAILURES_SHOWN])}. Such a setting gets no verdict.",
-            "Look at what it says on standard error (shown above), and whether `run.samples` fits its output; each "
-            "line must be written at once (flushed). `run.failures` allows some; a job of `per_run` may end with any "
-            "exit code where the APT has a `success_rate`.",
+            MORE_MEMORY
+            if result.killed_for_memory
+            else "Look at what it says on standard error (shown above), and whether `run.samples` fits its output; "
+            "each line must be written at once (flushed). `run.failures` allows some; a job of `per_run` may end with "
+            "any exit code where the APT has a `success_rate`.",
             address=address,
             values={
                 "component": name,

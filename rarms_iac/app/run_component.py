@@ -4,6 +4,7 @@ Begin at `run_components`: it shows whether the manifest's `run` is right, befor
 """
 
 import sys
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -28,15 +29,20 @@ from rarms_iac.app.manifests import Manifest, unaccepted_short_secrets
 from rarms_iac.app.options import argument, flag, option, read_time
 from rarms_iac.app.process_place import find_place
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
+from rarms_iac.measuring.work_findings import work_outside
 from rarms_iac.model.commands import command, prose
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Call, Elapsed, Run, SampleCount
 from rarms_iac.model.series import Sample
+from rarms_iac.model.setting import OutsideWork
 from rarms_iac.model.system import Component, System, run_of
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.running.component import ComponentRun, run_in_parallel
+from rarms_iac.running.kernel_files import UnreadableFile
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
 from rarms_iac.running.start import CannotStart, ProcessPlace, RunningError, StartContext, become, order_of
+from rarms_iac.running.work_places import WorkPlaces
 from rarms_iac.storage.codec import decode
 
 
@@ -110,12 +116,15 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
     system, chosen = manifest.system, _chosen(manifest, request)
     base = manifest.code_folder.resolve()
     results: list[ComponentRunResult] = []
+    findings = [*unaccepted_short_secrets(manifest, (component for component, _ in chosen))]
     listener = reporter or SampleReporter()
     places = {component.name: find_place(manifest, component, listener.place_chosen) for component, _ in chosen}
     try:
         with _load(system, request, base) as load:
             for group in [chosen] if request.together else [[component] for component in chosen]:
-                results += _run_group(group, base, places, load, listener)
+                group_results, outside = _run_group(group, base, places, load, listener)
+                results += group_results
+                findings += _work_outside(manifest, group_results, outside)
     except (LoadEnded, CannotStart) as problem:
         if isinstance(problem, CannotStart) and problem.component in system.components:
             finding = cannot_start(manifest, problem)
@@ -123,12 +132,15 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
             name = problem.load if isinstance(problem, LoadEnded) else problem.component
             finding = load_problem(name, problem.message)
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
+    except UnreadableFile as problem:
+        advice = "Compare it with what the kernel documents; a tool may have put a file over it."
+        finding = CANNOT_START.at(None, f"{problem}.", advice, values={"reason": str(problem)})
+        raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
     except RunningError as problem:
         finding = CANNOT_START.at(
             None, f"{problem}.", "It was ended from outside: run it again.", values={"reason": str(problem)}
         )
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
-    findings = [*unaccepted_short_secrets(manifest, (component for component, _ in chosen))]
     for result in results:
         findings += findings_of_run(result, manifest, reserved=places[result.component.name] != ProcessPlace())
     return RunOutcome(results=tuple(results), findings=tuple(findings))
@@ -229,11 +241,14 @@ def _run_group(
     places: Mapping[str, ProcessPlace],
     load: InterferingLoad | None,
     reporter: SampleReporter,
-) -> list[ComponentRunResult]:
+) -> tuple[list[ComponentRunResult], tuple[OutsideWork, ...]]:
+    looked, began = WorkPlaces(folder for place in places.values() for folder in place.groups), time.perf_counter()
     runs = [
         ComponentRun(component.name, run, StartContext(base=base, inside=places[component.name]))
         for component, run in group
     ]
+    for run in runs:
+        run.call_before_end(lambda: looked.look([run.place for run in runs]))
     numbers = {run.component: 0 for run in runs}
     with run_in_parallel(runs) as samples:
         for name, sample in samples:
@@ -248,9 +263,18 @@ def _run_group(
             series=process.series(),
             ending=process.ending,
             skipped_lines=process.skipped,
+            killed_for_memory=process.killed_for_memory,
         )
         for (component, run), process in zip(group, runs, strict=True)
     ]
     for result, process in zip(results, runs, strict=True):
         reporter.ended(result, process.tail)
-    return results
+    return results, looked.outside([run.place for run in runs], 1000 * (time.perf_counter() - began))
+
+
+def _work_outside(
+    manifest: Manifest, results: Sequence[ComponentRunResult], outside: Sequence[OutsideWork]
+) -> Iterator[Diagnostic]:
+    names = [result.component.name for result in results]
+    place = manifest.places.key("components", names[0])
+    return work_outside(names, outside, place, f"component/{names[0]}")

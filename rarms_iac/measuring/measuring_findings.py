@@ -7,6 +7,7 @@ from typing import assert_never
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, why_unsteady
 from rarms_iac.measuring.search.bracketing import WIDTH
 from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring.work_findings import MORE_MEMORY, why_out_of_memory
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding, Places
 from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value
@@ -88,16 +89,8 @@ def findings_of(
             yield from _not_achievable(experiment, reserve, settings, places)
         case NotResolved():
             yield from _not_resolved(experiment, conclusion, settings, places)
-        case SettingFailed(reserve=reserve, verdict=TooManyFailures(component=component, failures=failures)):
-            reasons = "; ".join(dict.fromkeys(failures[:SHOWN_FAILURES]))
-            yield FAILED_SAMPLES.at(
-                places.key("components", component),
-                f"{component} at {reserve} % of its VPs: {counted(len(failures), 'sample')} failed, and `run.failures` "
-                f"allows fewer: {reasons}.",
-                f"Run it alone and mend what fails, or allow it: `run: {{ failures: {len(failures)} }}`.",
-                address=f"component/{component}",
-                values={"component": component, "reserve_percent": reserve, "failed_samples": len(failures)},
-            )
+        case SettingFailed(reserve=reserve, verdict=TooManyFailures() as failed):
+            yield failed_samples(failed, f"at {reserve} % of its VPs", places, reserve_percent=reserve)
         case Sufficient(reserve=reserve):
             yield from _less_unknown(experiment, conclusion, settings, places)
             yield from _fixed_anyway(experiment, reserve, places)
@@ -106,6 +99,29 @@ def findings_of(
             return
         case _:
             assert_never(conclusion)
+
+
+def failed_samples(failed: TooManyFailures, where: str, places: Places, **values: float) -> Diagnostic:
+    """Make the finding that more samples failed than a component allows.
+
+    Args:
+        failed: The verdict.
+        where: The setting or the layout, in words.
+        places: Lines of the manifest.
+        values: More facts.
+    """
+    component, count = failed.component, len(failed.failures)
+    reasons = "; ".join(dict.fromkeys(failed.failures[:SHOWN_FAILURES]))
+    run_alone = prose("Run it alone and correct it: ", command("run", component), ". ")
+    allow = f"Or allow that: `run: {{ failures: {count} }}`."
+    return FAILED_SAMPLES.at(
+        places.key("components", component),
+        f"{component} {where}: {counted(count, 'sample')} failed, and `run.failures` allows {failed.allowed}: "
+        f"{reasons}.{why_out_of_memory(failed)}",
+        MORE_MEMORY if failed.out_of_memory else prose(run_alone, allow),
+        address=f"component/{component}",
+        values={"component": component, "failed_samples": count, "killed_for_memory": failed.out_of_memory, **values},
+    )
 
 
 def show_index(measured: MeasuredIndex, *, helps: bool = True) -> str:

@@ -44,7 +44,7 @@ from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import LEAST_MEMORY, Milliseconds, ReservePercent
 from rarms_iac.model.run import Elapsed, Periodic, SampleCount
 from rarms_iac.model.series import MOST_SAMPLES, Series, join_series
-from rarms_iac.model.setting import OutsideWork
+from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.system import Component, TaskRequest, run_of
 from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.measuring import MeasuringHost, PartitionShape, PartitionWork, Work
@@ -146,7 +146,7 @@ class LayoutProof:
     series: Internal[Mapping[str, Series]]  # by component, of those with thresholds
     verdicts: tuple[IndexVerdict, ...]  # every index of every threshold, components by name
     starts: int  # how often its components began anew
-    outside: Internal[tuple[OutsideWork, ...]] = ()  # work in none of the partitions, of all starts
+    evidence: Internal[tuple[SettingEvidence, ...]] = ()  # of each start, where the host counts something
     host_ms: Internal[float] = 0.0  # what it took of the host's time
     wall_seconds: Internal[float] = 0.0  # what it took its user
 
@@ -299,7 +299,7 @@ def prove(
         series=proof.series,
         verdicts=judge_layout(layout, proof.series, statements=conditions.statements),
         starts=proof.starts,
-        outside=proof.outside,
+        evidence=proof.evidence,
         host_ms=proof.spent_ms,
     )
 
@@ -316,7 +316,7 @@ class _Proof:
     series: Mapping[str, Series] = field(default_factory=dict)  # by component, of all starts
     starts: int = 0
     spent_ms: float = 0.0
-    outside: tuple[OutsideWork, ...] = ()
+    evidence: tuple[SettingEvidence, ...] = ()
 
     @property
     def is_over(self) -> bool:
@@ -349,7 +349,7 @@ class _Proof:
         if isinstance(seen, TooManyFailures):
             return with_memory_kills(seen, evidence)
         is_real = evidence is not None
-        self.outside += () if evidence is None else evidence.outside
+        self.evidence += () if evidence is None else (evidence,)
         self.series = {name: replace(self._with(name, part), wanders=is_real) for name, part in seen.items()}
         self.starts, self.spent_ms = self.starts + 1, self.spent_ms + elapsed_ms
         return None

@@ -7,10 +7,12 @@ older process to do the work, so that a component uses no processor time and its
 
 import os
 import sys
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from threading import Lock
 
 from rarms_iac.model.setting import OutsideWork
 from rarms_iac.running.kernel_files import PROC, ProcessStat, entry_of, in_ms, kernel_text, read_process, whole_number
@@ -20,6 +22,9 @@ LEAST_SHARE = 0.05
 
 LISTED = 8
 """So many entries of processes outside are kept, the largest first."""
+
+SHOWN_SHARE = 0.02
+"""Entries with a smaller part of all work outside are not kept, unless they left their component's group."""
 
 _KERNEL_THREADS = 2
 """The process id of kthreadd, whose children are the kernel's own threads."""
@@ -46,7 +51,11 @@ class UsedTime:
 
 
 class WorkPlaces:
-    """Looks at the machine's processes at the start and the end of a setting."""
+    """Looks at the machine's processes at the start and the end of a setting.
+
+    A process that began earlier, such as a daemon, counts with the time above its usual use: what it used on average
+    from its start to the first look. Other programs that run all the time are no finding.
+    """
 
     def __init__(self, groups: Iterable[Path] = (), load_groups: Iterable[Path] = ()) -> None:
         """Take the first look, before the components start.
@@ -60,11 +69,13 @@ class WorkPlaces:
         """
         self._load_groups = tuple(load_groups)
         self._before = self._last = look()
+        self._looked_at = ticks_since_boot() if self._before else 0
         self._alive = frozenset(self._before)
         self._group_ms = {group: _group_ms(group) or 0.0 for group in groups}
         self._used_ms: dict[Path, float] = {}
         self._inside: frozenset[int] = frozenset()
         self._paths: dict[int, str] = {}
+        self._lock = Lock()
 
     def look(self, places: Sequence[ComponentPlace]) -> None:
         """Look again; a process that has ended since the last look keeps what it had used then.
@@ -72,6 +83,10 @@ class WorkPlaces:
         Raises:
             UnreadableFile: A file of `/proc` or of a control group has an unknown content.
         """
+        with self._lock:
+            self._look(places)
+
+    def _look(self, places: Sequence[ComponentPlace]) -> None:
         now = look()
         self._last, self._alive = {**self._last, **now}, frozenset(now)
         groups = {group for place in places for group in place.groups}
@@ -97,27 +112,29 @@ class WorkPlaces:
             together used more than the components of one group, and at least `LEAST_SHARE` of the time.
         """
         used = used_ticks(self._before, self._last, self._alive)
+        usual = usual_rates(self._before, self._looked_at)
         home = self._paths.get(os.getpid(), group_path(kernel_text(PROC / "self/cgroup")))
         sides = _Sides(last=self._last, places={place.supervisor: place for place in places if place.supervisor})
         left: list[OutsideWork] = []
         others: list[OutsideWork] = []
         inside: dict[str | Path, float] = dict.fromkeys(map(_unit, places), 0.0)
-        for process, time in used.items():
+        for process, ticks in used.items():
             place, is_own = sides.of(process)
-            ms = in_ms(time.own + time.children)
+            ms = in_ms(ticks.own + ticks.children)
             work = OutsideWork(
                 name=self._last[process].name, group=self._paths.get(process, ""), cpu_ms=ms, processes=1
             )
             if is_own:
                 if place is not None:  # a supervisor: its children that ended were of the component
-                    inside[_unit(place)] += in_ms(time.children)
+                    inside[_unit(place)] += in_ms(ticks.children)
             elif place is not None:
                 if process in self._inside or (not place.groups and work.group in {home, ""}):
                     inside[_unit(place)] += ms
                 elif process in self._paths:
                     left.append(replace(work, component=place.component))
-            elif ms and process not in self._inside:
-                others.append(work)
+            elif process not in self._inside:
+                above = ms - usual.get((process, self._last[process].began), 0.0) * elapsed_ms
+                others += [replace(work, cpu_ms=above)] if above > 0 else []
         measured = {unit: self._used_ms.get(unit, ms) if isinstance(unit, Path) else ms for unit, ms in inside.items()}
         left += _ended_elsewhere(places, inside, measured, LEAST_SHARE * elapsed_ms)
         total = sum(work.cpu_ms for work in (*left, *others))
@@ -137,6 +154,27 @@ def look() -> Look:
     found = {process: stat for process in ids if (stat := read_process(process)) is not None}
     kernel = _KERNEL_THREADS if (first := found.get(_KERNEL_THREADS)) and first.name == "kthreadd" else -1
     return {process: stat for process, stat in found.items() if kernel not in {process, stat.parent}}
+
+
+def ticks_since_boot() -> int:
+    """Return the time since the machine's start, as `ProcessStat.began` has it."""
+    return int(time.clock_gettime(time.CLOCK_BOOTTIME) * os.sysconf("SC_CLK_TCK")) if sys.platform == "linux" else 0
+
+
+def usual_rates(before: Look, looked_at: int) -> Mapping[tuple[int, int], float]:
+    """Return the processors that each process used on average from its start until a look.
+
+    Args:
+        before: The look.
+        looked_at: Its time in ticks since the machine's start.
+
+    Returns:
+        By id and start of the process.
+    """
+    return {
+        (process, stat.began): (stat.ticks + stat.ticks_of_children) / max(1, looked_at - stat.began)
+        for process, stat in before.items()
+    }
 
 
 def used_ticks(before: Look, last: Look, alive: frozenset[int]) -> Mapping[int, UsedTime]:
@@ -181,8 +219,9 @@ def listed(work: Iterable[OutsideWork]) -> tuple[OutsideWork, ...]:
             if known is None
             else replace(known, cpu_ms=known.cpu_ms + each.cpu_ms, processes=known.processes + each.processes)
         )
+    least = SHOWN_SHARE * sum(each.cpu_ms for each in sums.values())
     ordered = sorted(sums.items(), key=lambda item: (-item[1].cpu_ms, item[0]))
-    return tuple(each for _, each in ordered[:LISTED])
+    return tuple(each for _, each in ordered if each.component or each.cpu_ms >= least)[:LISTED]
 
 
 def group_path(text: str) -> str:

@@ -40,6 +40,7 @@ from rarms_iac.measuring.partitions import host_resources
 from rarms_iac.measuring.reporter import MeasuringReporter
 from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
 from rarms_iac.measuring.setup import Experiment, experiments_of
+from rarms_iac.measuring.work_findings import work_of_settings
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind
@@ -244,7 +245,9 @@ def _answer_findings(hosts: Hosts, of_loads: Sequence[ExperimentResult]) -> Iter
     if answer.is_weak:
         interferences = tuple(each.interference for each in of_loads)
         yield weak_answer(hosts, answer.components, interferences, answer.experiment.host)
-    yield from findings_of(answer.experiment, answer.conclusion, answer.settings, hosts.manifest.places)
+    places = hosts.manifest.places
+    yield from findings_of(answer.experiment, answer.conclusion, answer.settings, places)
+    yield from work_of_settings(answer.experiment, [each for loads in of_loads for each in loads.settings], places)
 
 
 def _real_components(hosts: Hosts, experiments: Sequence[Experiment]) -> Sequence[Component]:

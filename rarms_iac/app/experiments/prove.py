@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import groupby
 from math import isfinite
 from typing import Literal
 
@@ -31,6 +32,7 @@ from rarms_iac.measuring.prove import (
     prove,
     with_samples,
 )
+from rarms_iac.measuring.work_findings import work_of_evidence
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts
 from rarms_iac.model.host import ProviderKind
@@ -136,6 +138,7 @@ def prove_layout(
         findings=(
             *unaccepted_short_secrets(hosts.manifest, _real_components(hosts, layouts)),
             *proof_findings(hosts, proofs, everywhere, load_host=request.load_host),
+            *_work_findings(hosts, proofs),
         ),
         not_proven=tuple(group.name for group in groups_of(hosts.system) if group.name not in proven),
     )
@@ -375,6 +378,15 @@ def _make_load(load: Interference, room: MeasuringResources, name: str, host: st
     return partition
 
 
+def _work_findings(hosts: Hosts, proofs: Sequence[LayoutProof]) -> Iterator[Diagnostic]:
+    """Find work outside of the partitions and kills for memory, of all proofs of a host together."""
+    places = hosts.manifest.places
+    for host, of_host in groupby(sorted(proofs, key=lambda proof: proof.host), key=lambda proof: proof.host):
+        evidence = [each for proof in of_host for each in proof.evidence]
+        names = [component.name for component in next(p for p in proofs if p.host == host).layout.components]
+        yield from work_of_evidence(names, evidence, places)
+
+
 def _prove(
     session: MeasuringSession, name: str, layout: AppliedLayout, conditions: ProofConditions, listener: SampleListener
 ) -> LayoutProof | None:
@@ -384,11 +396,6 @@ def _prove(
         session.held_hosts[name], layout, conditions, stop.should_stop, partial(listener, name, conditions.interference)
     )
     if isinstance(answer, TooManyFailures):
-        component = answer.component
-        message = f"{component} in the layout: {len(answer.failures)} samples failed: {answer.failures[0]}."
-        place = manifest.places.key("components", component)
-        advice = "Run it alone and mend what fails, or allow it: `run: { failures: 5 }`."
-        values: Facts = {"component": component, "failed_samples": len(answer.failures)}
-        finding = measuring_findings.FAILED_SAMPLES.at(place, message, advice, values=values)
+        finding = measuring_findings.failed_samples(answer, "in the layout", manifest.places)
         raise UseCaseError(Outcome.NEGATIVE, [finding], manifest.sources)
     return answer

@@ -23,6 +23,7 @@ from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import now
 from rarms_iac.app.options import busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.app.use_case_errors import RequestError
+from rarms_iac.measuring.work_findings import MORE_MEMORY
 from rarms_iac.model.commands import PLAN, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.host import ProviderKind
@@ -184,7 +185,7 @@ def _search_held(session: MeasuringSession, request: TuneRequest, prompt: Tuning
         oracle = Experiments(subject=subject, session=held, strategy=request.strategy, samples=request.samples)
         inquiry = Inquiry(oracle=oracle, reporter=prompt, consent=prompt, may_share=subject.may_share)
         end = search_combinations(subject, inquiry, request.strategy, repeat=request.repeat)
-    return replace(end, still_stopped=tuple(still_stopped))
+    return replace(end, findings=(*oracle.work_findings(hosts.manifest.places), *still_stopped))
 
 
 def tuning_findings(end: TuningConclusion, strategy: TuningStrategy, places: Places) -> Iterator[Diagnostic]:
@@ -199,9 +200,10 @@ def tuning_findings(end: TuningConclusion, strategy: TuningStrategy, places: Pla
         A finding where there is no answer or nothing fits, one for each contradiction, and one for each compound that
             reserves more than its parts.
     """
-    yield from end.still_stopped
+    yield from end.findings
     if end.unanswered:
         correct = "Correct the component's `run`, allow more `run.failures`, or keep it `apart`; then run it again."
+        correct = MORE_MEMORY if end.lacks_memory else correct
         yield planning_findings.NO_ANSWER.at(None, end.unanswered, correct, values={"reason": end.unanswered})
     elif end.ending == "unable":
         reserved, capacity = map(show_lp_percent, (end.before, end.subject.capacity))

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from rarms_iac.app.experiments.tuning_subject import LayoutFit, TuningStopped, TuningSubject
+from rarms_iac.app.experiments.tuning_subject import LacksMemory, LayoutFit, TuningStopped, TuningSubject
 from rarms_iac.app.graph import recorded_answers
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.planner.combining.candidates import Contradiction
@@ -25,7 +25,8 @@ class TuningConclusion:
     contradictions: tuple[Contradiction, ...] = ()
     doubts: tuple[Doubt, ...] = ()
     unanswered: str = ""  # why a compound could not be measured
-    still_stopped: tuple[Diagnostic, ...] = ()  # of `starting_again`
+    lacks_memory: bool = False  # that is the reason
+    findings: tuple[Diagnostic, ...] = ()  # of its settings, and of `starting_again`
 
     @property
     def before(self) -> int:
@@ -80,7 +81,8 @@ def search_combinations(
     except TuningStopped:  # before Unanswered, of which it is a kind
         end = start
     except Unanswered as problem:
-        end = replace(start, ending="unable", unanswered=str(problem))
+        lacks_memory = isinstance(problem, LacksMemory)
+        end = replace(start, ending="unable", unanswered=str(problem), lacks_memory=lacks_memory)
     return replace(end, trail=tuple(trail))
 
 

@@ -1,10 +1,10 @@
 """The subject of tuning: CoIs with their reservations, the capacity of the hosts, and the oracle that measures."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from rarms_iac.app.data_logs import measured_reservations
-from rarms_iac.app.experiments.measure_request import loads_for
+from rarms_iac.app.experiments.measure_request import ExperimentResult, loads_for
 from rarms_iac.app.experiments.run_experiment import run_experiment
 from rarms_iac.app.experiments.session import MeasuringSession
 from rarms_iac.app.hosts import Hosts
@@ -13,8 +13,9 @@ from rarms_iac.measuring.measuring_findings import CANNOT_MEASURE
 from rarms_iac.measuring.partitions import highest_reserve, host_resources
 from rarms_iac.measuring.setup import Experiment, experiments_of
 from rarms_iac.measuring.strategies import ThresholdCheck
+from rarms_iac.measuring.work_findings import why_out_of_memory, work_of_settings
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import has_errors
+from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.outcomes import SettingFailed, Stopped, TooManyFailures
@@ -23,6 +24,7 @@ from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
+from rarms_iac.model.wording import counted
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import Coi, Members, Unanswered, coi_as_measured, processors_of
@@ -304,6 +306,10 @@ def _can_be_tuned(group: Group, problem: Problem, host: Host) -> bool:
     return measured and not own and request.cpu.weight is None and host.name in problem.claims[group.name]
 
 
+class LacksMemory(Unanswered):
+    """The kernel killed processes of a compound, whose partition had no memory left."""
+
+
 @dataclass(slots=True, kw_only=True)
 class Experiments:
     """A `PerformanceOracle` that runs what the data logs do not know yet."""
@@ -314,6 +320,18 @@ class Experiments:
     samples: int | None = None  # of each component; None: as its `run.until` says
     _known: dict[tuple[Members, int], frozenset[str]] = field(default_factory=dict)
     _unresolved: set[tuple[Members, int]] = field(default_factory=set)
+    _measured_with: dict[tuple[Members, str], ExperimentResult] = field(default_factory=dict)  # members and load
+
+    def work_findings(self, places: Places) -> Iterator[Diagnostic]:
+        """Find compounds whose work ran outside of their partition, or that lacked memory.
+
+        Args:
+            places: Lines of the manifest.
+        """
+        for members in sorted({members for members, _ in self._measured_with}):
+            results = [result for (names, _), result in self._measured_with.items() if names == members]
+            settings = [setting for result in results for setting in result.settings]
+            yield from work_of_settings(results[0].experiment, settings, places)
 
     def worse(self, members: Members, reserve: ReservePercent) -> frozenset[str]:
         """Run this setting, unless its answer is known.
@@ -361,14 +379,15 @@ class Experiments:
     def _worse_with_load(self, experiment: Experiment, members: Members, reserve: ReservePercent) -> frozenset[str]:
         """Those that one load has miss a threshold: what stands up to all loads stands up to each."""
         result = run_experiment(self.session, experiment, ThresholdCheck(reserve=reserve, strategy=self.strategy))
+        self._measured_with[members, result.interference] = result
         match result.conclusion:
             case Stopped():
                 raise TuningStopped("stopped")
-            case SettingFailed(verdict=TooManyFailures(component=component, failures=failures)):
+            case SettingFailed(verdict=TooManyFailures(component=component, failures=failures) as failed):
                 others = ", ".join(member for member in members if member != component)
-                raise Unanswered(
-                    f"{len(failures)} samples of {component} failed, together with {others} "
-                    f"at {reserve} % of its VPs: {failures[0]}"
+                raise (LacksMemory if failed.out_of_memory else Unanswered)(
+                    f"{counted(len(failures), 'sample')} of {component} failed, together with {others} "
+                    f"at {reserve} % of its VPs: {failures[0]}.{why_out_of_memory(failed)}"
                 )
             case _:
                 pass

@@ -193,6 +193,10 @@ class GroupTree(ABC):
         join = tuple(folder / name / "cgroup.procs" for folder in self._folders)
         return replace(self._counted(name), join=join)
 
+    def parent_of_containers(self, name: str) -> str:
+        """Return the group as `docker run` and `podman run` take it after `--cgroup-parent`."""
+        return f"/{self._slices['cpu'].name}/{name}"
+
     def _counted(self, name: str) -> ProcessPlace:
         """Return what counts the time of a group and the processes that the kernel killed for its memory."""
         return ProcessPlace(

@@ -49,6 +49,8 @@ OWN_PRIORITY = 1
 """The real-time priority (SCHED_FIFO, the lowest) of rarms and its supervisors: the load would delay them."""
 
 ENDLESS = Elapsed(time=Milliseconds(Fraction(10**12)))
+PARENT_VARIABLE = "RARMS_CGROUP_PARENT"
+"""The environment variable from which a component takes the parent of its containers' control groups."""
 INTERFERENCE = "interference"
 """What messages call the load."""
 
@@ -206,7 +208,10 @@ class LinuxMeasuringHost(LinuxHostProvider):
     def _place(self, part: PartitionWork, group: str | None, component: Component | None = None) -> ProcessPlace:
         place = ProcessPlace() if group is None else self.tree.place(group)
         words = () if component is None else self._command_prefix(component, part, group)
-        return replace(place, words=(*place.words, *words), environment=class_environment(part))
+        environment = class_environment(part)
+        if group is not None:
+            environment[PARENT_VARIABLE] = self.tree.parent_of_containers(group)
+        return replace(place, words=(*place.words, *words), environment=environment)
 
     def place(self, part: PartitionWork, application: str) -> ProcessPlace:
         """Return where the processes of a component belong: in the control group of its partition, in its task class.

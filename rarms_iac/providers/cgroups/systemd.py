@@ -97,6 +97,9 @@ class GroupTreeSystemd(GroupTreeV2):
         words = ("systemd-run", "--scope", "--quiet", "--collect", f"--slice={name}", "--")
         return replace(self._counted(name), words=words)
 
+    def parent_of_containers(self, name: str) -> str:
+        return name
+
     def _prepare_slice(self) -> None:
         self._set(self._slice, f"CPUWeight={MOST_WEIGHT_V2}")
 

@@ -326,6 +326,30 @@ def test_a_component_runs_in_its_partition_and_task_class_where_these_are_here(l
     assert groups_of(linux_folder).processes("vision") == ()
 
 
+HUNGRY = """
+import time
+eaten = []
+while True:
+    eaten.append(bytearray(8 << 20))
+    time.sleep(0.001)
+"""
+
+
+@pytest.mark.needs("control-groups")
+@pytest.mark.alone
+def test_a_memory_kill_advises_more_memory(linux_folder: Path) -> None:
+    on_linux(linux_folder)
+    (linux_folder / "vision.py").write_text(HUNGRY, encoding="utf-8")
+    assert rarms("apply", "-f", str(linux_folder), "--auto-approve").code == 0
+
+    ran = rarms("run", "-f", str(linux_folder))
+
+    assert ran.code == 4
+    assert "The kernel killed 1 process of its partition" in ran.err
+    assert "Raise `memory`" in ran.err
+    assert "run.failures` allows" not in ran.err
+
+
 ITSELF = """
 import os, signal, sys
 print(sys.stdin.read(), os.environ["GREETING"], open("/proc/self/cgroup").read(), flush=True)

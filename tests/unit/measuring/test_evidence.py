@@ -8,7 +8,7 @@ from rarms_iac.measuring.evidence import disturbance, is_weak, leaves_idle
 from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, Browser, Bursts, BusyLoop, CommandLoad, Interference, Stress
 from rarms_iac.model.series import SkippedLines
-from rarms_iac.model.setting import Setting, SettingEvidence
+from rarms_iac.model.setting import OutsideWork, Setting, SettingEvidence
 from rarms_iac.storage.datalog.columns import line_of, setting_in
 from rarms_iac.storage.datalog.log import Provenance, Recorded
 from tests.builders import milliseconds
@@ -53,11 +53,14 @@ def test_counters_give_what_was_counted_between_two_moments() -> None:
     )
 
 
+ELSEWHERE = replace(
+    QUIET, outside=(OutsideWork(name="sh", group="/docker/1", cpu_ms=7.5, component="eyes"),), out_of_memory={"eyes": 2}
+)
 SKIPPED = replace(QUIET, skipped_lines={"vision": SkippedLines(count=7, first=('"loading"',))})
 
 
 @pytest.mark.parametrize(
-    "evidence", [None, QUIET, SKIPPED, replace(SHORT_LOAD, waiting_ms=None, disturbances=("it slept",))]
+    "evidence", [None, QUIET, SKIPPED, ELSEWHERE, replace(SHORT_LOAD, waiting_ms=None, disturbances=("it slept",))]
 )
 def test_a_log_keeps_the_evidence_and_reads_lines_without_any(evidence: SettingEvidence | None) -> None:
     recorded = Recorded(

@@ -1,0 +1,116 @@
+"""Where the work of a component runs and what the kernel killed: real processes, control groups and a container."""
+
+import shutil
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.model.environment_setup import P1
+from rarms_iac.model.run import Field, SampleCount, Samples
+from rarms_iac.model.setting import OutsideWork, SettingEvidence
+from rarms_iac.model.system import Component
+from rarms_iac.providers.measuring import PartitionWork, Work
+from tests.builders import a_component, a_run
+from tests.contracts.benches import forget_groups
+from tests.contracts.test_measuring_contract import linux, ready
+from tests.needs import require
+
+LINES = Samples(source="json_lines", response_time=Field(name="ms"))
+PARENT = '--cgroup-parent "$RARMS_CGROUP_PARENT"'
+CONTAINER = (
+    "exec podman --cgroup-manager=cgroupfs --runtime runc run --rm --network=none --ulimit nofile=1024:1024 "
+    "--ulimit nproc=1024:1024 {parent} --rootfs {root} /bin/sh -c '{loop}'"
+)
+LOOP = 'while :; do i=0; while [ $i -lt 20000 ]; do i=$((i+1)); done; echo "{\\"ms\\": 5}"; done'
+
+LEAVES = """\
+import os, pathlib, sys, time
+for controller in ("cpu", "cpuacct"):
+    for procs in pathlib.Path("/sys/fs/cgroup").glob(controller + "/cgroup.procs"):
+        procs.write_text(str(os.getpid()))
+while True:
+    until = time.process_time() + 0.02
+    while time.process_time() < until: pass
+    print('{"ms": 20}', flush=True)
+"""
+HUNGRY = """\
+import time
+print('{"ms": 1}', flush=True)
+eaten = []
+while True:
+    eaten.append(bytearray(8 << 20))
+    time.sleep(0.001)
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Iterator[Path]:
+    """A folder whose host makes control groups; they are gone after the test."""
+    yield tmp_path
+    forget_groups(tmp_path)
+
+
+def evidence_of(folder: Path, *command: str, samples: int = 12) -> SettingEvidence:
+    """What a Linux host counts while the component `eyes` runs this command alone in P1."""
+    eyes: Component = a_component("eyes", run=a_run(command=command, samples=LINES))
+    work = Work(
+        application="robot",
+        partitions=(PartitionWork(partition=P1, components=(eyes,)),),
+        until={"eyes": SampleCount(samples=samples)},
+        seed=1,
+    )
+    host = linux(folder)
+    with ready(host), host.run(work) as running:
+        for _ in running.samples():
+            pass
+        evidence = running.evidence()
+    assert evidence is not None
+    return evidence
+
+
+def of_eyes(evidence: SettingEvidence) -> list[OutsideWork]:
+    """Its processes that left its group: others run on this machine, too."""
+    return [work for work in evidence.outside if work.component == "eyes"]
+
+
+@pytest.mark.needs("control-groups", "podman")
+@pytest.mark.alone
+def test_a_container_outside_its_partition_is_named(folder: Path) -> None:
+    root = folder / "root"
+    for name in ("bin", "dev", "proc", "sys", "tmp", "etc", "run"):
+        (root / name).mkdir(parents=True)
+    shutil.copy(str(shutil.which("busybox")), root / "bin" / "busybox")
+    (root / "bin" / "sh").symlink_to("busybox")
+
+    def evidence(parent: str) -> SettingEvidence:
+        return evidence_of(folder, "sh", "-c", CONTAINER.format(parent=parent, root=root, loop=LOOP))
+
+    outside, inside = evidence(""), evidence(PARENT)
+
+    largest, *_ = of_eyes(outside)
+    assert largest.name == "sh", outside
+    assert "/libpod-" in largest.group
+    assert largest.cpu_ms > outside.cpu_ms[P1]
+    assert [work for work in of_eyes(inside) if work.name == "sh"] == []
+    assert inside.cpu_ms[P1] > 20
+
+
+@pytest.mark.needs("control-groups")
+@pytest.mark.alone
+def test_a_process_that_leaves_its_group_is_named(folder: Path) -> None:
+    if not Path("/sys/fs/cgroup/cpuacct").is_dir():
+        require("control-groups of version 1")
+
+    found = evidence_of(folder, sys.executable, "-c", LEAVES)
+
+    assert [work.group for work in of_eyes(found)] == ["/"], found
+
+
+@pytest.mark.needs("control-groups")
+@pytest.mark.alone
+def test_memory_kills_are_counted(folder: Path) -> None:
+    found = evidence_of(folder, sys.executable, "-c", HUNGRY, samples=3)
+
+    assert found.out_of_memory["eyes"] >= 1
