@@ -83,6 +83,14 @@ def _no_venv() -> str:
     return "" if importlib.util.find_spec("ensurepip") else "Python's venv module (ensurepip) is missing"
 
 
+@cache
+def _no_mounts() -> str:
+    if not ON_LINUX or not _is_root():
+        return "this user may not mount"
+    tried = subprocess.run(["unshare", "-m", "true"], capture_output=True, timeout=60)
+    return "no mount namespace can be made here" if tried.returncode else ""
+
+
 NEEDS: dict[str, Need] = {
     "ansible": Need(
         missing=lambda: "" if importlib.util.find_spec("ansible") else "ansible-core is not installed",
@@ -110,6 +118,7 @@ NEEDS: dict[str, Need] = {
     "linux": Need(missing=lambda: "" if ON_LINUX else "this is not Linux", obtainable=_on_linux),
     "long": Need(missing=lambda: "" if LONG else "`make test-long` has the minutes for it", obtainable=lambda: LONG),
     "make": Need(missing=_program("make"), obtainable=_on_posix),
+    "mounts": Need(missing=_no_mounts, obtainable=lambda: not _no_mounts()),
     "network": Need(missing=_no_package_index, obtainable=_on_posix),
     "not-root": Need(missing=lambda: "root may do everything" if _is_root() else "", obtainable=lambda: not _is_root()),
     "podman": Need(

@@ -4,25 +4,14 @@ import shutil
 import sysconfig
 import tempfile
 import venv
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
 
 from rarms_iac.model.version import __version__
-from rarms_iac.providers import robot
+from rarms_iac.providers.robot import INSTALLED
 from tests.needs import CHECKOUT, require
-
-
-@contextmanager
-def installed_rarms() -> Iterator[Path]:
-    """The folder of all versions, in the place of /opt/rarms for this process; it has this version."""
-    with tempfile.TemporaryDirectory(prefix="rarms-test-", dir="/opt") as folder, pytest.MonkeyPatch.context() as patch:
-        Path(folder).chmod(0o755)
-        install(Path(folder))
-        patch.setattr(robot, "INSTALLED", folder)
-        yield Path(folder)
 
 
 def install(folder: Path, version: str = __version__) -> Path:
@@ -39,7 +28,22 @@ def install(folder: Path, version: str = __version__) -> Path:
 
 @pytest.fixture(scope="session")
 def robot_rarms() -> Iterator[Path]:
-    """An installation for all tests of this process."""
-    require("ssh", "control-groups")
-    with installed_rarms() as folder:
-        yield folder
+    """The folder of all versions of a robot, for all tests of this process; it has this version."""
+    require("ssh", "control-groups", "mounts")
+    with tempfile.TemporaryDirectory(prefix="rarms-test-", dir="/opt") as folder:
+        Path(folder).chmod(0o755)
+        install(Path(folder))
+        yield Path(folder)
+
+
+def on_robot(installed: Path, words: Sequence[str], *mounts: str) -> list[str]:
+    """Return the words that start a program as on a robot: this installation lies where rarms looks for it there.
+
+    Args:
+        installed: as of `robot_rarms`.
+        words: of the program.
+        mounts: shell commands that mount something more, for the program alone.
+    """
+    Path(INSTALLED).mkdir(exist_ok=True)
+    commands = (f"mount --bind {installed} {INSTALLED}", *mounts, 'exec "$@"')
+    return ["unshare", "-m", "sh", "-c", " && ".join(commands), "robot", *words]

@@ -60,19 +60,18 @@ _NOISE_LINES = 1_000  # of a login, before the robot's rarms speaks
 _MISSING = 69  # exit code of the entry command where this version is not installed
 
 
-def entry_command(installed: str, version: str = __version__) -> str:
+def entry_command(version: str = __version__) -> str:
     """Return what a channel runs: rarms of this version as root, or a list of the versions that are there.
 
     No text of a manifest is in it.
 
     Args:
-        installed: the folder of all versions.
         version: the one that is called.
     """
-    python = f"{installed}/{version}/bin/python"
+    python = f"{INSTALLED}/{version}/bin/python"
     return (
         f"""sh -c 'run="/usr/bin/env -i {python} -I -m rarms_iac.robot"; """
-        f"""if [ ! -e {python} ]; then echo "{VERSIONS}" $(ls {installed} 2>/dev/null); exit {_MISSING}; """
+        f"""if [ ! -e {python} ]; then echo "{VERSIONS}" $(ls {INSTALLED} 2>/dev/null); exit {_MISSING}; """
         """elif [ "$(id -u)" = 0 ]; then exec $run; else exec sudo -n $run; fi'"""
     )
 
@@ -157,17 +156,15 @@ class OtherVersion(HostFailed):
 class RobotByChannel:
     """A `RobotHost`. One look answers each kind of question once; a second question of a kind looks again."""
 
-    def __init__(self, host: Host, channel: CommandChannel, installed: str | None = None) -> None:
+    def __init__(self, host: Host, channel: CommandChannel) -> None:
         """Prepare; nothing is sent before the first call.
 
         Args:
             host: as the manifest describes it.
             channel: to the host.
-            installed: where rarms lies there; None: `INSTALLED`.
         """
         self._host = replace(host, connect=None)
         self._channel = channel
-        self._installed = installed or INSTALLED
         self._look: Look | None = None
         self._answered: set[str] = set()
         self._looks_once = False
@@ -224,7 +221,7 @@ class RobotByChannel:
 
     @contextmanager
     def _conversation(self, data: bytes) -> Iterator[Conversation]:
-        words = entry_command(self._installed)
+        words = entry_command()
         if isinstance(self._channel, ProgramChannel):
             with open_channel(self.name, (*self._channel.words, words)) as program:
                 program.send(data)

@@ -12,8 +12,8 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -161,8 +161,13 @@ def write_standin(folder: Path) -> None:
 
 
 @contextmanager
-def a_server(folder: Path) -> Iterator[Remote]:
-    """A server that is up, of this machine and this user."""
+def a_server(folder: Path, wrap: Callable[[list[str]], list[str]] = list) -> Iterator[Remote]:
+    """A server that is up, of this machine and this user.
+
+    Args:
+        folder: of its keys and settings.
+        wrap: makes of the words that start it those that do so in surroundings of its own.
+    """
     port = _free_port()
     for name in ("host_key", "key"):
         words = ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(folder / name)]
@@ -173,21 +178,22 @@ def a_server(folder: Path) -> Iterator[Remote]:
     (folder / "client").write_text(CLIENT.format(**values), encoding="utf-8")
     if os.geteuid() == 0:
         Path("/run/sshd").mkdir(exist_ok=True)  # where root's sshd locks itself in; a service would have made it
-    with _serving(folder, port) as server:
+    words = wrap([shutil.which("sshd") or "/usr/sbin/sshd", "-D", "-e", "-f", str(folder / "server")])
+    with _serving(folder, port, words) as server:
         yield Remote(folder, server)
 
 
 @contextmanager
-def _serving(folder: Path, port: int) -> Iterator[subprocess.Popen[bytes]]:
-    program = shutil.which("sshd") or "/usr/sbin/sshd"
+def _serving(folder: Path, port: int, words: list[str]) -> Iterator[subprocess.Popen[bytes]]:
     with (folder / "server.log").open("wb") as log:
-        server = subprocess.Popen([program, "-D", "-e", "-f", str(folder / "server")], stderr=log)
+        server = subprocess.Popen(words, stderr=log)
         try:
             _await(port, server, folder / "server.log")
             yield server
         finally:
             for process in children(server.pid):
-                os.kill(process, signal.SIGKILL)
+                with suppress(ProcessLookupError):
+                    os.kill(process, signal.SIGKILL)
             server.terminate()
             server.wait()
 

@@ -5,8 +5,9 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,13 @@ import pytest
 
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from tests.contracts.test_measuring_contract import JOBS
-from tests.needs import CHECKOUT, require
+from tests.needs import CHECKOUT
+from tests.robot_install import on_robot, robot_rarms
 from tests.standin.remote import WINRM_PASSWORD, a_remote, a_server, by_winrm
 from tests.system.test_remote_host import an_empty_host
 from tests.unit.cli.running import rarms
+
+__all__ = ["robot_rarms"]
 
 pytestmark = [pytest.mark.needs("ansible", "posix"), pytest.mark.thorough]
 
@@ -81,6 +85,7 @@ class Fleet:
     folder: Path
     path: str = os.environ["PATH"]
     packages: str = str(CHECKOUT)
+    wrap: Callable[[list[str]], list[str]] = list  # makes of the words of a program those that start it elsewhere
 
     def add(self, robot: str, overlay: str = "{}\n") -> None:
         """Add a robot with the text of its overlay."""
@@ -119,7 +124,12 @@ class Fleet:
             "LC_ALL": "C.UTF-8",
         }
         return subprocess.run(
-            words, cwd=self.folder, env=environment, stdin=subprocess.DEVNULL, capture_output=True, timeout=300
+            self.wrap(words),
+            cwd=self.folder,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=300,
         )
 
 
@@ -263,86 +273,6 @@ def test_a_robot_measures_and_proves(fleet: Fleet) -> None:
     assert (proven.code, proven.results["r-2"]["proof"]["met"]) == (0, True)
 
 
-ROBOTS_RARMS = """\
-#!/bin/sh
-case "$*" in prove*) cat proof.json ;; *) cat measured.json ;; esac
-exit "$(cat code)"
-"""
-"""Stands for rarms on a robot, whose answers lie in its folder."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LocalRobot:
-    """A fleet of one Linux robot, this machine, whose rarms says what a test wants."""
-
-    fleet: Fleet
-    folder: Path
-
-    def plays(self, module: str, answer: object, code: int = 0) -> Played:
-        """What becomes of prove or measure where rarms on the robot answers and ends so."""
-        for name in ("proof", "measured"):
-            (self.folder / f"{name}.json").write_text(json.dumps(answer), encoding="utf-8")
-        (self.folder / "code").write_text(str(code), encoding="utf-8")
-        task = {"folder": str(self.folder), "executable": str(self.folder / "rarms")}
-        if module == "prove":
-            task["load_host"] = "true"
-        return self.fleet.play({f"rarms.fleet.{module}": task})
-
-
-PROOF = {"kind": "prove", "met": True, "findings": [], "proofs": [{}]}
-LOG = Path("measurements", "cell", "vision", "busy-loop.jsonl")
-
-
-@pytest.fixture
-def local_robot(tmp_path: Path) -> LocalRobot:
-    (tmp_path / "fleet").mkdir()
-    manifest = LINUX.replace(", connect: { ssh: cell }", "").replace("memory: 4 GiB", "memory: 4 GiB, platform: cell")
-    fleet = a_fleet(tmp_path / "fleet", manifest)
-    fleet.add("r-1")
-    folder = tmp_path / "robot"
-    for root in (folder, fleet.folder):
-        (root / LOG).parent.mkdir(parents=True)
-        (root / LOG).write_text('{"header":1}\n{"record":1}\n', encoding="utf-8")
-    (folder / "rarms").write_text(ROBOTS_RARMS, encoding="utf-8")
-    (folder / "rarms").chmod(0o755)
-    return LocalRobot(fleet=fleet, folder=folder)
-
-
-def test_what_a_robot_measured_is_added_and_nothing_here_is_lost(local_robot: LocalRobot) -> None:
-    here, there = (root / LOG for root in (local_robot.fleet.folder, local_robot.folder))
-    here.write_bytes(b'{"header":1}\r\n{"record":1}\r\n{"record":"new here"}\n')  # as git may leave it
-    assert local_robot.plays("prove", PROOF).changed == [], "the robot's copy is older"
-    assert here.read_text().splitlines()[-1] == '{"record":"new here"}'
-
-    there.write_text('{"header":1}\n{"record":1}\n{"proof":1}\n{"cut off', encoding="utf-8")
-    assert local_robot.plays("prove", PROOF).changed == ["r-1"]
-    assert here.read_text().splitlines()[2:] == ['{"record":"new here"}', '{"proof":1}']
-
-    there.write_text('{"header":2}\n', encoding="utf-8")
-    refused = local_robot.plays("measure", {"kind": "measure", "experiments": [], "findings": []})
-    assert "is not of what the robot measured" in refused.results["r-1"]["msg"]
-    assert here.read_text().startswith('{"header":1}\n')
-
-
-@pytest.mark.parametrize(
-    ("module", "answer", "code", "message"),
-    [
-        ("prove", PROOF, 130, "rarms ended with 130"),
-        ("prove", {**PROOF, "met": False}, 0, "rarms ended with 0"),
-        ("prove", {}, 0, "no answer of rarms"),
-        ("prove", [], 0, "no answer of rarms"),
-        ("measure", {"kind": "measure", "experiments": [], "findings": []}, 4, "rarms ended with 4"),
-    ],
-)
-def test_only_what_ended_well_on_a_robot_counts(
-    local_robot: LocalRobot, module: str, answer: object, code: int, message: str
-) -> None:
-    played = local_robot.plays(module, answer, code)
-
-    assert played.with_status("failed") == ["r-1"]
-    assert message in played.results["r-1"]["msg"]
-
-
 def test_another_robots_plan_is_refused_before_an_unfinished_run_is_ended(fleet: Fleet) -> None:
     plan: Task = {"rarms.fleet.apply": {"state": "planned", "plan": "plans/{{ inventory_hostname }}.json"}}
     fleet.add("r-1")
@@ -385,10 +315,9 @@ def test_a_robot_out_of_reach_fails_where_its_components_would_run_and_is_not_ch
 
 
 @pytest.fixture
-def slices(tmp_path: Path) -> Iterator[Fleet]:
+def slices(robot_rarms: Path, tmp_path: Path) -> Iterator[Fleet]:
     """Three robots that are slices of this machine, behind a real sshd."""
-    require("ssh", "control-groups")
-    with a_server(tmp_path) as remote:
+    with a_server(tmp_path, partial(on_robot, robot_rarms)) as remote:
         fleet = a_fleet(tmp_path, LINUX, remote.environment["PATH"])
         for number in (1, 2, 3):
             fleet.add(f"l-{number}", f"hosts: {{ onboard: {{ linux: {{ slice: fleet-{number} }} }} }}\n")
@@ -399,7 +328,7 @@ def slices(tmp_path: Path) -> Iterator[Fleet]:
 
 
 @pytest.mark.alone
-@pytest.mark.needs("ssh", "control-groups")
+@pytest.mark.needs("ssh", "control-groups", "mounts")
 def test_three_slices_are_reached_by_ansibles_own_ssh(slices: Fleet) -> None:
     applied = slices.play(APPLY)
     assert applied.code == 0, applied.out
@@ -435,7 +364,7 @@ def test_a_hyper_v_robot_is_changed_through_ansibles_own_connection(tmp_path: Pa
         again = fleet.play(APPLY)
         assert (again.code, again.changed) == (0, []), again.out
 
-        measured = fleet.play({"rarms.fleet.measure": {"folder": "C:\\robot"}})
+        measured = fleet.play({"rarms.fleet.measure": {}})
         assert "one command at a time" in measured.results["w-1"]["msg"]
         assert fleet.play({"rarms.fleet.apply": {"state": "absent"}}).changed == ["w-1"]
         assert not remote.host.vms
@@ -501,26 +430,25 @@ components:
 
 
 @pytest.mark.alone
-@pytest.mark.needs("ssh", "control-groups")
-def test_a_robot_behind_ssh_measures_and_proves_itself(tmp_path: Path) -> None:
-    with a_server(tmp_path) as remote:
+@pytest.mark.needs("ssh", "control-groups", "mounts")
+def test_a_robot_behind_ssh_measures_and_proves_itself(robot_rarms: Path, tmp_path: Path) -> None:
+    with a_server(tmp_path, partial(on_robot, robot_rarms)) as remote:
         (tmp_path / "fleet").mkdir()
         fleet = a_fleet(tmp_path / "fleet", MEASURED, remote.environment["PATH"])
         (fleet.folder / "jobs.py").write_text(JOBS, encoding="utf-8")
         processors = len(os.sched_getaffinity(0))
-        reached = f"logical_processors: {processors}, connect: {{ ssh: cell }}, linux: {{ slice: fleet-bench }}"
+        connect = f"{{ ssh: cell, folder: {tmp_path}/robot }}"
+        reached = f"logical_processors: {processors}, connect: {connect}, linux: {{ slice: fleet-bench }}"
         fleet.add("m-1", f"hosts: {{ onboard: {{ {reached} }} }}\n")
-        where = {"folder": str(tmp_path / "robot"), "executable": str(ANSIBLE / "rarms")}
-        role = {f"rarms_measure_{name}": value for name, value in where.items()}
         try:
             measured = fleet.play(
-                {"ansible.builtin.import_role": {"name": "rarms.fleet.measure"}, "vars": role},
+                {"ansible.builtin.import_role": {"name": "rarms.fleet.measure"}},
                 vars={"ansible_python_interpreter": sys.executable},
             )
             assert measured.changed == ["m-1"], measured.out
             assert list((fleet.folder / "measurements" / "bench" / "eyes").glob("busy-loop.jsonl"))
             assert fleet.play(APPLY).changed == ["m-1"]
-            proven = fleet.play({"rarms.fleet.prove": {"load_host": True, **where}})
+            proven = fleet.play({"rarms.fleet.prove": {"load_host": True}})
             assert proven.results["m-1"]["proof"]["kind"] == "prove", proven.out
             proofs = [path for path in (fleet.folder / "measurements").rglob("*") if '"robot":"m-1"' in _text(path)]
             assert proofs, "the proof came back, and names the robot"
@@ -564,9 +492,10 @@ def test_a_robot_pulls_its_own_configuration(fleet: Fleet, tmp_path: Path) -> No
 
 
 @pytest.mark.alone
-@pytest.mark.needs("control-groups")
-def test_a_linux_robot_pulls_its_own_configuration(tmp_path: Path) -> None:
+@pytest.mark.needs("control-groups", "mounts")
+def test_a_linux_robot_pulls_its_own_configuration(robot_rarms: Path, tmp_path: Path) -> None:
     fleet = a_fleet(tmp_path, LINUX.replace(", connect: { ssh: cell }", ""))
+    fleet = replace(fleet, wrap=partial(on_robot, robot_rarms))
     fleet.add("r-1", "hosts: { onboard: { linux: { slice: fleet-pull } } }\n")
     try:
         assert pulled(fleet, tmp_path / "checkout")["changed"] is True

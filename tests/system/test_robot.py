@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,26 +11,24 @@ import pytest
 
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from tests.contracts.benches import forget_groups, groups_of, slice_of
-from tests.needs import require
-from tests.robot_install import robot_rarms
+from tests.robot_install import on_robot, robot_rarms
 from tests.standin.remote import Remote, a_server
 from tests.system.test_linux_walk import MANIFEST
 from tests.unit.cli.running import Ran, rarms
 
 __all__ = ["robot_rarms"]
 
-pytestmark = [pytest.mark.needs("ssh", "control-groups"), pytest.mark.alone]
+pytestmark = [pytest.mark.needs("ssh", "control-groups", "mounts"), pytest.mark.alone]
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Remote]:
-    require("ssh", "control-groups")
-    with a_server(tmp_path_factory.mktemp("server")) as remote:
+def server(robot_rarms: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Remote]:
+    with a_server(tmp_path_factory.mktemp("server"), partial(on_robot, robot_rarms)) as remote:
         yield remote
 
 
 @pytest.fixture
-def folder(server: Remote, robot_rarms: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def folder(server: Remote, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A manifest whose host is reached over ssh; its control groups are gone after the test."""
     text = MANIFEST.format(slice=slice_of(tmp_path)).replace("linux\n", "linux\n    connect: { ssh: cell }\n")
     (tmp_path / "rarms.yaml").write_text(text, encoding="utf-8")

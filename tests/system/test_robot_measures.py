@@ -4,6 +4,7 @@ import json
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,7 @@ from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from rarms_iac.storage.datalog.files import read_log
 from tests.contracts.benches import forget_groups, slice_of
 from tests.contracts.test_measuring_contract import JOBS
-from tests.needs import require
-from tests.robot_install import robot_rarms
+from tests.robot_install import on_robot, robot_rarms
 from tests.standin.remote import Remote, a_server
 from tests.system.test_linux_measured import MANIFEST
 from tests.unit.cli.running import Ran, rarms
@@ -36,13 +36,12 @@ MEASURE = (
     "--json",
 )
 
-pytestmark = [pytest.mark.needs("ssh", "control-groups"), pytest.mark.alone]
+pytestmark = [pytest.mark.needs("ssh", "control-groups", "mounts"), pytest.mark.alone]
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Remote]:
-    require("ssh", "control-groups")
-    with a_server(tmp_path_factory.mktemp("server")) as remote:
+def server(robot_rarms: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Remote]:
+    with a_server(tmp_path_factory.mktemp("server"), partial(on_robot, robot_rarms)) as remote:
         yield remote
 
 
@@ -58,7 +57,7 @@ class Robot:
 
 
 @pytest.fixture
-def robot(server: Remote, robot_rarms: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
+def robot(server: Remote, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
     robot = Robot(tmp_path / "here", tmp_path / "there")
     connect = f"linux\n    connect: {{ ssh: cell, folder: '{robot.there}' }}\n"
     text = MANIFEST.format(processors=2, slice=slice_of(tmp_path)).replace("linux\n", connect).replace("25 ms", "1 s")

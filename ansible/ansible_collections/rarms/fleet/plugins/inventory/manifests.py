@@ -167,6 +167,7 @@ def _connection(host: Host) -> dict[str, Any]:
         "ansible_ssh_private_key_file": connect.key,
         "ansible_ssh_common_args": options,
         "ansible_shell_type": "powershell" if host.provider is ProviderKind.HYPERV else "",
+        "rarms_folder": connect.folder,
     }
     return {name: value for name, value in variables.items() if value}
 

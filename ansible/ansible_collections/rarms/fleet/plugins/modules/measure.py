@@ -11,8 +11,9 @@ version_added: 0.1.0
 description:
   - Finds the least reservation with which each component meets its thresholds, for all robots of one platform.
   - Run it on one idle robot of each, as the role P(rarms.fleet.measure#role) does.
-  - A simulated robot is measured on the controller. On any other the components run on the robot, so C(rarms) and the
-    manifest's folder have to be there; the data logs come back beside the manifest on the controller, for git.
+  - A simulated robot is measured on the controller. A Linux robot measures itself. It needs C(rarms) of the
+    controller's version, and the components' files in the folder that the manifest names, C(connect) with C(folder).
+  - The data logs lie beside the manifest on the controller, for git. They grow with each measured setting.
 extends_documentation_fragment: rarms.fleet.robot
 options:
   components:
@@ -26,20 +27,12 @@ options:
       - Without it, a robot on which partitions run is not measured.
     type: bool
     default: false
-  folder:
-    description: Where the robot keeps the manifest; not used of a simulated robot.
-    type: str
-  executable:
-    description: What C(rarms) is called on the robot.
-    type: str
-    default: rarms
 """
 
 EXAMPLES = """
 - name: Measure a camera's component on one robot of the platform
   rarms.fleet.measure:
     components: [face-detection]
-    folder: /opt/robot
 """
 
 RETURN = """
@@ -48,9 +41,7 @@ measured:
   type: dict
   returned: always
 logs:
-  description:
-    - Of a simulated robot, the data logs that the result uses.
-    - Of any other, those beside the manifest that got records, below C(measurements).
+  description: The data logs that the result uses.
   type: list
   elements: str
   returned: always

@@ -12,19 +12,14 @@ description:
   - Runs all components in the layout that is applied, beside the loads of the manifest's policy, and fails where a
     threshold is missed or was not shown to be met.
   - Uses all idle time of the robot while it lasts.
+  - A Linux robot proves itself. It needs C(rarms) of the controller's version, and the components' files in the folder
+    that the manifest names, C(connect) with C(folder).
 extends_documentation_fragment: rarms.fleet.robot
 options:
   load_host:
     description: Must be true, since the proof uses all idle time of the robot.
     type: bool
     default: false
-  folder:
-    description: Where the robot keeps the manifest; not used of a simulated robot.
-    type: str
-  executable:
-    description: What C(rarms) is called on the robot.
-    type: str
-    default: rarms
 """
 
 EXAMPLES = """
