@@ -127,8 +127,10 @@ def _report(
     planned, reservations = totals_at_hand(manifest)
     proofs = tuple(_proofs(manifest, components, reservations))
     report = report_of(manifest.system, logs, proofs, planned, reservations)
+    asked = (each for each in report.verdicts if not components or each.component in components)
     return replace(
         report,
+        verdicts=tuple(asked),
         tunings=tuple(tunings_of(manifest)),
         candidates=_candidates(manifest) if with_candidates else (),
     )

@@ -84,7 +84,7 @@ def report_of(
     """
     current = [log for log in logs if all(name in system.components for name in log.log.header.setup.members)]
     measurements = _in_order([_measurement(system, logged, reservations) for logged in current])
-    verdicts = tuple(_verdicts(system, reservations))
+    verdicts = component_verdicts(system, reservations)
     platforms = sorted(_platforms(system))
     return Report(
         application=system.application.name,
@@ -96,8 +96,16 @@ def report_of(
     )
 
 
-def _verdicts(system: System, reservations: MeasuredReservations) -> Iterator[ComponentVerdict]:
-    """By platform, falling criticality and name. A platform on which nothing is measured counts if all are so."""
+def component_verdicts(system: System, reservations: MeasuredReservations) -> tuple[ComponentVerdict, ...]:
+    """Return the verdict on each component whose reserve is to be measured, on each platform that it may run on.
+
+    Args:
+        system: of the manifest.
+        reservations: they make the verdicts.
+
+    Returns:
+        By platform, falling criticality and name. A platform on which nothing is measured counts if all are so.
+    """
     found: list[ComponentVerdict] = []
     for group in filter(depends_on_a_log, groups_of(system)):
         hosts = {host.platform: host for host in reversed([*system.hosts.values()]) if group.may_run_on(host.name)}
@@ -119,7 +127,22 @@ def _verdicts(system: System, reservations: MeasuredReservations) -> Iterator[Co
     components = system.components
 
     in_order = sorted(found, key=lambda each: (-components[each.component].criticality, natural_order(each.component)))
-    yield from sorted(in_order, key=lambda each: each.platform)
+    return tuple(sorted(in_order, key=lambda each: each.platform))
+
+
+def missing_on(
+    system: System, planned: PlannedTotals, verdicts: Sequence[ComponentVerdict], host: str
+) -> tuple[ComponentVerdict, ...]:
+    """Return the verdicts on components that count in no host's total, since their reservation is not known.
+
+    Args:
+        system: of the manifest.
+        planned: where each partition is placed.
+        verdicts: as of `component_verdicts`.
+        host: its name; only components that may run there.
+    """
+    missing, platform = components_without_reservation(system, planned, host), system.hosts[host].platform
+    return tuple(each for each in verdicts if each.platform == platform and each.component in missing)
 
 
 def _in_order(measurements: Sequence[Measurement]) -> Sequence[Measurement]:
@@ -187,7 +210,6 @@ def _capacity(
 ) -> PlatformCapacity:
     hosts = tuple(sorted((host.name for host in _platforms(system)[platform]), key=natural_order))
     total = sum_of(planned.hosts[name] for name in hosts)
-    missing = {name for host in hosts for name in components_without_reservation(system, planned, host)}
     return PlatformCapacity(
         platform=platform,
         hosts=hosts,
@@ -202,7 +224,7 @@ def _capacity(
         reserved_lp=total.reserved_lp,
         unmanaged_lp=total.unmanaged_lp,
         partitions=tuple(partition.name for partition in planned.partitions if partition.host in hosts),
-        unknown=tuple(each for each in verdicts if each.platform == platform and each.component in missing),
+        unknown=tuple(dict.fromkeys(each for host in hosts for each in missing_on(system, planned, verdicts, host))),
     )
 
 
@@ -245,7 +267,7 @@ def points_of(
         Ascending; of equal reserves the earlier one first.
     """
     points = [
-        _point(entry.setting, series, index, {index: apt[index]} if index in apt else {}, run)
+        point_of(entry.setting, series, index, {index: apt[index]} if index in apt else {}, run)
         for entry in recorded
         for series in entry.setting.series
         if series.component == component
@@ -253,7 +275,16 @@ def points_of(
     return tuple(sorted(points, key=lambda point: point.reserve))
 
 
-def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Threshold], run: Run) -> MeasuredPoint:
+def point_of(setting: Setting, series: Series, index: str, apt: Mapping[str, Threshold], run: Run) -> MeasuredPoint:
+    """Return what one setting shows of an index of a component: value, bounds and verdict.
+
+    Args:
+        setting: with the reservation.
+        series: of the component in that setting.
+        index: name of the performance index.
+        apt: its threshold alone; empty: there is no verdict.
+        run: how the component is run.
+    """
     estimates = curve_of([setting], series.component, index, run).estimates
     verdict = judge_look(series, apt, run)
     point = MeasuredPoint(

@@ -12,6 +12,7 @@ from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, me
 from rarms_iac.measuring.reporter import MeasuringReporter
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.wall_times import RemainingSettings
+from rarms_iac.model.commands import Wording
 from rarms_iac.model.indexes import index_named, show_bound, show_range, show_value
 from rarms_iac.model.outcomes import (
     Estimate,
@@ -28,12 +29,14 @@ from rarms_iac.model.quantities import ReservePercent, guaranteed, share_of_proc
 from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import run_of
-from rarms_iac.model.wording import counted, in_a_row, list_names
+from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.running.reading import describe_skipped
 from rarms_iac.statistics.error_probability import describe_errors, describe_extreme
 from rarms_iac.statistics.verdicts import until_share
 from rarms_iac.views.console import LiveRows, paragraph, show_seconds, stack, table
 from rarms_iac.views.status import describe_other_claims
+from rarms_iac.views.sweep import sweep_text
+from rarms_iac.views.verdicts import advise_to_measure, why_not_known
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -47,7 +50,8 @@ HEADER = ("component", "threshold", "on", "reservation", "CR", "remark")
 def summary_text(outcome: MeasureOutcome) -> "RenderableType":
     """A table, a row a threshold of a component; below it what the reservations add up to, and how sure they are.
 
-    The reservation stands in the first row of the components that were measured together.
+    Above it stand the settings of each sweep. The reservation stands in the first row of the components that were
+    measured together.
 
     Args:
         outcome: of all experiments; those that an early end left out have rows, too.
@@ -58,7 +62,9 @@ def summary_text(outcome: MeasureOutcome) -> "RenderableType":
         for row in _rows(by_load[0].experiment, *_outcome(decisive(by_load), _loads(by_load)))
     ]
     rows += [row for experiment in outcome.not_begun for row in _rows(experiment, "", "-", "not begun")]
-    return stack(table(rows, header=HEADER, wrap=(1, 5), right=(3,)), *map(paragraph, _totals(outcome)))
+    swept = [result for result in outcome.experiments if isinstance(result.conclusion, Swept)]
+    settings = [part for result in swept for part in sweep_text(result)]
+    return stack(*settings, table(rows, header=HEADER, wrap=(1, 5), right=(3,)), *map(paragraph, _totals(outcome)))
 
 
 def _rows(experiment: Experiment, share: str, amount: str, remark: str) -> Iterator[Row]:
@@ -139,16 +145,20 @@ def _planned(result: ExperimentResult, reserve: int | None) -> str:
     return "" if planned is None or planned == reserve else f"a plan reserves {_amount(result, planned)}"
 
 
-def _totals(outcome: MeasureOutcome) -> Iterator[str]:
+def _totals(outcome: MeasureOutcome) -> Iterator[Wording]:
     results = outcome.experiments
     for name in dict.fromkeys(result.experiment.host.name for result in results):
         here = [result for result in results if result.experiment.host.name == name]
         settings = counted(sum(len(result.settings) for result in here), "setting")
         yield (f"{name}: {_reserved_on(name, outcome)}{settings}, {sum(result.new for result in here)} of them new.")
+        if unknown := outcome.unknown.get(name, ()):
+            yield f"Not known: {why_not_known(unknown)}."
     yield from _skipped_lines(results)
     extremes = {index_named(measured.index).is_extreme for measured in _concluded_indexes(results)}
     if extremes:
         yield describe_errors(sure=False in extremes, so_far=True in extremes)
+    if missing := advise_to_measure(each for unknown in outcome.unknown.values() for each in unknown):
+        yield missing
 
 
 def _skipped_lines(results: Sequence[ExperimentResult]) -> Iterator[str]:
@@ -167,12 +177,10 @@ def _reserved_on(host: str, outcome: MeasureOutcome) -> str:
         return ""
     totals, fixed = outcome.totals[host], outcome.fixed_lp[host]
     note = f" ({show_processors(fixed)} of it fixed in the manifest)" if fixed else ""
-    missing = outcome.without_reservation[host]
-    verb = "has" if len(missing) == 1 else "have"
-    without = f" without {list_names(missing)}, which {verb} no reservation" if missing else ""
+    least = "at least " if outcome.unknown[host] else ""
     claims = "".join(f", {text}" for text in describe_other_claims(totals.unmanaged_lp, totals.kept_lp))
     whole = show_processors(totals.host_lp)
-    return f"a plan reserves {show_processors(totals.reserved_lp)} of {whole} there{note}{without}{claims}, by "
+    return f"a plan reserves {least}{show_processors(totals.reserved_lp)} of {whole} there{note}{claims}, by "
 
 
 def _concluded_indexes(results: Sequence[ExperimentResult]) -> Iterator[MeasuredIndex]:

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from rarms_iac.app.report_model import ComponentVerdict
 from rarms_iac.model.achievement import Achievement
+from rarms_iac.model.commands import MEASURE, Prose, prose
 from rarms_iac.model.wording import in_a_row, list_names
 
 
@@ -38,6 +39,13 @@ def describe_verdicts_of(verdicts: Iterable[ComponentVerdict], component: str) -
         suffix = f" on {verdict.platform}" if len(own) > 1 else ""
         indexes = f": {in_a_row(verdict.indexes)}" if verdict.achievement in _OF_INDEXES else ""
         yield f"{describe_achievement(verdict.achievement, verdict.not_measured)}{suffix}{indexes}"
+
+
+def advise_to_measure(verdicts: Iterable[ComponentVerdict]) -> Prose | None:
+    """Recommend the command that measures what is missing; None: nothing is."""
+    if all(verdict.achievement is not Achievement.UNMEASURED for verdict in verdicts):
+        return None
+    return prose("Measure what is missing: ", MEASURE, ".")
 
 
 def why_not_known(verdicts: Iterable[ComponentVerdict]) -> str:

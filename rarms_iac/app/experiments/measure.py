@@ -31,8 +31,10 @@ from rarms_iac.app.experiments.several_loads import by_partition, decisive, leav
 from rarms_iac.app.hosts import Hosts, host_errors
 from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import log_errors
+from rarms_iac.app.report_measurements import component_verdicts, missing_on
+from rarms_iac.app.report_model import ComponentVerdict
 from rarms_iac.app.scripts import PlanScript
-from rarms_iac.app.totals import components_without_reservation, partitions_without_log, totals_at_hand
+from rarms_iac.app.totals import partitions_without_log, totals_at_hand
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.methods import Method
@@ -63,7 +65,7 @@ class MeasureOutcome:
     not_begun: tuple[Experiment, ...] = ()
     totals: Mapping[str, HostTotals] = field(default_factory=dict)  # by host that was measured on, as a plan has them
     fixed_lp: Mapping[str, Fraction] = field(default_factory=dict)  # by host: LPs of it that the manifest itself fixes
-    without_reservation: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # by host: components not in them
+    unknown: Mapping[str, tuple[ComponentVerdict, ...]] = field(default_factory=dict)  # by host: what is not in them
     ended: Internal[bool] = False  # the user asked for an end at a question
 
     @property
@@ -182,7 +184,7 @@ def _together(outcomes: Sequence[MeasureOutcome]) -> MeasureOutcome:
         not_begun=tuple(each for outcome in outcomes for each in outcome.not_begun),
         totals={name: each for outcome in outcomes for name, each in outcome.totals.items()},
         fixed_lp={name: each for outcome in outcomes for name, each in outcome.fixed_lp.items()},
-        without_reservation={name: each for outcome in outcomes for name, each in outcome.without_reservation.items()},
+        unknown={name: each for outcome in outcomes for name, each in outcome.unknown.items()},
     )
 
 
@@ -223,7 +225,8 @@ def _measure_all(
             begun += 1
             if isinstance(of_loads[-1].conclusion, Stopped) or ended:
                 break
-    planned, _ = totals_at_hand(hosts.manifest)
+    planned, reservations = totals_at_hand(hosts.manifest)
+    verdicts = component_verdicts(hosts.system, reservations)
     outcome = MeasureOutcome(
         experiments=tuple(results),
         findings=(*findings, *still_stopped),
@@ -233,7 +236,7 @@ def _measure_all(
             name: totals_of(each.claim for each in partitions_without_log(hosts.system, planned, [name])).reserved_lp
             for name in names
         },
-        without_reservation={name: components_without_reservation(hosts.system, planned, name) for name in names},
+        unknown={name: missing_on(hosts.system, planned, verdicts, name) for name in names},
         ended=ended,
     )
     return outcome, complete

@@ -32,6 +32,7 @@ from rarms_iac.views.reports.tables import (
     trail_table,
     tuned_table,
 )
+from rarms_iac.views.verdicts import advise_to_measure
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -102,6 +103,7 @@ def render_page(
                 (bool(status.differs), status.host, plain_text(applied_text(status), manifest_options))
                 for status in report.statuses
             ],
+            missing=plain_text(advise_to_measure(report.verdicts) or "", manifest_options),
             findings=[_finding(diagnostic, sources, manifest_options) for diagnostic in findings],
             reserves=RESERVES,
             words=command_text,

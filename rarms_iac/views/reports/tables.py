@@ -17,7 +17,6 @@ from rarms_iac.app.report_model import (
     Report,
 )
 from rarms_iac.model.achievement import Achievement, ReservationVerdict
-from rarms_iac.model.commands import command, prose
 from rarms_iac.model.indexes import show_bound, show_range, show_threshold, show_value
 from rarms_iac.model.quantities import share_of_processors, show_reserve
 from rarms_iac.planner.combining.candidates import Node
@@ -88,8 +87,7 @@ def _levels(report: Report) -> Iterator[tuple[Sequence[str], Row]]:
             )
     shown = {measurement.components for measurement in report.measurements if measurement.decides}
     for names in dict.fromkeys(verdict.members for verdict in report.verdicts if verdict.members not in shown):
-        run = command("measure", *names, together=len(names) > 1)
-        yield names, _without_curve(" + ".join(names), None, None, str(prose("not measured: run ", run)))
+        yield names, _without_curve(" + ".join(names), None, None, Achievement.UNMEASURED)
 
 
 def _level(measurement: Measurement, curve: IndexCurve) -> Row:

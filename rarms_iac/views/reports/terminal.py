@@ -18,6 +18,7 @@ from rarms_iac.views.reports.scale import Scale, scale_of
 from rarms_iac.views.reports.sentences import applied_text, fit_text, tuning_text
 from rarms_iac.views.reports.table import Table, show_cell
 from rarms_iac.views.reports.tables import levels_table, proofs_table, tuned_table, verdict_of
+from rarms_iac.views.verdicts import advise_to_measure
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
@@ -88,6 +89,8 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
     yield _table(levels_table(report))
     for fit in report.capacities:
         yield paragraph(f"{', '.join(fit.hosts)}: {fit_text(fit)}")
+    if missing := advise_to_measure(report.verdicts):
+        yield paragraph(missing)
     for host in report.statuses:
         yield paragraph(prose(f"{host.host}: ", applied_text(host)))
     if report.proofs:

@@ -456,8 +456,8 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         given(PAIR, "measure vision --from 40% --to 80% --step 40%"),
         Ask(
             "report",
-            ("not measured: run `rarms measure", "Nothing can be applied as it is"),
-            ("measure speech", "plan"),
+            ("Measure what is missing: ", "Nothing can be applied as it is"),
+            ("measure", "plan"),
             may_answer=NO,
             in_view=True,
         ),
@@ -483,6 +483,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         given(MEASURED, logs(vision=45), edit("busy-loop }", "[busy-loop, bursts-20] }")),
         Ask("plan", "Measure the other loads: ", "measure vision"),
         Ask("status", "that are not measured yet", "measure"),
+        Ask("measure --interference busy-loop", "Measure what is missing: ", "measure", in_view=True),
     ),
     "a log has no setting": (
         given(MEASURED, logs(vision=45), empty_log),

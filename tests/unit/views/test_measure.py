@@ -10,7 +10,7 @@ from rarms_iac.app.experiments.measure import MeasureOutcome
 from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.wall_times import RemainingSettings
-from rarms_iac.model.outcomes import Stopped, Sufficient
+from rarms_iac.model.outcomes import Stopped, Sufficient, Swept
 from rarms_iac.model.run import SampleCount
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.setting import Setting
@@ -279,3 +279,14 @@ def test_of_several_components_each_value_says_whose_it_is() -> None:
 
 def test_what_is_done_is_told_by_the_component_that_takes_longest() -> None:
     assert share_done(ONE_EXPERIMENT, 30, {"vision": series_of(50)}) == pytest.approx(5_000 / 600_000)
+
+
+def test_a_sweep_shows_value_bounds_and_verdict_of_each_setting() -> None:
+    swept = replace(found(105.0), conclusion=Swept(), settings=(at(60, 95.0), at(59, 105.0)))
+    rows = [line.split() for line in text([swept]).splitlines()[:4]]
+
+    assert " ".join(rows[0]).startswith("vision with busy-loop on onboard: mean_response_time <= 100 ms.")
+    assert rows[1] == ["reservation", "CR", "measured", "bounds", "verdict"]
+    assert (rows[2][:6], rows[2][-1]) == (["1.18", "LP", "59", "%", "105.1", "ms"], "missed")
+    assert (rows[3][:4], rows[3][-1]) == (["1.2", "LP", "60", "%"], "met")
+    assert [row[7] for row in rows[2:]] == ["to", "to"], "the bounds"
