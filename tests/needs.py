@@ -102,6 +102,10 @@ NEEDS: dict[str, Need] = {
     ),
     "bash": Need(missing=_program("bash"), obtainable=_on_posix),
     "chromium": Need(missing=lambda: _program("chromium")() or _program("chromedriver")(), obtainable=_on_linux),
+    "cmarkgfm": Need(
+        missing=lambda: "" if importlib.util.find_spec("cmarkgfm") else "cmarkgfm is not installed",
+        obtainable=_on_linux,
+    ),
     "control-groups": Need(
         missing=lambda: "" if _writable_control_groups() else "no control group is writable here",
         obtainable=lambda: bool(_writable_control_groups()),

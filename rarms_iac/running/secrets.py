@@ -2,6 +2,7 @@
 
 import json
 import os
+from base64 import b64encode, urlsafe_b64encode
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from urllib.parse import quote, quote_plus
 
@@ -13,6 +14,9 @@ from rarms_iac.model.wording import quoted
 LEAST = 6
 """Characters of a value that is looked for: a shorter one stands in other words, too."""
 
+LINE = 76
+"""Characters after which programs break a line of base64."""
+
 
 def hide_secrets(run: Run, own: Mapping[str, str]) -> Callable[[str], str]:
     """Make the function that takes the values of `from_env` variables out of a text.
@@ -22,10 +26,10 @@ def hide_secrets(run: Run, own: Mapping[str, str]) -> Callable[[str], str]:
         own: rarms' own environment.
 
     Returns:
-        A function of a text, which has `<NAME>` in place of each value of at least `LEAST` characters, as it is or as
-        JSON, Python, an address or a message writes it, whole or line by line; the longest first, so that none is left
-        in part. Of a value that is cut off by an end of the text, or by `...`, the remainder is replaced, if it is as
-        long.
+        A function of a text, which has `<NAME>` in place of each value of at least `LEAST` characters, as it is, in
+        base64, or as JSON, Python, an address or a message writes it, whole or line by line; the longest first, so that
+        none is left in part. Of a value that is cut off by an end of the text, or by `...`, the remainder is replaced,
+        if it is as long.
     """
     names = {value.name for value in run.environment.values() if isinstance(value, FromEnvironment)}
     forms = {
@@ -67,7 +71,23 @@ def _forms(value: str) -> tuple[str, ...]:
     as_python = (repr(value)[1:-1], ascii(value)[1:-1])  # what an exception of a component often shows
     # Bytes that are no text are written as they came.
     in_addresses = (write(value, errors="surrogateescape") for write in (quote, quote_plus))
-    return (value, *as_json, *as_python, quoted(value)[1:-1], *in_addresses)
+    return (value, *as_json, *as_python, quoted(value)[1:-1], *in_addresses, *_as_base64(value))
+
+
+def _as_base64(value: str) -> Iterator[str]:
+    """Yield base64 of a value in both alphabets: alone, also in lines, and inside of a longer text (`user:password`).
+
+    A character stands for six bits. So it matters how many bytes stand before the value, modulo three; inside of a
+    text, characters that also stand for bits of a neighbour are left out.
+    """
+    data = value.encode("utf-8", errors="surrogateescape")
+    for encode in (b64encode, urlsafe_b64encode):
+        alone = encode(data).decode("ascii")
+        lines = (alone[at : at + LINE] for at in range(0, len(alone), LINE))
+        yield from (alone, alone.rstrip("="), *(line for line in lines if len(line) >= LEAST))
+        for before in range(3):
+            text = encode(bytes(before) + data).decode("ascii")
+            yield text[-(-8 * before // 6) : 8 * (before + len(data)) // 6]
 
 
 SHORT_SECRET = Finding.warning("RARMS345", "A value from the environment is too short to be hidden")

@@ -77,12 +77,23 @@ def code(text: str) -> str:
 
 
 def safe(text: str) -> str:
-    """The text so that neither Markdown nor HTML, nor a mention of a person, begins in it; code of ours stays code."""
+    """The text so that neither Markdown nor HTML, no link and no mention of a person begins in it.
+
+    Code of ours stays code.
+    """
     line = visible(text, keep="")
     line = line if len(line) <= _LONGEST_TEXT else f"{line[:_LONGEST_TEXT]}..."
     pieces = re.split(r"((?<!`)`[^`]+`(?!`))", line)  # runs of two or more could open what one does not close
     return "".join(piece if at % 2 else _escaped(piece) for at, piece in enumerate(pieces))
 
 
+_NOTHING = "<!-- -->"
+"""Parts a text for GitHub, which also finds links, persons and issues in the characters that escapes stand for."""
+
+_LINKED = re.compile(r"(?<=:)(?=//)|(?<=www)(?=\.)|(?<=@)|(?<=#)(?=[0-9])", re.IGNORECASE)
+"""Where an address, an e-mail address, a person or the number of an issue is parted."""
+
+
 def _escaped(text: str) -> str:
-    return re.sub(r"([\\`*_\[\]|~#])", r"\\\1", escape(text, quote=False)).replace("@", "&#64;")
+    escaped = re.sub(r"([\\`*_\[\]|~#])", r"\\\1", escape(text, quote=False))
+    return _LINKED.sub(_NOTHING, escaped).replace("@", "&#64;")

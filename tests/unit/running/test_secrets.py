@@ -1,6 +1,8 @@
 """What a component got from rarms' own environment is in no reason and in no tail that is shown or recorded."""
 
 import json
+from base64 import b64encode, encodebytes, urlsafe_b64encode
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from urllib.parse import quote
@@ -24,6 +26,30 @@ def test_a_value_is_hidden_in_each_form(form: str) -> None:
     hide = hide_secrets(replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE")}), {"MINE": SECRET})
 
     assert hide(f"login {form} failed") == "login <MINE> failed"
+
+
+@pytest.mark.parametrize("encode", [b64encode, urlsafe_b64encode])
+@pytest.mark.parametrize("after", ["", "\n", " and more"])
+@pytest.mark.parametrize("before", ["", "u", "me", "user:"])
+def test_base64_of_a_value_is_hidden(before: str, after: str, encode: Callable[[bytes], bytes]) -> None:
+    value = "s3cr3t>?value~~"
+    hide = hide_secrets(replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE")}), {"MINE": value})
+
+    text = encode(f"{before}{value}{after}".encode()).decode()
+
+    assert before or hide(text.rstrip("=")).startswith("<MINE>")
+    others = hide(text).replace("<MINE>", "")
+    assert len(others) <= len(encode(f"{before}{after}".encode())) + 2  # those that are also of a neighbour
+    assert len(hide(text)) > len(others)
+
+
+def test_base64_of_a_long_value_is_hidden_in_lines() -> None:
+    value = "".join(map(chr, range(33, 120)))
+    hide = hide_secrets(replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE")}), {"MINE": value})
+
+    lines = encodebytes(value.encode()).decode().splitlines()
+
+    assert [hide(line) for line in lines] == ["<MINE>"] * len(lines)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from rarms_iac.views.pull_request import comment as comment_of
 from tests.builders_plan import a_rich_plan
 from tests.files import copy_files
 from tests.fleet import manifest as fleet
+from tests.needs import require
 from tests.unit.cli.running import rarms
 
 HEAD = "schema: rarms/v1\napplication: { name: cell }\n"
@@ -144,9 +146,30 @@ def test_what_a_stranger_wrote_stays_text() -> None:
     assert len(text) < LONGEST_COMMENT
     assert text.splitlines()[0].count("-->") == 1
     body = re.sub("(?<![\\\\`])`[^`\n]+`", "code", text.split("\n", 1)[1])
+    body = re.sub("(?<=&#64;|http:)<!-- -->", "", body)
     for begun in ("</details>", "@everyone", "<!--", "![x]"):
         assert begun not in body
     assert [line for line in body.splitlines() if line.startswith("### ")] == ["### rarms plan: there is none"]
+
+
+ADDRESSES = "https://a.example/x HTTP://a.example www.a.example ftp://a.example me@a.example xmpp:me@a.example"
+
+
+def test_addresses_in_names_are_no_links() -> None:
+    """By the renderer that GitHub uses; GitHub links `@person` and `#1` in the page that comes out of it."""
+    require("cmarkgfm")
+    import cmarkgfm
+    from cmarkgfm import cmark
+
+    finding = Finding(code="RARMS999", severity=Severity.ERROR, summary=f"Not {ADDRESSES}")
+    place = Place(file="www.a.example/me@a.example.yaml", line=1, column=1)
+
+    text = findings_markdown([finding.at(place, f"see {ADDRESSES} @person #1", "", values={})])
+    page = cmarkgfm.github_flavored_markdown_to_html(text, cmark.Options.CMARK_OPT_UNSAFE)
+
+    assert "<a " not in page
+    assert unescape(re.sub("<!-- -->", "", page)).count(ADDRESSES) == 2
+    assert not re.search("@person|#1", unescape(page))
 
 
 def test_findings_alone_are_a_list() -> None:
