@@ -90,7 +90,7 @@ class HostInstallation:
     boot: str = ""  # the file that starts partitions with the machine; empty: there is neither systemd nor cron
     sent_bytes: int = 0
     finished: tuple[BegunRun, ...] = ()
-    left: tuple[BegunRun, ...] = ()  # not finished by the version that began each
+    still_open: tuple[BegunRun, ...] = ()  # not finished by the version that began each
     removed: tuple[str, ...] = ()  # versions
 
 
@@ -123,7 +123,7 @@ class _Done:
 
     boot: str = ""
     finished: tuple[BegunRun, ...] = ()
-    left: tuple[BegunRun, ...] = ()
+    still_open: tuple[BegunRun, ...] = ()
     removed: tuple[str, ...] = ()
 
 
@@ -190,15 +190,36 @@ def install(hosts: Hosts, request: InstallRequest, control: Control = UNATTENDED
             with host_errors():
                 done.append(_remove(host) if request.removing else _install(host, wheels, control))
     return Installation(
-        hosts=tuple(done), findings=tuple(_still_open(host.host, run) for host in done for run in host.left)
+        hosts=tuple(done), findings=tuple(_still_open(host.host, run) for host in done for run in host.still_open)
     )
 
 
+def hosts_to_change(hosts: Hosts, request: InstallRequest) -> tuple[str, ...]:
+    """Look which of the chosen hosts `install` would change; nothing is changed.
+
+    Args:
+        hosts: as of `install`.
+        request: as of `install`.
+
+    Raises:
+        RequestError: a chosen host is not a Linux host.
+        UseCaseError: a host cannot be reached, or lacks something (failed).
+    """
+    found = []
+    for name in _linux_hosts(hosts):
+        with host_errors():
+            look = _RobotSetup(name, _channel(hosts, name)).look()
+            done = not look.versions if request.removing else _is_done(look, build_name(_python_of(name, look)))
+        if not done:
+            found.append(name)
+    return tuple(found)
+
+
 def _still_open(host: str, run: BegunRun) -> Diagnostic:
-    reason = f"it ended with: {_last_line(run.said)}" if run.said else "it is not there"
+    reason = f"it said: {_last_line(run.said)}" if run.said else "it is not there."
     return STILL_OPEN.of_host(
         host,
-        f"{host}: rarms {run.version} began the run of plan {run.plan} and did not finish it; {reason.rstrip('.')}.",
+        f"{host}: rarms {run.version} began the run of plan {run.plan} and did not finish it; {reason}",
         prose(
             f"Remove the reason, or install rarms {run.version} there, then run ",
             command("install", host=host),
@@ -235,9 +256,7 @@ def _install(host: "_RobotSetup", wheels: _Wheels, control: Control) -> HostInst
     look = host.look()
     python = _python_of(host.name, look)
     build = build_name(python)
-    has_build = look.versions.get(__version__) == build
-    has_others_run = any(run.version != __version__ for run in look.unfinished)
-    if has_build and look.current == __version__ and look.boots and not has_others_run:
+    if _is_done(look, build):
         return HostInstallation(
             host=host.name,
             before=look.current,
@@ -246,6 +265,7 @@ def _install(host: "_RobotSetup", wheels: _Wheels, control: Control) -> HostInst
             python=look.python,
             machine=python.machine,
         )
+    has_build = look.versions.get(__version__) == build
     sent = () if has_build else wheels.of(python)
     size = sum(len(wheel.content) for wheel in sent)
     if sent:
@@ -267,15 +287,21 @@ def _install(host: "_RobotSetup", wheels: _Wheels, control: Control) -> HostInst
         host=host.name,
         before=look.current,
         version=__version__,
-        changed=True,
+        changed=bool(sent or done.finished) or look.current != __version__ or not look.boots,
         python=look.python,
         machine=python.machine,
         boot=done.boot,
         sent_bytes=size,
         finished=done.finished,
-        left=done.left,
+        still_open=done.still_open,
         removed=done.removed,
     )
+
+
+def _is_done(look: _Look, build: str) -> bool:
+    """Whether this build is in use, starts partitions with the machine, and no run of another version is open."""
+    is_current = look.versions.get(__version__) == build and look.current == __version__
+    return is_current and look.boots and all(run.version == __version__ for run in look.unfinished)
 
 
 def _remove(host: "_RobotSetup") -> HostInstallation:

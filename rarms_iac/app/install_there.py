@@ -118,7 +118,7 @@ def install(request: Facts, archive: tarfile.TarFile, places: RobotPlaces) -> Fa
     _refuse_writable(Path(sys.executable).resolve())
     with _held(places, make=True):
         _refuse_running(places)
-        finished, left = _finish_runs(places, version)
+        finished, still_open = _finish_runs(places, version)
         before, build = _current(places), places.builds / request["build"]
         _remove_rest(places)
         if _versions(places).get(version) != build:
@@ -127,10 +127,10 @@ def install(request: Facts, archive: tarfile.TarFile, places: RobotPlaces) -> Fa
             _point(root / version, f"{places.builds.name}/{build.name}")
         boot = _install_boot(places)
         _point(root / "current", version)
-        needed = {version, before, *(run["version"] for run in left)}
+        needed = {version, before, *(run["version"] for run in still_open)}
         removed = [] if before == version else _remove_versions(places, needed)
         _remove_rest(places)
-    return {"finished": finished, "left": left, "boot": boot, "removed": removed}
+    return {"finished": finished, "still_open": still_open, "boot": boot, "removed": removed}
 
 
 def remove(_request: Facts, _archive: tarfile.TarFile, places: RobotPlaces) -> Facts:
@@ -334,9 +334,9 @@ def _finish_runs(places: RobotPlaces, version: str) -> tuple[list[Facts], list[F
         except Refused as refused:
             said[name] = str(refused.facts["said"])
     open_now = [(run["slice"], run["plan"]) for run in _unfinished(places)]
-    left = [run for run in runs if (run["slice"], run["plan"]) in open_now]
-    finished = [run for run in runs if run not in left]
-    return finished, [{**run, "said": said.get(run["version"], "")} for run in left]
+    still_open = [run for run in runs if (run["slice"], run["plan"]) in open_now]
+    finished = [run for run in runs if run not in still_open]
+    return finished, [{**run, "said": said.get(run["version"], "")} for run in still_open]
 
 
 FINISH = "rarms_iac.robot.finish"

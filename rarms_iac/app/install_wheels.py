@@ -20,12 +20,15 @@ from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.model.commands import Wording
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.version import __version__
+from rarms_iac.storage.lock import hold, owner
 from rarms_iac.storage.reading import read_file
 from rarms_iac.storage.shipped import shipped_files, shipped_text
 
 LOCK = "locked-requirements.txt"
 MOST_WHEEL_BYTES = 256 * 2**20
 PIP = "pip"
+WAIT_MS = 1_800_000
+"""How long to wait for another process that downloads into the same folder: Ansible installs on robots side by side."""
 _BUILDS = "# To build rarms\n"
 _OLDEST_GLIBC = {"x86_64": 5, "aarch64": 17}
 """The minor version of glibc with which wheels for a processor begin."""
@@ -149,10 +152,11 @@ def wheels_for(robot: RobotPython, folder: Path) -> tuple[Wheel, ...]:
         UseCaseError: a wheel does not have a hash of the lock, or pip cannot get one (failed).
     """
     pins = pins_for(shipped_text(LOCK), robot)
-    found = _wheels_in(folder, pins, robot)
-    if missing := [pin for pin in pins if pin.name not in found]:
-        _download(missing, robot, folder)
+    with hold(folder / ".lock", owner(), WAIT_MS):
         found = _wheels_in(folder, pins, robot)
+        if missing := [pin for pin in pins if pin.name not in found]:
+            _download(missing, robot, folder)
+            found = _wheels_in(folder, pins, robot)
     if lacking := sorted({pin.name for pin in pins} - found.keys()):
         advice = "Look which wheels the package index has for it, or build them and name their folder with --wheels."
         raise _incomplete(f"{folder} has no wheel of {', '.join(lacking)} for {_described(robot)}.", advice)

@@ -26,17 +26,19 @@ for path in pathlib.Path({state!r}).glob("*/journal.jsonl"):
 """
 
 
-def wheels_of(version: str, state: str) -> tuple[Wheel, ...]:
+def wheels_of(version: str, state: str, extra_bytes: int = 0) -> tuple[Wheel, ...]:
     """Make the wheels of one version.
 
     Args:
         version: of rarms.
         state: the robot's folder of journals.
+        extra_bytes: of a file of no use.
     """
     rarms = {
         "rarms_iac/__init__.py": f"VERSION = {version!r}\n",
         "rarms_iac/__main__.py": f"print({version!r})\n",
         "rarms_iac/robot/__init__.py": "",
+        "rarms_iac/data": "0" * extra_bytes,
         "rarms_iac/robot/finish.py": FINISH.format(state=state, version=version),
     }
     return _wheel("pip-0-py3-none-any.whl", {"pip/__init__.py": "", "pip/__main__.py": PIP}), _wheel(

@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from rarms_iac.model.version import __version__
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from tests.contracts.test_measuring_contract import JOBS
 from tests.needs import CHECKOUT
@@ -338,6 +340,42 @@ def test_three_slices_are_reached_by_ansibles_own_ssh(slices: Fleet) -> None:
     facts = slices.play({"rarms.fleet.facts": {}}).results["l-2"]["ansible_facts"]["rarms"]["status"]
     assert [partition["name"] for partition in facts["hosts"][0]["partitions"]] == ["vision"]
     assert slices.play({"rarms.fleet.apply": {"state": "absent"}}).changed == ["l-1", "l-2", "l-3"]
+
+
+INSTALLED_ELSEWHERE = """\
+from rarms_iac.app import install
+from rarms_iac.app.install_there import RobotPlaces
+from rarms_iac.model.version import __version__
+from tests.standin.robot_wheels import wheels_of
+names = ("versions", "state", "units", "systemd", "cron")
+install.PLACES = RobotPlaces(**{{name: "{root}/" + name for name in names}})
+install.wheels_for = lambda _python, _folder: wheels_of(__version__, install.PLACES.state, extra_bytes=40_000_000)
+"""
+"""What Ansible's process runs first: rarms is a small one with a large file, and lies elsewhere."""
+
+
+@pytest.mark.needs("ssh", "root", "linux")
+def test_role_installs_rarms_and_removes_it(tmp_path: Path) -> None:
+    with tempfile.TemporaryDirectory(prefix="rarms-test-", dir="/opt") as root, a_server(tmp_path) as remote:
+        (tmp_path / "first").mkdir()
+        (tmp_path / "first" / "sitecustomize.py").write_text(INSTALLED_ELSEWHERE.format(root=root), encoding="utf-8")
+        fleet = a_fleet(tmp_path, LINUX, remote.environment["PATH"], f"{tmp_path / 'first'}{os.pathsep}{CHECKOUT}")
+        fleet.add("l-1")
+        fleet.add("simulated", "hosts: { onboard: { provider: simulated, connect: null } }\n")
+        role: Task = {"ansible.builtin.import_role": {"name": "rarms.fleet.install"}}
+        current = Path(root, "versions", "current")
+
+        expected = fleet.play(role, options=("--check",))
+        assert (expected.code, expected.changed, current.exists()) == (0, ["l-1"], False), expected.out
+        installed = fleet.play(role)
+        assert (installed.code, installed.changed) == (0, ["l-1"]), installed.out
+        assert installed.results["l-1"]["installed"]["sent_bytes"] > 40_000_000
+        assert current.readlink() == Path(__version__)
+        assert fleet.play(role).changed == []
+        removed = fleet.play(role, options=("-e", "rarms_install_state=absent"))
+
+        assert (removed.code, removed.changed) == (0, ["l-1"]), removed.out
+        assert not current.parent.exists()
 
 
 HYPERV = """\

@@ -101,18 +101,18 @@ def test_the_version_that_began_a_run_finishes_it(robot: Robot) -> None:
 
     assert [(run.plan, run.version) for run in done.finished] == [("p-1", "1.0")]
     assert json.loads(journal.read_text().splitlines()[-1])["by"] == "1.0"
-    assert done.left == ()
+    assert done.still_open == ()
 
 
 def test_a_run_that_no_version_can_finish_is_reported(robot: Robot) -> None:
     robot.install("1.0")
     robot.begin("1.0", plan="stuck")
-    (stuck,) = robot.install("2.0").left
+    (stuck,) = robot.install("2.0").still_open
     assert (stuck.version, stuck.said.strip()) == ("1.0", "RARMS186: the disk says no")
     assert robot.works("1.0") == "1.0", "it is needed still"
 
     robot.begin("0.9")
-    (unknown,) = robot.install("2.0").left
+    (unknown,) = robot.install("2.0").still_open
     assert (unknown.version, unknown.said) == ("0.9", "")
     assert (
         "rarms 0.9 began the run of plan p-1 and did not finish it; it is not there."
