@@ -23,6 +23,7 @@ class ExaminedHost:
 
     facts: HostFacts
     condition: HostCondition
+    memory_left: int | None  # bytes that machines can still have
     machines: int  # on the host
     managed: int  # of these, the application's
     running: int  # of all of them
@@ -86,6 +87,7 @@ def examine_hosts(hosts: Hosts) -> Examinations:
             ExaminedHost(
                 facts=facts,
                 condition=host.condition,
+                memory_left=host.state.memory_left,
                 machines=len(machines),
                 managed=len(host.state.of(application).partitions),
                 running=sum(machine.settings.running for machine in machines),

@@ -135,7 +135,7 @@ def _host_summary(host: ExaminedHost, connection: Connection) -> HostSummary:
         smt=facts.smt,
         logical_processors=facts.logical_processors,
         memory=facts.memory,
-        memory_available=condition.memory_available,
+        memory_available=host.memory_left,
         rights=facts.rights,
         deadline_percent=facts.deadline_percent,
         powershell=next(_versions([condition.powershell or ""]), None),

@@ -8,7 +8,7 @@ from itertools import accumulate
 from rarms_iac.model.claims import ANY_THREAD, WHOLE, Claim, CoreSharing, DeadlineClaim, load_of
 from rarms_iac.model.host import SERVER_2019, Host, SchedulerType
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, in_processors
-from rarms_iac.model.state import HostFacts, State
+from rarms_iac.model.state import HostFacts, Partition, State
 
 SEARCH_NODES = 5_000
 """How far the exact packing looks before it says no: a count, not a time, so that equal inputs have equal answers."""
@@ -77,17 +77,19 @@ def core_sharing(facts: HostFacts, threads_per_core: int | None = None) -> CoreS
 
 
 def foreign_claims(state: State, application: str) -> tuple[Claim, ...]:
-    """The claims of machines of others: those that run, start, or start by themselves.
+    """Return the claims of `foreign_claimants`, in their order."""
+    return tuple(machine.claim for machine in foreign_claimants(state, application))
+
+
+def foreign_claimants(state: State, application: str) -> tuple[Partition, ...]:
+    """List the machines of others that run, start, or start by themselves.
 
     Args:
         state: the host as observed.
         application: whose own machines do not count.
-
-    Returns:
-        A claim for each such machine.
     """
     return tuple(
-        partition.claim
+        partition
         for partition in state.partitions
         if partition.claims_resources and (partition.mark is None or partition.mark.application != application)
     )

@@ -29,7 +29,6 @@ class MachineCondition:
     id: str
     automatic_checkpoints: bool = False
     clustered: bool = False
-    group: str = ""  # id of its CPU group; empty: none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +45,6 @@ class HostCondition:
     elevated: bool | None = None  # who looked: only such a one may change the host
     hyperv_administrator: bool | None = None  # who looked is a member of that group
     script_running: bool | None = None  # of rarms, on that host; only a look on the host itself tells
-    memory_available: int | None = None  # bytes that machines can still have
     power_plans: tuple[str, ...] | None = None  # ids of those that are active
     pending_restart: bool | None = None
     seen_processors: int | None = None  # logical processors that the host's own Windows sees

@@ -1,6 +1,7 @@
 """The State of a host: what is there, or what is wanted to be there.
 
-The same types serve for both. What moves by itself (load, uptime, assigned memory) is not in them.
+The same types serve for both. What moves by itself (load, uptime, assigned memory) is not in them; the memory
+that is left is.
 """
 
 from collections.abc import Mapping
@@ -36,6 +37,16 @@ USUAL_DEADLINE_PERCENT = 95
 """The kernel's own: `sched_rt_runtime_us` 950000 of `sched_rt_period_us` 1000000."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, order=True)
+class ProcessorKind:
+    """Logical processors of a host that are alike; 0: the host does not say."""
+
+    processors: int  # so many of them
+    threads: int = 0  # of each of their cores
+    capacity: int = 0  # Linux' `cpu_capacity`: 1024 is the fastest
+    base_mhz: int = 0
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostFacts:
     """The facts of a host that decisions rest on."""
@@ -54,6 +65,7 @@ class HostFacts:
     disk_folder: str = ""  # where new disks lie unless a partition says otherwise
     # Of each processor, what Linux admits for SCHED_DEADLINE: 0 where its control groups hold only some processors.
     deadline_percent: int | None = None  # None: `USUAL_DEADLINE_PERCENT`
+    processor_kinds: tuple[ProcessorKind, ...] = ()  # several; empty: the processors are alike, or it is not known
 
 
 class RunState(StrEnum):
@@ -176,6 +188,7 @@ class Partition:
     checkpoints: int = 0  # how many were taken of it and are still there
     sharing: CoreSharing = ANY_THREAD
     guest_build: int = 0  # of the Windows that runs in it, as it claims; 0: not known, or no Windows
+    cpu_group: str = ""  # id of its CPU group; empty: none
     can_be_asked: bool = True  # its guest, to shut down; where that is unknown, it is tried
     ties: tuple[Tie, ...] = ()  # in their order
 
@@ -296,6 +309,10 @@ class State:
     disks: tuple[Disk, ...] = ()  # those that are attached to a machine, and what else is known, by path
     # Bytes of its largest NUMA node, where no machine may lie on two of them; None: any may, or it is not known.
     largest_node: int | None = None
+    # Bytes that machines which start can still have, and those of the NUMA node with most left; None: not known, or no
+    # machine takes memory when it starts.
+    memory_left: int | None = None
+    node_left: int | None = None
 
     def holds_nothing(self, machine: str) -> bool:
         """Tell whether a machine of this host can be removed and made again as it was.

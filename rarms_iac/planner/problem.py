@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from rarms_iac.model.capacity import CheckedCapacity, capacity_of, core_sharing, foreign_claims
+from rarms_iac.model.capacity import CheckedCapacity, capacity_of, core_sharing, foreign_claimants, foreign_claims
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing, DeadlineClaim
 from rarms_iac.model.host import Host, Mechanism, ProviderKind, SimulatedHost
 from rarms_iac.model.layout import Cause, Infeasible, Layout, PlacedPartition, Placement
@@ -26,6 +26,7 @@ class HostView:
 
     facts: HostFacts | None = None
     claims: tuple[Claim, ...] = ()  # of unmanaged machines
+    claimants: tuple[str, ...] = ()  # their names, in the same order
     present: Mapping[str, CoreSharing] = field(default_factory=dict)  # our partitions that are there now
     made: CoreSharing = ANY_THREAD  # how a machine that is made there takes cores
     taken_names: frozenset[str] = frozenset()  # of unmanaged machines, which none of our partitions has there
@@ -60,6 +61,7 @@ def host_view(state: State, application: str) -> HostView:
     return HostView(
         facts=state.facts,
         claims=foreign_claims(state, application),
+        claimants=tuple(machine.settings.name for machine in foreign_claimants(state, application)),
         present={partition.mark.name: partition.sharing for partition in own if partition.mark},
         made=core_sharing(state.facts),
         taken_names=frozenset(foreign - {partition.settings.name for partition in own}),

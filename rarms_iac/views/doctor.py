@@ -55,7 +55,7 @@ def _rows(examined: ExaminedHost, application: str) -> Iterator[tuple[str, str]]
     yield "module Hyper-V", "" if condition.module is None else ", ".join(condition.module) or "not installed"
     yield "scheduler", "" if facts.scheduler.value == "none" else facts.scheduler.value
     yield "processors", _processors(facts, condition)
-    available = condition.memory_available
+    available = examined.memory_left
     free = "" if available is None else f", {show_bytes(available)} left for machines"
     yield "memory", show_bytes(facts.memory) + free
     yield "rights", facts.rights.value

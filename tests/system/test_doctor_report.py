@@ -226,6 +226,7 @@ def _report(manifest: str, machines: tuple[Partition, ...]) -> DoctorReport:
     examined = ExaminedHost(
         facts=facts(f"{PLANTED}-host"),
         condition=condition,
+        memory_left=None,
         machines=len(machines),
         managed=0,
         running=1,

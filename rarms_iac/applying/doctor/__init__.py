@@ -6,7 +6,7 @@ In: a host's State and `HostCondition` (`Examination`). Out: diagnostics in the 
 
 from collections.abc import Callable, Iterator
 
-from rarms_iac.applying.doctor import machines, windows
+from rarms_iac.applying.doctor import machines, processors, windows
 from rarms_iac.applying.doctor.examination import Examination
 from rarms_iac.diff.compare_partitions import foreign_marks
 from rarms_iac.model.diagnostics import Diagnostic, Finding, in_order
@@ -27,6 +27,7 @@ CHECKS: tuple[Callable[[Examination], Iterator[Diagnostic]], ...] = (
     windows.check_execution_policy,
     windows.check_process_width,
     windows.check_minroot,
+    processors.check_unequal_processors,
     windows.check_unread_probes,
     machines.check_cpu_group,
     machines.check_dynamic_memory,
@@ -41,7 +42,7 @@ DOCTOR_ONLY_CODES = frozenset(
     finding.code
     for checks in (windows, machines)
     for finding in vars(checks).values()
-    if isinstance(finding, Finding) and finding is not machines.WIDE_MACHINE  # plans find it, too
+    if isinstance(finding, Finding) and finding not in (machines.WIDE_MACHINE, machines.CPU_GROUP)  # plans find them
 )
 """The codes that `rarms doctor` can find and no plan does: an acceptance of one is not unused in a plan."""
 

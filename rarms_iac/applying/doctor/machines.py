@@ -17,16 +17,16 @@ WIDE_MACHINE = Finding.warning("RARMS246", "A machine has more processors than t
 
 def check_cpu_group(host: Examination) -> Iterator[Diagnostic]:
     """A machine in a CPU group draws only on the group's logical processors and cap (windows.md 2)."""
-    for machine, condition in host.machines():
-        if condition.group:
+    for machine in host.state.partitions:
+        if machine.cpu_group:
             yield host.machine_finding(
                 CPU_GROUP,
                 machine,
-                f"{machine_title(machine)} on {host.name} is in the CPU group {condition.group}: it draws only on the "
-                "logical processors and the cap of its group, while rarms counts it against the whole host.",
+                f"{machine_title(machine)} on {host.name} is in the CPU group {machine.cpu_group}. It gets only the "
+                "logical processors and the cap of its group; rarms counts it against the whole host.",
                 "Take it out of the group (`CpuGroups.exe SetVmGroup /VmName:NAME /GroupId:"
                 "00000000-0000-0000-0000-000000000000`), or check by hand that its group has room for its reserve.",
-                {"group": condition.group},
+                {"group": machine.cpu_group},
             )
 
 

@@ -96,7 +96,7 @@ def check_elevation(host: Examination) -> Iterator[Diagnostic]:
 
 def check_free_memory(host: Examination) -> Iterator[Diagnostic]:
     """A machine whose memory is not free does not start: 0x800705AA (windows.md 5)."""
-    available = host.condition.memory_available
+    available = host.state.memory_left
     off = [
         machine for machine in host.state.partitions if machine.mark and machine.state in (RunState.OFF, RunState.SAVED)
     ]

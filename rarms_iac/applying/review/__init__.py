@@ -30,4 +30,7 @@ def review_plan(request: PlanRequest, desired: Desired, plan: HostPlan) -> Itera
     yield from changes.review_undo(request, plan)
     yield from changes.review_width(desired, plan)
     yield from host_effects.review_numa_nodes(desired, plan)
+    yield from host_effects.review_memory_left(desired, plan)
+    yield from host_effects.review_cpu_groups(request, desired, plan)
+    yield from host_effects.review_unequal_processors(request, desired)
     yield from host_effects.review_task_classes(request, desired, plan)

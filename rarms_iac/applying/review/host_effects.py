@@ -1,8 +1,12 @@
 """Reviews of a host as a whole: what the plan means for machines and task classes that rarms does not manage."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 
+from rarms_iac.applying.doctor.examination import Examination
+from rarms_iac.applying.doctor.machines import check_cpu_group
+from rarms_iac.applying.doctor.processors import check_unequal_processors
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.state_after import partition_after_change, partitions_after
 from rarms_iac.model.capacity import capacity_of, foreign_claims, packs_by_first_fit
@@ -15,13 +19,15 @@ from rarms_iac.model.plan import HostPlan, Purpose
 from rarms_iac.model.quantities import guaranteed, show_bytes, show_processors
 from rarms_iac.model.state import Partition, PartitionSettings, RegistryValue, TaskClass, ValueKind
 from rarms_iac.model.system import TaskCategory
-from rarms_iac.model.wording import in_a_row
+from rarms_iac.model.wording import in_a_row, list_names
 from rarms_iac.planner.desired import Desired
 from rarms_iac.planner.refusals import is_larger_than_node
 
 UNMANAGED_GETS_LESS = Finding.warning("RARMS223", "A machine that is not managed gets less")
 CLASSES_ABOVE = Finding.note("RARMS226", "Other task classes run above a robotic one")
 LARGER_THAN_NODE = Finding.error("RARMS382", "A partition is larger than each NUMA node of its host")
+NO_MEMORY_LEFT = Finding.error("RARMS403", "The plan starts machines with more memory than the host has left")
+NO_NODE_LEFT = Finding.error("RARMS404", "A partition is larger than what each NUMA node has left")
 NO_SCRIPT_PLACEMENT = Finding.error("RARMS259", "A script would find no place for its promises")
 
 SMT_COSTS = Finding.note("RARMS231", "Logical processors stand idle beside partitions with a reserve")
@@ -68,6 +74,72 @@ def review_numa_nodes(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
                 address=str(change.address),
                 values={"partition": name, "memory": memory, "node": node, "host": desired.host},
             )
+
+
+def review_memory_left(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
+    """A machine whose memory is not free does not start: 0x800705AA (windows.md 5)."""
+    before = {change.address: _running_memory(change.before) for change in plan.changes}
+    after = {change.address: _running_memory(partition_after_change(change)) for change in plan.changes}
+    more = {address: memory - before[address] for address, memory in after.items() if memory > before[address]}
+    freed = sum(max(0, memory - after[address]) for address, memory in before.items())
+    left, node = desired.observed.memory_left, desired.observed.node_left
+    if left is not None and sum(more.values()) > left + freed:
+        yield _no_memory_left(desired.host, {str(address): each for address, each in more.items()}, left, freed)
+        return
+    largest = desired.observed.largest_node
+    if node is None or largest is None:
+        return
+    most = min(largest, node + freed)  # what is freed may lie on any node
+    for change in plan.changes:
+        memory = after[change.address]
+        if change.address in more and most < memory <= largest:
+            yield NO_NODE_LEFT.at(
+                change.reason.place,
+                f"{change.address.partition} needs {show_bytes(memory, most)} on one NUMA node to start. The node of "
+                f"{desired.host} with most memory left has {show_bytes(most, memory)}, and NUMA spanning is off.",
+                "Stop what else runs there and plan again, give the partition less `memory`, or allow spanning "
+                "(`Set-VMHost -NumaSpanningEnabled $true`, then restart the service vmms).",
+                address=str(change.address),
+                values={"partition": change.address.partition, "memory": memory, "left": most, "host": desired.host},
+            )
+
+
+def _running_memory(thing: object) -> int:
+    return thing.settings.memory if isinstance(thing, Partition) and thing.settings.running else 0
+
+
+def _no_memory_left(host: str, more: Mapping[str, int], left: int, freed: int) -> Diagnostic:
+    total = sum(more.values())
+    names = list_names((f"{address.removeprefix('partition/')} {show_bytes(each)}" for address, each in more.items()))
+    after_stops = f" It stops machines with {show_bytes(freed)} first." if freed else ""
+    return NO_MEMORY_LEFT.of_host(
+        host,
+        f"The plan starts {show_bytes(total, left)} on {host}: {names}. {host} reports {show_bytes(left, total)} left "
+        f"for machines.{after_stops}",
+        "Stop what else runs there and plan again, give partitions less memory in the manifest, or add memory to the "
+        "host.",
+        partitions=tuple(more),
+        starts_memory_bytes=total,
+        left_memory_bytes=left,
+        freed_memory_bytes=freed,
+    )
+
+
+def review_cpu_groups(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
+    """CPU groups that limit partitions which the plan keeps as they are; it may not change others (RARMS366)."""
+    if request.purpose is Purpose.APPLY:
+        changed = {change.before.id for change in plan.changes if isinstance(change.before, Partition)}
+        own = desired.observed.of(request.application)
+        kept = tuple(partition for partition in own.partitions if partition.id not in changed)
+        place = request.places.key("hosts", desired.host)
+        yield from check_cpu_group(Examination(state=replace(own, partitions=kept), place=place))
+
+
+def review_unequal_processors(request: PlanRequest, desired: Desired) -> Iterator[Diagnostic]:
+    """Reserves count logical processors as if they were alike."""
+    if request.purpose is Purpose.APPLY:
+        place = request.places.key("hosts", desired.host)
+        yield from check_unequal_processors(Examination(state=desired.observed, place=place))
 
 
 def review_script_placement(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:

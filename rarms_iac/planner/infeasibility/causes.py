@@ -1,15 +1,15 @@
 """Why there is no layout: who cannot share which hosts, by how much, and what would fit."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import assert_never
 
-from rarms_iac.model.claims import load_of
+from rarms_iac.model.claims import Claim, load_of
 from rarms_iac.model.commands import PLAN, prose
 from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.layout import Cause, Infeasible
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
-from rarms_iac.model.wording import counted, list_names, natural_order, number
+from rarms_iac.model.wording import counted, list_names, natural_order, number, quoted
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.infeasibility.budget import (
     NODES_FOR_CHANGES,
@@ -30,7 +30,7 @@ from rarms_iac.planner.infeasibility.edits import Variant, VariantPlanner
 from rarms_iac.planner.infeasibility.ways_out import ways_out
 from rarms_iac.planner.packing.pack import can_pack, find_packing
 from rarms_iac.planner.packing.values import Bin, Item, free_on, is_move, least_cost, least_memory
-from rarms_iac.planner.problem import Problem, problem_of
+from rarms_iac.planner.problem import HostView, Problem, problem_of
 
 MOST_NAMES = 12
 """Names in a sentence; more are counted."""
@@ -182,7 +182,10 @@ def _cause(conflict: Conflict, problem: Problem) -> Cause:
             message = f"{cannot_share}: {reason}."
         case _:
             assert_never(conflict.lacking)
-    if conflict.lacking is not Lack.MEMORY:
+    if conflict.lacking is Lack.MEMORY:
+        message += _held_by_others(conflict, problem, lambda claim: claim.memory, show_bytes)
+    else:
+        message += _held_by_others(conflict, problem, lambda claim: claim.percent, show_lp_percent)
         message += "".join(_describe_smt(conflict, host) for host in conflict.bins)
     free = free_on(conflict.bins)
     values: Facts = {
@@ -192,6 +195,7 @@ def _cause(conflict: Conflict, problem: Problem) -> Cause:
         "has_lp": float(free.processors),
         "needs_memory_bytes": sum(map(least_memory, conflict.items)),
         "has_memory_bytes": free.memory,
+        "unmanaged_machines": tuple(name for *_, name in _claims_of_others(conflict, problem)),
     }
     return Cause(address=f"host/{conflict.bins[0].name}", message=message, code=finding.code, values=values)
 
@@ -217,12 +221,36 @@ def _processors_exceed(conflict: Conflict, problem: Problem) -> str:
         return exceeded
     (host,) = conflict.bins
     whole = host.capacity.logical_processors
-    promised = (
-        (whole - host.capacity.processors, "are kept for the host"),
-        (load_of(host.foreign_claims).processors, "are taken by unmanaged machines"),
+    kept = whole - host.capacity.processors
+    return (
+        f"{exceeded} Of its {show_processors(whole)}, {show_processors(kept)} are kept for the host."
+        if kept
+        else exceeded
     )
-    parts = [f"{show_processors(amount)} {purpose}" for amount, purpose in promised if amount]
-    return f"{exceeded} Of its {show_processors(whole)}, {list_names(parts)}." if parts else exceeded
+
+
+def _held_by_others(
+    conflict: Conflict, problem: Problem, amount: Callable[[Claim], int], show: Callable[[int], str]
+) -> str:
+    """As in: Unmanaged machines hold 0.8 LP: "web" 0.5 LP and "build" 0.3 LP. Empty where they hold nothing."""
+    held = [
+        (amount(claim), quoted(name) + (f" on {host}" if len(conflict.bins) > 1 else ""))
+        for host, claim, name in _claims_of_others(conflict, problem)
+        if amount(claim)
+    ]
+    if not held:
+        return ""
+    held.sort(key=lambda holder: (-holder[0], natural_order(holder[1])))
+    shares = list_names((f"{name} {show(each)}" for each, name in held), MOST_NAMES)
+    return f" Unmanaged machines hold {show(sum(each for each, _ in held))}: {shares}."
+
+
+def _claims_of_others(conflict: Conflict, problem: Problem) -> Iterator[tuple[str, Claim, str]]:
+    """Host, claim and name of each unmanaged machine on the hosts of a conflict."""
+    for host in conflict.bins:
+        view = problem.views.get(host.name, HostView())
+        for claim, name in zip(view.claims, view.claimants, strict=True):
+            yield host.name, claim, name
 
 
 def _memory_exceeds(conflict: Conflict, problem: Problem) -> str:

@@ -1,11 +1,13 @@
 """The machine below a Linux host's partitions: its facts, read from `/etc`, `/proc` and `/sys`."""
 
 import uuid
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rarms_iac.model.host import Host, ProviderKind, SchedulerType, host_identity
-from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts, Rights
+from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts, ProcessorKind, Rights
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.running.kernel_files import UnreadableFile, processor_list, whole_number
 
@@ -15,7 +17,8 @@ NAMESPACE = uuid.UUID("b0c2d7ee-3f0b-5a6f-9a55-6b1f0f6a7c11")
 _ID, _MEMORY, _HOSTNAME = Path("/etc/machine-id"), Path("/proc/meminfo"), Path("/proc/sys/kernel/hostname")
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
 _RUNTIME, _PERIOD = (Path(f"/proc/sys/kernel/sched_rt_{name}_us") for name in ("runtime", "period"))
-_SMT, _PROCESSORS = Path("/sys/devices/system/cpu/smt/active"), Path("/sys/devices/system/cpu/online")
+_CPU = Path("/sys/devices/system/cpu")
+_SMT, _PROCESSORS = _CPU / "smt/active", _CPU / "online"
 MEBIBYTE = 2**20
 
 
@@ -30,6 +33,7 @@ class LinuxMachine:
     smt: bool
     boot: str  # id of its latest start
     deadline_percent: int = USUAL_DEADLINE_PERCENT  # of each processor, that the kernel admits for SCHED_DEADLINE
+    processor_kinds: tuple[ProcessorKind, ...] = ()  # as of `HostFacts`
 
 
 def read_machine(effects: LinuxEffects) -> LinuxMachine:
@@ -54,6 +58,7 @@ def read_machine(effects: LinuxEffects) -> LinuxMachine:
         memory=_memory_kib(effects.read(_MEMORY)) * 1024 // MEBIBYTE * MEBIBYTE,
         smt=_text(effects, _SMT) == "1",
         boot=effects.read(_BOOT),
+        processor_kinds=_kinds(effects, processors),
         # Where the kernel does not say, it admits nothing; a negative runtime is all of the period.
         deadline_percent=100 if runtime < 0 else min(100, runtime * 100 // period) if period > 0 else 0,
     )
@@ -80,7 +85,25 @@ def facts_of(host: Host, machine: LinuxMachine, group_processors: int) -> HostFa
         logical_processors=machine.logical_processors,
         memory=machine.memory,
         rights=Rights.PROVEN,  # `LinuxHostProvider.tree` has refused the host where they are missing
+        processor_kinds=machine.processor_kinds,
         deadline_percent=None if percent == USUAL_DEADLINE_PERCENT else percent,
+    )
+
+
+def _kinds(effects: LinuxEffects, processors: Iterable[int]) -> tuple[ProcessorKind, ...]:
+    counts = Counter(_kind(effects, _CPU / f"cpu{number}") for number in processors)
+    return tuple(sorted(replace(kind, processors=count) for kind, count in counts.items())) if len(counts) > 1 else ()
+
+
+def _kind(effects: LinuxEffects, folder: Path) -> ProcessorKind:
+    siblings, capacity, base = (
+        folder / name for name in ("topology/thread_siblings_list", "cpu_capacity", "cpufreq/base_frequency")
+    )
+    return ProcessorKind(
+        processors=1,
+        threads=len(processor_list(siblings, _text(effects, siblings))),
+        capacity=whole_number(capacity, _text(effects, capacity) or "0"),
+        base_mhz=whole_number(base, _text(effects, base) or "0") // 1000,  # of kHz
     )
 
 

@@ -16,7 +16,7 @@ from rarms_iac.providers.hyperv.observation import (
     or_else,
 )
 from rarms_iac.providers.hyperv.parse import last_run_of, responsiveness_of, rights_of
-from rarms_iac.providers.hyperv.ties import cpu_groups_of, processor_settings
+from rarms_iac.providers.hyperv.ties import processor_settings
 from rarms_iac.providers.interface import HostFailed
 
 NO_NAMESPACE, NO_CLASS = "0x8004100e", "0x80041010"
@@ -26,7 +26,6 @@ def condition_of(observation: HostObservation) -> HostCondition:
     """How the host is, as far as it could be looked at."""
     powershell, windows = or_else(observation.powershell, None), or_else(observation.windows, None)
     sockets, nodes = or_else(observation.processors, None), or_else(observation.numa, None)
-    groups = cpu_groups_of(observation)
     responsiveness = responsiveness_of(observation)
     return HostCondition(
         powershell=powershell.version if powershell else None,
@@ -43,12 +42,11 @@ def condition_of(observation: HostObservation) -> HostCondition:
         elevated=or_else(observation.elevated, None),
         hyperv_administrator=or_else(observation.hyperv_administrator, None),
         script_running=or_else(observation.script_running, None),
-        memory_available=sum(node.memory_available for node in nodes) * 2**20 if nodes else None,
         power_plans=or_else(observation.power_plan, None),
         pending_restart=or_else(observation.pending_restart, None),
         seen_processors=sum(socket.logical for socket in sockets) if sockets else None,
         numa_nodes=len(nodes) if nodes else None,
-        machines=tuple(_machine(machine, groups.get(machine.id, "")) for machine in or_else(observation.machines, ())),
+        machines=tuple(map(_machine, or_else(observation.machines, ()))),
         responsiveness=responsiveness.value if responsiveness else None,
         unread=dict(_unread(observation)),
     )
@@ -67,12 +65,11 @@ def _counters(observation: HostObservation) -> bool | None:
     return False if NO_CLASS in observation.counters.error.lower() else None
 
 
-def _machine(machine: ObservedMachine, group: str) -> MachineCondition:
+def _machine(machine: ObservedMachine) -> MachineCondition:
     return MachineCondition(
         id=machine.id,
         automatic_checkpoints=machine.automatic_checkpoints == "True",
         clustered=machine.clustered == "True",
-        group=group,
     )
 
 

@@ -1,11 +1,11 @@
 """An observation as a State: what a Hyper-V host, or a Windows inside one of its guests, looks like. Pure."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
-from rarms_iac.model.capacity import core_sharing
+from rarms_iac.model.capacity import SMT_THREADS, core_sharing
 from rarms_iac.model.host import ProviderKind, SchedulerType, host_identity
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
@@ -17,6 +17,7 @@ from rarms_iac.model.state import (
     HostFacts,
     Partition,
     PartitionSettings,
+    ProcessorKind,
     RegistryValue,
     Responsiveness,
     Rights,
@@ -34,10 +35,12 @@ from rarms_iac.model.wording import quoted
 from rarms_iac.providers.hyperv.journal import LastRun, NoJournal, last_run
 from rarms_iac.providers.hyperv.observation import (
     HostObservation,
+    HypervisorFacts,
     NamedValue,
     ObservedMachine,
     ReadProbe,
     RecordKey,
+    Socket,
     UnreadProbe,
     VirtualDisk,
     is_denied,
@@ -88,6 +91,8 @@ def to_state(observation: HostObservation, name: str) -> State:
         switches=or_else(observation.switches, None) if facts.rights is Rights.PROVEN else None,
         disks=disks_of(observation) if facts.rights is Rights.PROVEN else (),
         largest_node=_largest_node(observation),
+        memory_left=sum(left) if (left := _left_of_nodes(observation)) else None,
+        node_left=max(left, default=None),
     )
 
 
@@ -97,6 +102,11 @@ def _largest_node(observation: HostObservation) -> int | None:
     if hypervisor is None or hypervisor.numa_spanning:
         return None
     return max((node.memory for node in nodes), default=0) * 2**20 or None
+
+
+def _left_of_nodes(observation: HostObservation) -> tuple[int, ...]:
+    """Bytes that machines can still have, of each NUMA node."""
+    return tuple(node.memory_available * 2**20 for node in or_else(observation.numa, ()))
 
 
 def facts_of(observation: HostObservation, name: str) -> HostFacts:
@@ -116,7 +126,20 @@ def facts_of(observation: HostObservation, name: str) -> HostFacts:
         memory=hypervisor.memory if hypervisor else 0,
         rights=rights_of(observation),
         disk_folder=hypervisor.disk_folder if hypervisor else "",
+        processor_kinds=_kinds_of(sockets, hypervisor),
     )
+
+
+def _kinds_of(sockets: Sequence[Socket], hypervisor: HypervisorFacts | None) -> tuple[ProcessorKind, ...]:
+    """Cores with one thread and with two: Windows shows sums only, and under minroot not those of the whole host."""
+    if hypervisor is None or sum(socket.logical for socket in sockets) != hypervisor.logical_processors:
+        return ()
+    doubles = sum(max(0, socket.logical - socket.cores) for socket in sockets)
+    singles = hypervisor.logical_processors - SMT_THREADS * doubles
+    if not doubles or singles <= 0:
+        return ()
+    kinds = ProcessorKind(processors=singles, threads=1), ProcessorKind(processors=2 * doubles, threads=SMT_THREADS)
+    return tuple(sorted(kinds))
 
 
 _GUID = re.compile(r"\s*[0-9A-Fa-f]{8}(?:-[0-9A-Fa-f]{4}){3}-[0-9A-Fa-f]{12}\s*")
@@ -179,6 +202,7 @@ def partitions_of(observation: HostObservation, facts: HostFacts) -> tuple[Parti
                 _partition(machine, readings[machine.id], facts, secure_boot.get(machine.id)),
                 guest_build=builds.get(machine.id, 0),
                 can_be_asked=machine.id not in mute,
+                cpu_group=groups.get(machine.id, ""),
                 ties=ties_of(machine, groups),
             )
         )

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan ea4a21b7c83d of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 534cc923784b of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     vision  reserve 1.1 -> 1.6 LP (55 -> 80 % of each of 2 processors)
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 86bea0735aee274569658f6ffa8d9d589d5ced6dd46aa0f49621ccb51a6fe664, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 8437e294c0d2253e6dbefe0e686ca401c8f567ce1796808009d8bb5e6ad5e69d, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'ea4a21b7c83d'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '86bea0735aee274569658f6ffa8d9d589d5ced6dd46aa0f49621ccb51a6fe664'
+        Run = 'apply'; Plan = '534cc923784b'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '8437e294c0d2253e6dbefe0e686ca401c8f567ce1796808009d8bb5e6ad5e69d'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan ea4a21b7c83d of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 534cc923784b of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     vision  reserve 1.6 -> 1.1 LP (80 -> 55 % of each of 2 processors)
@@ -37,7 +37,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'ea4a21b7c83d'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Plan = '534cc923784b'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan b19d510786cd of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 6183c50b5187 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
     machine  processors  reserve                memory   disk  switch  secure boot  start
@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 7f31c730501e, rarms 0.1.0. SHA-256: the undo 56d00f050da99d2d81b571edddf72ddae10c0438aef05e14c735552da01388c9, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 7f31c730501e, rarms 0.1.0. SHA-256: the undo 8346b20b1b06091d955915e34c3bf278a69d885c9ba4fb817d8a530ed08450aa, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -38,8 +38,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'b19d510786cd'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '56d00f050da99d2d81b571edddf72ddae10c0438aef05e14c735552da01388c9'
+        Run = 'apply'; Plan = '6183c50b5187'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '8346b20b1b06091d955915e34c3bf278a69d885c9ba4fb817d8a530ed08450aa'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -47,7 +47,7 @@ $plan = {
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
     Add-Step -Action 'make a machine of generation 1 with 512 MiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 1; memory = 536870912
-    } -Set { Hyper-V\New-VM -Name 'speech.rarms-b19d510786cd' -Generation 1 -MemoryStartupBytes 536870912 -NoVHD -SwitchName 'lab' }
+    } -Set { Hyper-V\New-VM -Name 'speech.rarms-6183c50b5187' -Generation 1 -MemoryStartupBytes 536870912 -NoVHD -SwitchName 'lab' }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ taken = $false } -After @{
         checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/speech'; memory = 536870912; name = 'speech'
         processors = 1; reserve = 40; set = 'd5cfd870d69d'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 8d793d28ed7a of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 4bdb5ce666e0 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 2 stopped, 2 removed; nothing deleted; task classes: 1 changed, 0 removed.
     name        what is done                                          off
@@ -25,7 +25,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 82fc0daaf24797e48c89c9bee67303dee4b5e24426a9adc8d327c80ebe3289f5, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo a04846d87c335b620c7871d5a6d41bc04eafa5cfee7600b91807d3ccac5cdd1c, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -41,8 +41,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '8d793d28ed7a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '82fc0daaf24797e48c89c9bee67303dee4b5e24426a9adc8d327c80ebe3289f5'
+        Run = 'apply'; Plan = '4bdb5ce666e0'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'a04846d87c335b620c7871d5a6d41bc04eafa5cfee7600b91807d3ccac5cdd1c'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

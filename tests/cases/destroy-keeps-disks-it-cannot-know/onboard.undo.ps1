@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 8d793d28ed7a of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 4bdb5ce666e0 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted; task classes: 1 changed, 0 removed.
     name        what is done
@@ -41,7 +41,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = '8d793d28ed7a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Plan = '4bdb5ce666e0'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

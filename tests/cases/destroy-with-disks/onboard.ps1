@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e02322927e52 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 4cb60df9c83a of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 2 stopped, 2 removed; 1 disk deleted; task classes: 1 changed, 0 removed.
     name        what is done                                                       off
@@ -26,7 +26,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 4aee88ac6fb51194f209ada94f48b605e47599266a69da7714ce9024f46f0837, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo c714f835ff01860d5e3489eff31f0355c43df44d542d5a03dcbfef86f40140c1, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -42,8 +42,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'e02322927e52'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '4aee88ac6fb51194f209ada94f48b605e47599266a69da7714ce9024f46f0837'
+        Run = 'apply'; Plan = '4cb60df9c83a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'c714f835ff01860d5e3489eff31f0355c43df44d542d5a03dcbfef86f40140c1'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 0f7de33305ef of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 1ade9febc97f of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 2 stopped, 2 removed; nothing deleted; task classes: 1 changed, 0 removed.
     name        what is done                                          off
@@ -25,7 +25,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 3eea3a0c2c74, rarms 0.1.0. SHA-256: the undo f2034bd545c33db72ca6d564b5762d4e633cda223cf2faa55e60f3784725ea5d, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 3eea3a0c2c74, rarms 0.1.0. SHA-256: the undo 173203954759cd8e56efc5243dea642e6f7e6ba386425e3a89a0df9d13785979, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -41,8 +41,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '0f7de33305ef'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'f2034bd545c33db72ca6d564b5762d4e633cda223cf2faa55e60f3784725ea5d'
+        Run = 'apply'; Plan = '1ade9febc97f'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '173203954759cd8e56efc5243dea642e6f7e6ba386425e3a89a0df9d13785979'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

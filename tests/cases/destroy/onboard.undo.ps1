@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 0f7de33305ef of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 1ade9febc97f of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted; task classes: 1 changed, 0 removed.
     name        what is done
@@ -41,7 +41,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = '0f7de33305ef'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Plan = '1ade9febc97f'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

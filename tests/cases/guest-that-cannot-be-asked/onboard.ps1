@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 32ab3bbf9cab of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 30e2e54d9e08 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
     name    what is done                                                                                                                                                  off
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo 5b70d58112c5806ca74e87272562774c2d7427add716a679b8b9daea6fc3dd1d, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo bee56d5ad47f8b744dcf6a171c4e35e54ecb262ad6b8bf22261f5182ec70ac80, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '32ab3bbf9cab'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '5b70d58112c5806ca74e87272562774c2d7427add716a679b8b9daea6fc3dd1d'
+        Run = 'apply'; Plan = '30e2e54d9e08'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'bee56d5ad47f8b744dcf6a171c4e35e54ecb262ad6b8bf22261f5182ec70ac80'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

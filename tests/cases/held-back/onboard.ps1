@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 439bae649bee of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 0285902948b6 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     vision  reserve 1.6 -> 1.2 LP (80 -> 60 % of each of 2 processors)
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 44b0b9c31e2c, rarms 0.1.0. SHA-256: the undo 5581d884864f40eca136aa820dffcbfba48fbdf1a4935e3720de2faad8fc4fa5, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 44b0b9c31e2c, rarms 0.1.0. SHA-256: the undo 083f7407e926440189f97eb7e48219579796d70de11cca145836fff437746755, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '439bae649bee'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '5581d884864f40eca136aa820dffcbfba48fbdf1a4935e3720de2faad8fc4fa5'
+        Run = 'apply'; Plan = '0285902948b6'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '083f7407e926440189f97eb7e48219579796d70de11cca145836fff437746755'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 439bae649bee of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 0285902948b6 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     vision  reserve 1.2 -> 1.6 LP (60 -> 80 % of each of 2 processors)
@@ -37,7 +37,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = '439bae649bee'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Plan = '0285902948b6'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 2200c0abcce9 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan aad681921bda of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     2 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
     machine  processors  reserve                memory   disk  switch  secure boot  start
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e325b8ae00e7, rarms 0.1.0. SHA-256: the undo 5391897e3ee659cd1ea2bc6a86227f987bc0d367ba074b4608260e9d404a8677, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest e325b8ae00e7, rarms 0.1.0. SHA-256: the undo c8fbcc1e973369ada7e612e392f8dd78720cb0f50a41d0f029bf8acc16f1026e, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -39,18 +39,18 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '2200c0abcce9'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '5391897e3ee659cd1ea2bc6a86227f987bc0d367ba074b4608260e9d404a8677'
+        Run = 'apply'; Plan = 'aad681921bda'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'c8fbcc1e973369ada7e612e392f8dd78720cb0f50a41d0f029bf8acc16f1026e'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === speech and 1 more alike: it is not there =================================================
     $rows = @(
         @{ Address = 'partition/speech'; Name = 'speech'; Action = 'make a machine of generation 2 with 512 MiB'; NewMemory = 536870912
-            Name2 = 'speech.rarms-2200c0abcce9'; NewMark = 'robot/speech'; NewProcessors = 1; NewReserve = 40; NewSet = 'bebdadca1351'
+            Name2 = 'speech.rarms-aad681921bda'; NewMark = 'robot/speech'; NewProcessors = 1; NewReserve = 40; NewSet = 'bebdadca1351'
             NewStartAction = 'nothing'; NewWeight = 100; AutomaticStartAction = 'Nothing' } # rarms.yaml:16:3
         @{ Address = 'partition/vision'; Name = 'vision'; Action = 'make a machine of generation 2 with 1 GiB'; NewMemory = 1073741824
-            Name2 = 'vision.rarms-2200c0abcce9'; NewMark = 'robot/vision'; NewProcessors = 2; NewReserve = 80; NewSet = '4979768ee9e2'
+            Name2 = 'vision.rarms-aad681921bda'; NewMark = 'robot/vision'; NewProcessors = 2; NewReserve = 80; NewSet = '4979768ee9e2'
             NewStartAction = 'start'; NewWeight = 200; AutomaticStartAction = 'Start' } # rarms.yaml:12:3
     )
     foreach ($row in $rows) {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 1e0c0431e52c of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan d0c08b661f8f of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     speech  memory 512 MiB -> 1 GiB
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest fe6ae28d34df, rarms 0.1.0. SHA-256: the undo 58ee0a9547e1ca5b485d3657cad0a74532dac6bc9a08b7f336caacc6c3025a77, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest fe6ae28d34df, rarms 0.1.0. SHA-256: the undo d663b1a838fec61dbd52cc88035244d383821e27d8c9b59cc02b25624356ce2d, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '1e0c0431e52c'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '58ee0a9547e1ca5b485d3657cad0a74532dac6bc9a08b7f336caacc6c3025a77'
+        Run = 'apply'; Plan = 'd0c08b661f8f'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'd663b1a838fec61dbd52cc88035244d383821e27d8c9b59cc02b25624356ce2d'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 567f954360a5 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan d7baa12792a7 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     speech  memory 512 MiB -> 1 GiB
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 5b9967322ad8729b0630992f89ef44e0eb93bd970f4e925da9eb22d6063448eb, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo f101440ad1b2e6e8f48ad7f30029d0c23516581d8e1d42763dd71cbdb1cd5b19, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '567f954360a5'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '5b9967322ad8729b0630992f89ef44e0eb93bd970f4e925da9eb22d6063448eb'
+        Run = 'apply'; Plan = 'd7baa12792a7'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'f101440ad1b2e6e8f48ad7f30029d0c23516581d8e1d42763dd71cbdb1cd5b19'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 044b60d68781 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan a499e53c377f of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
     name    what is done                               off
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 7812c47d9b0cc3208cdb2ba71102c16c153f50de45e70e5169e836353805557a, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 8c3addef14e6300bb503631be74ac41655eb7f5949516bec56042d42972a208f, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '044b60d68781'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '7812c47d9b0cc3208cdb2ba71102c16c153f50de45e70e5169e836353805557a'
+        Run = 'apply'; Plan = 'a499e53c377f'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '8c3addef14e6300bb503631be74ac41655eb7f5949516bec56042d42972a208f'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 747d16208ba2 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 42585af9c6be of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
     name    what is done                               off
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 6c83884e30e6, rarms 0.1.0. SHA-256: the undo 46c20d1569482d02181bd5aaba5251270d7b9a75ba010f38456716060d3e8c70, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 6c83884e30e6, rarms 0.1.0. SHA-256: the undo fdae4249923799d137fb33dcb35cb53e591f3434d8c152ebf4442a4053d78481, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '747d16208ba2'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '46c20d1569482d02181bd5aaba5251270d7b9a75ba010f38456716060d3e8c70'
+        Run = 'apply'; Plan = '42585af9c6be'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'fdae4249923799d137fb33dcb35cb53e591f3434d8c152ebf4442a4053d78481'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 10eaf3d15631 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 28703df75a24 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     speech  erase the mark
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 9a14a32c37fa, rarms 0.1.0. SHA-256: the undo 18635c0d48c4aa8c9d02eab269f5b6a93d2989898886db1d9323ce59446a2710, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 9a14a32c37fa, rarms 0.1.0. SHA-256: the undo 92d67179faaae6ffe19a655fc0695471bfba5a0fe39a1b195b868005d57028d5, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '10eaf3d15631'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '18635c0d48c4aa8c9d02eab269f5b6a93d2989898886db1d9323ce59446a2710'
+        Run = 'apply'; Plan = '28703df75a24'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '92d67179faaae6ffe19a655fc0695471bfba5a0fe39a1b195b868005d57028d5'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 64d1e0758a90 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 38c272e47e2a of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
     name    what is done
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo cb02d373ceaa25bb3099d790064410d688cff0d17e94bcc74cd32abd570a3c33, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo e2c1018e3516ab0dcea245981bddfd488c0c8594e2dd932dfb2f4e5b7d9f731b, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '64d1e0758a90'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'cb02d373ceaa25bb3099d790064410d688cff0d17e94bcc74cd32abd570a3c33'
+        Run = 'apply'; Plan = '38c272e47e2a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'e2c1018e3516ab0dcea245981bddfd488c0c8594e2dd932dfb2f4e5b7d9f731b'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan bf5393e8db0f of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 13df39ebccb3 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 1 stopped, 1 removed; nothing deleted.
     name    what is done      off
@@ -39,7 +39,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'bf5393e8db0f'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Run = 'undo'; Plan = '13df39ebccb3'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 856c925bd86e of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan cf8e4e2ad1ca of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     vision  reserve 1.6 -> 0.8 LP (80 -> 40 % of each of 2 processors), weight 100 -> 200; started
@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo d5e6ffdff96d7c44464ddd6e3df58bc557cf2148081eb9b742bb8b90d2e24c5a, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo a785512a897561a52f3201a7c6031d74ca6f86d106a2ed6f190c6df1331693be, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -38,8 +38,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '856c925bd86e'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'd5e6ffdff96d7c44464ddd6e3df58bc557cf2148081eb9b742bb8b90d2e24c5a'
+        Run = 'apply'; Plan = 'cf8e4e2ad1ca'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'a785512a897561a52f3201a7c6031d74ca6f86d106a2ed6f190c6df1331693be'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f35d4d32994d of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 1d1c703c0596 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
     name    what is done                                           off
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 8c6af2d9181e, rarms 0.1.0. SHA-256: the undo 8c343b46c29768ef85ddd95d1ff2c5e4e2f1c9213f216ec50950c31c203fa7bb, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 8c6af2d9181e, rarms 0.1.0. SHA-256: the undo 70ec9d313cac8eb64168685f7bdbe1a2ecf5e9ccbb51381b1c82ec2057885c0a, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f35d4d32994d'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '8c343b46c29768ef85ddd95d1ff2c5e4e2f1c9213f216ec50950c31c203fa7bb'
+        Run = 'apply'; Plan = '1d1c703c0596'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '70ec9d313cac8eb64168685f7bdbe1a2ecf5e9ccbb51381b1c82ec2057885c0a'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan c4dd37067193 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 237766638b21 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     3 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
     machine  processors  reserve                 memory  disk  switch  secure boot  start
@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 73b7ea2f448f32bade52485e7c5220fc2eefff782b3cede009c0d58a2327ea00, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 591d58bc2b56, rarms 0.1.0. SHA-256: the undo 1f4ae5d7d711e45df50fa488341287b535909089473520373f1126e77951775d, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -40,18 +40,18 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'c4dd37067193'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '73b7ea2f448f32bade52485e7c5220fc2eefff782b3cede009c0d58a2327ea00'
+        Run = 'apply'; Plan = '237766638b21'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '1f4ae5d7d711e45df50fa488341287b535909089473520373f1126e77951775d'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 8; Cores = 4; ThreadsPerCore = 2; Percent = 800; Memory = 17179869184; AcceptScheduler = $false
     }
     # === mapping and 2 more alike: it is not there ================================================
     $rows = @(
-        @{ Address = 'partition/mapping'; Name = 'mapping'; Name2 = 'mapping.rarms-c4dd37067193'; NewMark = 'robot/mapping'
+        @{ Address = 'partition/mapping'; Name = 'mapping'; Name2 = 'mapping.rarms-237766638b21'; NewMark = 'robot/mapping'
             NewProcessors = 1; NewReserve = 50; NewSet = 'b81e386612c8'; NewWeight = 100 } # rarms.yaml:13:3
-        @{ Address = 'partition/speech'; Name = 'speech'; Name2 = 'speech.rarms-c4dd37067193'; NewMark = 'robot/speech'; NewProcessors = 3
+        @{ Address = 'partition/speech'; Name = 'speech'; Name2 = 'speech.rarms-237766638b21'; NewMark = 'robot/speech'; NewProcessors = 3
             NewReserve = 95; NewSet = 'e2151f12c2ec'; NewWeight = 200 } # rarms.yaml:12:3
-        @{ Address = 'partition/vision'; Name = 'vision'; Name2 = 'vision.rarms-c4dd37067193'; NewMark = 'robot/vision'; NewProcessors = 2
+        @{ Address = 'partition/vision'; Name = 'vision'; Name2 = 'vision.rarms-237766638b21'; NewMark = 'robot/vision'; NewProcessors = 2
             NewReserve = 95; NewSet = '93dda9d42ef5'; NewWeight = 300 } # rarms.yaml:11:3
     )
     foreach ($row in $rows) {

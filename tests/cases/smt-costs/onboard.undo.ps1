@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan c4dd37067193 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 237766638b21 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 3 stopped, 3 removed; nothing deleted.
     name     what is done      off
@@ -40,7 +40,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'c4dd37067193'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Run = 'undo'; Plan = '237766638b21'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 59b20076a437 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 98a15de0b71b of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     3 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
     machine  processors  reserve                memory   disk  switch  secure boot  start
@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 50d1c3071fb5, rarms 0.1.0. SHA-256: the undo 94583dfe23a7e6c26c7205d17f03e95cf28daa569f04c929e328943e3556aa92, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 50d1c3071fb5, rarms 0.1.0. SHA-256: the undo 8b012f47ddf06455a62cc69d1155c4832d656e2cfcb56e66585ae27aa65751cb, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -40,21 +40,21 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '59b20076a437'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '94583dfe23a7e6c26c7205d17f03e95cf28daa569f04c929e328943e3556aa92'
+        Run = 'apply'; Plan = '98a15de0b71b'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '8b012f47ddf06455a62cc69d1155c4832d656e2cfcb56e66585ae27aa65751cb'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === door and 2 more alike: it is not there ===================================================
     $rows = @(
         @{ Address = 'partition/door'; Name = 'door'; Action = 'make a machine of generation 2 with 256 MiB'; NewMemory = 268435456
-            Name2 = 'door.rarms-59b20076a437'; NewMark = 'robot/door'; NewProcessors = 1; NewReserve = 20; NewSet = 'f0a37ddc6e3e'
+            Name2 = 'door.rarms-98a15de0b71b'; NewMark = 'robot/door'; NewProcessors = 1; NewReserve = 20; NewSet = 'f0a37ddc6e3e'
             NewWeight = 100 } # rarms.yaml:14:3
         @{ Address = 'partition/speech'; Name = 'speech'; Action = 'make a machine of generation 2 with 512 MiB'; NewMemory = 536870912
-            Name2 = 'speech.rarms-59b20076a437'; NewMark = 'robot/speech'; NewProcessors = 1; NewReserve = 40; NewSet = '1d0501056ae3'
+            Name2 = 'speech.rarms-98a15de0b71b'; NewMark = 'robot/speech'; NewProcessors = 1; NewReserve = 40; NewSet = '1d0501056ae3'
             NewWeight = 200 } # rarms.yaml:13:3
         @{ Address = 'partition/vision'; Name = 'vision'; Action = 'make a machine of generation 2 with 1 GiB'; NewMemory = 1073741824
-            Name2 = 'vision.rarms-59b20076a437'; NewMark = 'robot/vision'; NewProcessors = 2; NewReserve = 80; NewSet = 'ea5adfba1827'
+            Name2 = 'vision.rarms-98a15de0b71b'; NewMark = 'robot/vision'; NewProcessors = 2; NewReserve = 80; NewSet = 'ea5adfba1827'
             NewWeight = 300 } # rarms.yaml:12:3
     )
     foreach ($row in $rows) {

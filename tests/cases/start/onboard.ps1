@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan b9db1b600f1b of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 54fbd1f5bb1b of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     vision  started
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 233f73c6a947054ca12ab7ccecdc281582948a60f065ddc14f7a2e6939467ad5, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 53bf3bfe5273b8f74f26cdbf66c2e1999b07a14528955e1a045283cdb3da3618, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'b9db1b600f1b'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '233f73c6a947054ca12ab7ccecdc281582948a60f065ddc14f7a2e6939467ad5'
+        Run = 'apply'; Plan = '54fbd1f5bb1b'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '53bf3bfe5273b8f74f26cdbf66c2e1999b07a14528955e1a045283cdb3da3618'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 99b39b22c1b6 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan a78a120c6e48 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 2 changed, 2 stopped, 0 removed; nothing deleted.
     name    what is done  off
@@ -24,7 +24,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 997cd60780f480c2c11316d1ab659e84d80defe20b48524b7fb5a482ee2ae06e, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 15beee88d45d, rarms 0.1.0. SHA-256: the undo 12c87e48e7cff60888ed1be34971171ea1db0b8cc07ea5504bdf075397a37108, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -40,8 +40,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '99b39b22c1b6'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '997cd60780f480c2c11316d1ab659e84d80defe20b48524b7fb5a482ee2ae06e'
+        Run = 'apply'; Plan = 'a78a120c6e48'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '12c87e48e7cff60888ed1be34971171ea1db0b8cc07ea5504bdf075397a37108'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

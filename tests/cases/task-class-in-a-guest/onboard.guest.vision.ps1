@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 64354288e84d of application robot, for the guest of partition vision on host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 00588ec31f38 of application robot, for the guest of partition vision on host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     task classes: 1 changed, 0 removed; no machine is stopped or changed.
     vision/task/MotionControl  write the class MotionControl, and keep what was there before
@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.guest.vision.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 5317adbe8995fe87515a04439c6b00e99aae2285186a86829d42dbd03acac9a1, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 4fdaf9f190de5ff746fffacf2f435e81281ba81d7bdae439e1bcf417142687e9, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '64354288e84d'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '5317adbe8995fe87515a04439c6b00e99aae2285186a86829d42dbd03acac9a1'
+        Run = 'apply'; Plan = '00588ec31f38'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '4fdaf9f190de5ff746fffacf2f435e81281ba81d7bdae439e1bcf417142687e9'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: what the guest holds is not known here: its own record decides; threads see it when it restarts (rarms.yaml:12:65)

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 8c8e153d5799 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 5cb75784e994 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     task classes: 2 changed, 0 removed; no machine is stopped or changed.
     name                what is done
@@ -39,7 +39,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = '8c8e153d5799'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Plan = '5cb75784e994'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 165c28f35d44 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 0c5b9f23a385 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     task classes: 1 changed, 0 removed; no machine is stopped or changed.
     task/Games  record that it is ours, and what was there; set Background Only False -> True, BackgroundPriority 4, Priority 2 -> 4
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo d8875730590ea24d5ae221993c1d32e39690fa902af17517a411bff8a0dffafb, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo a6f795e8fa0bd01d6bd6d1e83b69cf3599f587a5a59060401e03b48b7d20f87a, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '165c28f35d44'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'd8875730590ea24d5ae221993c1d32e39690fa902af17517a411bff8a0dffafb'
+        Run = 'apply'; Plan = '0c5b9f23a385'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'a6f795e8fa0bd01d6bd6d1e83b69cf3599f587a5a59060401e03b48b7d20f87a'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f1ceafd9a98a of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan bb514e425129 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     task classes: 1 changed, 0 removed; no machine is stopped or changed.
     task/Games  set Priority 4 -> 2; forget it: it is no longer ours
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 7e4a30f86028, rarms 0.1.0. SHA-256: the undo b90ee162e992eb557f4b64c795cb4ddd20ae1dde610140017a4b5794b88c475b, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 7e4a30f86028, rarms 0.1.0. SHA-256: the undo 452383b204a2aff7b14831b57cd025bf1f6baf6b2ece9f696dd7f15e93369a7f, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f1ceafd9a98a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'b90ee162e992eb557f4b64c795cb4ddd20ae1dde610140017a4b5794b88c475b'
+        Run = 'apply'; Plan = 'bb514e425129'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '452383b204a2aff7b14831b57cd025bf1f6baf6b2ece9f696dd7f15e93369a7f'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e8cd92c9af7e of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 7912d5a8c074 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     task classes: 2 changed, 0 removed; no machine is stopped or changed.
     name                what is done
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: the undo 5663aad8b57a1ef8a8f95fdb3e35486c22236de8a3d4f098c37baa231b5681a1, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 9727a9818d24, rarms 0.1.0. SHA-256: the undo cded26d39d48d6c1c07433d3feb320950dd9cdd5f36e60989a63a1828c9d90b3, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'e8cd92c9af7e'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '5663aad8b57a1ef8a8f95fdb3e35486c22236de8a3d4f098c37baa231b5681a1'
+        Run = 'apply'; Plan = '7912d5a8c074'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'cded26d39d48d6c1c07433d3feb320950dd9cdd5f36e60989a63a1828c9d90b3'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

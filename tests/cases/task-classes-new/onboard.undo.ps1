@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan e8cd92c9af7e of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 7912d5a8c074 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     task classes: 0 changed, 2 removed; no machine is stopped or changed.
     name                what is done
@@ -39,7 +39,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'e8cd92c9af7e'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Run = 'undo'; Plan = '7912d5a8c074'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

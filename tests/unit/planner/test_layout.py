@@ -111,7 +111,7 @@ def test_what_is_kept_for_the_host_and_what_strangers_hold_is_not_promised() -> 
 
     found = planned(system, with_stranger(holder))
     assert codes(found.findings) == ["RARMS014"]
-    free = "Of its 2 LP, 0.2 LP are kept for the host and 0.8 LP are taken by unmanaged machines."
+    free = 'Of its 2 LP, 0.2 LP are kept for the host. Unmanaged machines hold 0.8 LP: "stranger" 0.8 LP.'
     assert free in found.findings[0].detail
     asleep = replace(holder, settings=replace(holder.settings, running=False), state=RunState.OFF)
     assert layout(system, with_stranger(asleep)).partitions

@@ -236,7 +236,7 @@ def test_who_only_has_a_log_for_a_full_host_counts_there(tmp_path: Path) -> None
         on_two_hosts(tmp_path, p=55, q=25, r=65)
         over = rarms("plan", "--json")
         manifest = load_manifest(ManifestSource(today=date(2026, 11, 22)))
-        totals = totals_at_hand(manifest).hosts
+        totals = totals_at_hand(manifest)[0].hosts
 
     (finding,) = [each for each in json.loads(over.out)["findings"] if each["code"] == "RARMS014"]
     assert "p needs 0.55 LP; a has 0.5 LP to promise. With q, it is 0.8 LP in all." in finding["detail"]
@@ -251,7 +251,7 @@ def test_who_has_a_choice_counts_where_there_is_room(tmp_path: Path) -> None:
             )
         )
         leave_logs(tmp_path, {"p": 60, "q": 15, "r": 65})
-        totals = totals_at_hand(load_manifest(ManifestSource(today=date(2026, 11, 22)))).hosts
+        totals = totals_at_hand(load_manifest(ManifestSource(today=date(2026, 11, 22))))[0].hosts
 
     assert {name: float(each.reserved_lp) for name, each in totals.items()} == {"a": 1.2, "b": 1.6}
 

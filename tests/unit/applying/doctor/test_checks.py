@@ -10,7 +10,7 @@ from rarms_iac.applying.doctor.windows import effective_responsiveness
 from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import SchedulerType
-from rarms_iac.model.state import HostFacts, Partition, RegistryValue, Rights, RunState, State, ValueKind
+from rarms_iac.model.state import HostFacts, Partition, ProcessorKind, RegistryValue, Rights, RunState, State, ValueKind
 from tests.builders_plan import facts, partition, settings
 
 
@@ -57,7 +57,6 @@ HEALTHY = HostCondition(
     elevated=True,
     hyperv_administrator=False,
     script_running=False,
-    memory_available=0,
     power_plans=("Microsoft:PowerPlan\\{8c5e7fda-e8bf-4a96-9a85-a6e23a8c635c}",),
     pending_restart=False,
     seen_processors=2,
@@ -74,8 +73,9 @@ CASES = {
     "responsiveness": ("RARMS230", "host/onboard", examination(how=responsive(15))),
     "no module": ("RARMS233", "host/onboard", how(module=())),
     "SMT": ("RARMS234", "host/onboard", of(smt=True, scheduler=SchedulerType.CORE)),
-    "group": ("RARMS235", "partition/vision", odd(id=VISION.id.upper(), group="36ab08cb")),
+    "group": ("RARMS235", "partition/vision", examination(machines=(replace(VISION, cpu_group="36ab08cb"),))),
     "power plan": ("RARMS236", "host/onboard", how(power_plans=BALANCED)),
+    "unequal": ("RARMS405", "host/onboard", of(processor_kinds=(ProcessorKind(processors=8, threads=1),) * 2)),
     "NUMA": ("RARMS237", "partition/vision", examination(machines=(DYNAMIC,), how=HostCondition(numa_nodes=2))),
     "checkpoints": ("RARMS238", "partition/vision", odd(automatic_checkpoints=True)),
     "restart": ("RARMS239", "host/onboard", how(pending_restart=True)),
@@ -116,7 +116,7 @@ CASES = {
     "little memory": (
         "RARMS320",
         "host/onboard",
-        examination(machines=(OFF,), how=HostCondition(memory_available=OFF.settings.memory - 1)),
+        Examination(state=State(facts=facts(), partitions=(OFF,), memory_left=OFF.settings.memory - 1)),
     ),
     "no counters": ("RARMS321", "host/onboard", how(hypervisor_running=True, counters=False)),
     "mute guest": ("RARMS322", "partition/vision", examination(machines=(replace(VISION, can_be_asked=False),))),

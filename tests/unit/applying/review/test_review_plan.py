@@ -15,7 +15,7 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.operations import CreatePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import Purpose, Step, UndoLevel
-from rarms_iac.model.state import Disk, HostFacts, Partition, State
+from rarms_iac.model.state import Disk, HostFacts, Partition, PartitionSettings, State
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner.desired import Desired
 from tests import builders_plan as build
@@ -37,12 +37,19 @@ def findings(
     disks: tuple[Disk, ...] = (),
     switches: tuple[str, ...] | None = None,
     largest_node: int | None = None,
+    left: tuple[int | None, int | None] = (None, None),
 ) -> list[Diagnostic]:
     plan = build.host_plan(changes=changes, steps=steps)
     named = system or a_system(components=[a_component()])
     request = a_request(replace(named, application=replace(named.application, name="robot")))
     observed = State(
-        facts=of or facts(), partitions=tuple(machines), disks=disks, switches=switches, largest_node=largest_node
+        facts=of or facts(),
+        partitions=tuple(machines),
+        disks=disks,
+        switches=switches,
+        largest_node=largest_node,
+        memory_left=left[0],
+        node_left=left[1],
     )
     desired = Desired(observed=observed, state=observed, layout=layout)
     return list(review_plan(replace(request, purpose=purpose), desired, plan))
@@ -118,6 +125,52 @@ def test_a_partition_that_gets_larger_than_a_node_is_an_error(
     errors = [finding for finding in found if finding.severity is Severity.ERROR]
     assert [finding.code for finding in errors] == expected
     assert all("5 GiB" in finding.detail for finding in errors)
+
+
+RUNS = replace(GROWN, running=True)
+
+
+@pytest.mark.parametrize(
+    ("before", "left", "node", "expected"),
+    [
+        (None, 2 * 2**30, None, ["RARMS403"]),
+        (None, 5 * 2**30, None, []),
+        (replace(RUNS, memory=4 * 2**30), 2**30, None, []),
+        (replace(RUNS, memory=4 * 2**30), 2**30 - 1, None, ["RARMS403"]),
+        (None, 9 * 2**30, 3 * 2**30, ["RARMS404"]),
+        (None, 9 * 2**30, 5 * 2**30, []),
+    ],
+    ids=["too little", "as much", "grows", "grows by more", "no node", "a node"],
+)
+def test_a_partition_starts_only_with_what_is_left(
+    before: PartitionSettings | None, left: int, node: int | None, expected: list[str]
+) -> None:
+    after = partition(RUNS)
+    change = build.update(partition(before), after) if before else build.create(after)
+
+    found = findings(
+        change,
+        machines=[partition(before)] if before else [],
+        largest_node=node and 6 * 2**30,
+        left=(left, node),
+    )
+
+    errors = [finding for finding in found if finding.severity is Severity.ERROR]
+    assert [finding.code for finding in errors] == expected
+
+
+def test_what_a_plan_starts_and_what_is_left_are_both_printed() -> None:
+    (finding,) = findings(build.create(partition(RUNS)), left=(2 * 2**30, None))
+
+    assert finding.detail == (
+        "The plan starts 5 GiB on onboard: vision 5 GiB. onboard reports 2 GiB left for machines."
+    )
+
+
+def test_a_cpu_group_of_a_kept_partition_is_told() -> None:
+    grouped = replace(partition(), cpu_group="36ab08cb")
+
+    assert told(findings(machines=[grouped])) == [("RARMS235", "partition/vision")]
 
 
 class TestUnmanaged:

@@ -2,6 +2,8 @@ import pytest
 
 from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
 from rarms_iac.providers.hyperv.condition import condition_of
+from rarms_iac.providers.hyperv.observation import HostObservation
+from rarms_iac.providers.hyperv.parse import to_state
 from tests.recorded_hosts import NAMES, recorded, unread
 
 STRANGERS = "server-2022-with-strangers"
@@ -24,19 +26,24 @@ def an_id() -> str:
     return condition_of(recorded(STRANGERS)).machines[0].id
 
 
+def cpu_group(seen: HostObservation) -> str:
+    (found,) = [partition.cpu_group for partition in to_state(seen, "cell").partitions if partition.id == an_id()]
+    return found
+
+
 @pytest.mark.parametrize("group", [GROUP, GROUP.upper(), "{" + GROUP + "}"])
 def test_the_group_of_a_machine_is_found_by_its_instance(group: str) -> None:
     setting = {"instance": f"Microsoft:{an_id().upper()}\\b637f346-6a0e-4dec-af52-bd70cb80a21d\\0", "group": group}
     seen = recorded(STRANGERS, cpu_groups=[{**setting, "reservation": 0}])
 
-    assert machine(condition_of(seen), an_id()).group == GROUP
+    assert cpu_group(seen) == GROUP
 
 
 @pytest.mark.parametrize("group", ["", "00000000-0000-0000-0000-000000000000"])
 def test_no_group_is_no_group(group: str) -> None:
     setting = {"instance": f"Microsoft:{an_id()}\\0", "group": group, "reservation": 0}
 
-    assert machine(condition_of(recorded(STRANGERS, cpu_groups=[setting])), an_id()).group == ""
+    assert cpu_group(recorded(STRANGERS, cpu_groups=[setting])) == ""
 
 
 def test_policies_are_by_scope_and_scopes_of_later_versions_are_left_out() -> None:

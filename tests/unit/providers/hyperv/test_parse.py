@@ -185,9 +185,28 @@ def test_the_largest_node_counts_only_where_no_machine_may_lie_on_two() -> None:
     nodes = [{"node": number, "memory_available": 1, "memory": 16000 + number} for number in range(2)]
     of_wmi = [{**node, "memory": 0} for node in nodes]
 
+    left = to_state(recorded("server-2022-with-strangers", numa=nodes), "cell")
+    assert (left.memory_left, left.node_left) == (2 * 2**20, 2**20)
+
     def largest(**probes: object) -> int | None:
         return to_state(recorded("server-2022-with-strangers", **probes), "cell").largest_node
 
     assert largest(hypervisor=facts, numa=nodes) == 16001 * 2**20
     assert largest(numa=nodes) is None
     assert largest(hypervisor=facts, numa=of_wmi) is None
+
+
+@pytest.mark.parametrize(
+    ("cores", "logical", "kinds"),
+    [(14, 20, [(8, 1), (12, 2)]), (10, 20, []), (20, 20, []), (14, 16, [])],
+    ids=["hybrid", "SMT", "no SMT", "minroot"],
+)
+def test_cores_with_one_thread_and_with_two_are_told(cores: int, logical: int, kinds: list[tuple[int, int]]) -> None:
+    read = recorded("empty-host").hypervisor
+    assert isinstance(read, ReadProbe)
+    whole = {name: getattr(read.value, name) for name in read.value.__dataclass_fields__} | {"logical_processors": 20}
+    socket = {"name": "a processor", "cores": cores, "logical": logical}
+
+    found = to_state(recorded("empty-host", hypervisor=whole, processors=[socket]), "cell").facts.processor_kinds
+
+    assert [(kind.processors, kind.threads) for kind in found] == kinds
