@@ -40,7 +40,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
             cannot be there even alone: nothing measured, too few virtual processors, or more of them than the
             host has.
     """
-    wanted = _reserve(group, host, reservations)
+    wanted = wanted_reserve(group, host, reservations)
     if isinstance(wanted, NotMeasured):
         return unmeasured(wanted, host)
     processors = _processors(group, host, reservations)
@@ -144,7 +144,8 @@ def unmeasured(answer: NotMeasured, host: Host) -> Cause:
     )
 
 
-def _reserve(group: Group, host: Host, reservations: ReservationSource) -> LogicalProcessors | NotMeasured:
+def wanted_reserve(group: Group, host: Host, reservations: ReservationSource) -> LogicalProcessors | NotMeasured:
+    """Return what a partition is to have reserved on a host, before it is rounded."""
     own = group.request.cpu.reserve
     if isinstance(own, Measured) or own is None:
         answer: CpuAmount | NotMeasured = reservations.reservation(group.members, host)

@@ -27,6 +27,7 @@ from rarms_iac.planner.infeasibility.conflict import (
     evident_conflicts,
 )
 from rarms_iac.planner.infeasibility.edits import Variant, VariantPlanner
+from rarms_iac.planner.infeasibility.rounding import describe_rounding
 from rarms_iac.planner.infeasibility.ways_out import ways_out
 from rarms_iac.planner.packing.pack import can_pack, find_packing
 from rarms_iac.planner.packing.values import Bin, Item, free_on, is_move, least_cost, least_memory
@@ -186,6 +187,7 @@ def _cause(conflict: Conflict, problem: Problem) -> Cause:
         message += _held_by_others(conflict, problem, lambda claim: claim.memory, show_bytes)
     else:
         message += _held_by_others(conflict, problem, lambda claim: claim.percent, show_lp_percent)
+        message += describe_rounding(conflict, problem)
         message += "".join(_describe_smt(conflict, host) for host in conflict.bins)
     free = free_on(conflict.bins)
     values: Facts = {

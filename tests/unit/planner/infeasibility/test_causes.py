@@ -150,3 +150,22 @@ def test_where_few_partitions_must_move_only_those_are_named() -> None:
     assert isinstance(moved, tuple)
     assert len(moved) == 2
     assert set(moved) < set(names[:6])
+
+
+@pytest.mark.parametrize(
+    ("processors", "reserve", "end"),
+    [
+        (4, "1.33 LP", "1.33 LP on 4 VPs is rounded up to 1.36 LP. With 1.32 LP each, a, b and c fit."),
+        (2, "1.33 LP", "1.33 LP on 2 VPs is rounded up to 1.34 LP."),
+        (2, "1.36 LP", "onboard has 4 LP to promise."),
+        (2, "1.37 LP", "onboard has 4 LP to promise."),
+    ],
+    ids=["it would fit", "the sum would fit", "not rounded", "too much without rounding"],
+)
+def test_rounding_is_told_when_it_decides(processors: int, reserve: str, end: str) -> None:
+    names = ("a", "b", "c")
+    components = [a_component(name, reserve=reserve, processors=processors, memory="64 MiB") for name in names]
+
+    (finding,) = planned(a_system(hosts=[a_host(logical_processors=4)], components=components)).findings
+
+    assert finding.detail.endswith(end)
