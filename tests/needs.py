@@ -139,6 +139,7 @@ NEEDS: dict[str, Need] = {
     "shellcheck": Need(missing=_program("shellcheck"), obtainable=_on_linux),
     "ssh": Need(missing=lambda: _program("ssh")() or _program("sshd", "/usr/sbin/sshd")(), obtainable=_on_posix),
     "stress-ng": Need(missing=_program("stress-ng"), obtainable=_on_linux),
+    "sudo": Need(missing=_program("sudo"), obtainable=_on_posix),
     "systemd": Need(missing=_program("/lib/systemd/systemd"), obtainable=_on_linux),
     "venv": Need(missing=_no_venv, obtainable=_on_posix),
     "yaml-language-server": Need(missing=_program("yaml-language-server"), obtainable=_on_linux),

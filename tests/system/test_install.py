@@ -1,6 +1,7 @@
-"""`rarms install` over a real sshd, which is this machine, with wheels that the real pip downloads."""
+"""`rarms install` over a real sshd, as a user with sudo, with wheels that the real pip downloads."""
 
 import json
+import os
 import subprocess
 import tempfile
 from collections.abc import Iterator
@@ -13,20 +14,25 @@ from rarms_iac.app import install
 from rarms_iac.app.install_there import RobotPlaces
 from rarms_iac.app.install_wheels import own_wheel
 from rarms_iac.model.version import __version__
-from tests.needs import require
-from tests.standin.remote import Remote, a_server
+from rarms_iac.providers import robot as providers_robot
+from tests.standin.remote import a_server
 from tests.unit.cli.running import Ran, rarms
 
 MANIFEST = """\
 schema: rarms/v1
 application: { name: cell }
 hosts:
-  onboard: { provider: linux, logical_processors: 2, memory: 1 GiB, connect: { ssh: cell } }
+  onboard: { provider: linux, logical_processors: 2, memory: 1 GiB, connect: { ssh: USER@cell } }
   model: { provider: simulated, logical_processors: 2, memory: 1 GiB }
 components: { vision: { criticality: 1, memory: 64 MiB, cpu: { reserve: 0.1 LP }, hosts: [onboard] } }
 """
 
-pytestmark = [pytest.mark.needs("ssh", "root", "linux", "network"), pytest.mark.thorough]
+pytestmark = [pytest.mark.needs("ssh", "root", "linux", "network", "sudo", "control-groups"), pytest.mark.thorough]
+
+
+EVERYTHING = "ALL"
+REQUESTS = "/usr/bin/env -i {versions}/{version}/bin/python -I -m rarms_iac.robot"
+"""The line of docs/linux.md for a user who sends requests to an installed rarms."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +41,14 @@ class Robot:
 
     folder: Path  # of the operator
     places: RobotPlaces
+    user: str
+
+    def allow(self, *programs: str) -> None:
+        """Let the user start these by sudo without a password, and nothing else."""
+        file = Path("/etc/sudoers.d", self.user)
+        names = (program.format(versions=self.places.versions, version=__version__) for program in programs)
+        file.write_text("".join(f"{self.user} ALL=(root) NOPASSWD: {name}\n" for name in names), encoding="ascii")
+        file.chmod(0o440)
 
     def install(self, *words: str) -> Ran:
         return rarms("install", *words, "-f", str(self.folder), "--wheels", str(self.folder / "wheels"))
@@ -46,25 +60,34 @@ class Robot:
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Remote]:
-    require("ssh", "root", "linux")
-    with a_server(tmp_path_factory.mktemp("server")) as remote:
-        yield remote
+def user() -> Iterator[str]:
+    """A user of this machine without rights."""
+    name = f"rarms-test-{os.getpid()}"
+    subprocess.run(["useradd", "--system", "-M", "-d", "/", "-s", "/bin/sh", "-p", "*", name], check=True)
+    yield name
+    Path("/etc/sudoers.d", name).unlink(missing_ok=True)
+    subprocess.run(["userdel", name], check=True)
 
 
 @pytest.fixture(scope="module")
-def robot(server: Remote, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
+def robot(user: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     """It has the folders of a robot with cron and without systemd; no rarms is there."""
     folder = tmp_path_factory.mktemp("operator")
-    (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+    (folder / "rarms.yaml").write_text(MANIFEST.replace("USER", user), encoding="utf-8")
     with tempfile.TemporaryDirectory(prefix="rarms-test-", dir="/opt") as there, pytest.MonkeyPatch.context() as patch:
         root = Path(there)
-        (root / "cron").mkdir()
+        root.chmod(0o755)
+        for name in ("cron", "server"):
+            (root / name).mkdir()
         names = ("versions", "state", "units", "systemd", "cron")
         places = RobotPlaces(**{name: str(root / name) for name in names})
         patch.setattr(install, "PLACES", places)
-        patch.setenv("PATH", server.environment["PATH"])
-        yield Robot(folder, places)
+        patch.setattr(providers_robot, "INSTALLED", places.versions)
+        with a_server(root / "server") as server:
+            patch.setenv("PATH", server.environment["PATH"])
+            robot = Robot(folder, places, user)
+            robot.allow(EVERYTHING)
+            yield robot
 
 
 def test_a_robot_without_rarms_gets_it_over_ssh(robot: Robot) -> None:
@@ -82,6 +105,19 @@ def test_a_robot_without_rarms_gets_it_over_ssh(robot: Robot) -> None:
     loaded = subprocess.run([python, "-I", "-c", solver], capture_output=True, text=True, env={})
     assert loaded.stdout.startswith(robot.places.versions), loaded.stderr
     assert not list(Path(robot.places.versions).rglob("hatchling")), "what builds rarms stays here"
+
+
+def test_a_user_with_one_line_of_sudoers_asks_the_installed_rarms(robot: Robot) -> None:
+    robot.install("--host", "onboard")
+    robot.allow(REQUESTS)
+
+    snapshot = rarms("snapshot", "--host", "onboard", "-f", str(robot.folder), "--out", str(robot.folder / "it.json"))
+    refused = robot.install("--host", "onboard")
+
+    robot.allow(EVERYTHING)
+    assert snapshot.code == 0, snapshot.err
+    assert refused.code == 1
+    assert "Connect as root, or let this user run `sudo -n python3` there" in " ".join(refused.err.split())
 
 
 def test_an_installed_robot_is_left_as_it_is(robot: Robot) -> None:
