@@ -19,9 +19,17 @@ from rarms_iac.applying.preconditions import marked_resources
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.applying.run_steps import RunControl
-from rarms_iac.applying.undo import abandon, can_be_undone, not_undone_findings, steps_undone, undo
+from rarms_iac.applying.undo import (
+    abandon,
+    can_be_undone,
+    kept_addresses,
+    steps_undone,
+    undo,
+    undo_findings,
+    why_not_kept,
+)
 from rarms_iac.manifest.load import manifest_digest
-from rarms_iac.model.commands import PLAN, PLAN_OUT, UNDO, command, prose
+from rarms_iac.model.commands import APPLY, PLAN, PLAN_OUT, UNDO, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted, run_to_undo
@@ -344,7 +352,9 @@ class UndoPreview:
     host: str
     started: RunStarted | ScriptStarted
     steps: tuple[UndoneStep, ...]  # in their order
-    remaining: tuple[Diagnostic, ...]  # what cannot be taken back
+    findings: tuple[Diagnostic, ...]  # what cannot be undone, and foreign values that are set again
+    foreign: tuple[str, ...]  # addresses whose foreign values the apply replaced
+    kept: bool  # these stay as the apply left them
 
 
 def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
@@ -401,23 +411,49 @@ def _different_plans(plans: Mapping[str, str]) -> RequestError:
     return RequestError(f"{message}.", advice)
 
 
-def preview(applies: Sequence[LastApply]) -> Iterator[UndoPreview]:
+def preview(applies: Sequence[LastApply], *, keep: bool = False) -> Iterator[UndoPreview]:
     """Describe what `undo_applies` would do; nothing is changed.
 
     Args:
         applies: the last apply on each host.
+        keep: as of `undo_applies`.
 
     Yields:
         A preview for each host that has a journal, in order.
     """
     for last in applies:
         if last.journal is not None:
+            foreign = kept_addresses(last.journal)
+            kept = foreign if keep else frozenset()
             yield UndoPreview(
                 host=last.host.name,
                 started=last.journal.started,
-                steps=steps_undone(last.journal),
-                remaining=not_undone_findings(last.host.name, last.journal),
+                steps=steps_undone(last.journal, kept),
+                findings=undo_findings(last.host, last.journal, kept),
+                foreign=tuple(sorted(map(str, foreign))),
+                kept=keep,
             )
+
+
+def can_keep(applies: Sequence[LastApply]) -> bool:
+    """Whether there are foreign values, and an undo can leave the manifest's in their place."""
+    runs = [(last.host, last.journal) for last in applies if last.journal is not None]
+    return any(kept_addresses(run) for _, run in runs) and not any(why_not_kept(host, run) for host, run in runs)
+
+
+def refuse_keeping(applies: Sequence[LastApply]) -> None:
+    """Refuse `--keep` if an undo cannot leave the manifest's values in place of foreign ones.
+
+    Args:
+        applies: as `last_applies` returns them.
+
+    Raises:
+        RequestError: a host's script undoes the whole apply, the undo has begun, or another partition needs the room.
+    """
+    for last in applies:
+        if last.journal is not None and (why := why_not_kept(last.host, last.journal)):
+            advice = prose("Run ", UNDO, ", then ", APPLY, " to set the manifest's values again.")
+            raise RequestError(f"--keep is not possible on {last.host.name}: {why}.", advice)
 
 
 def undo_applies(
@@ -425,20 +461,25 @@ def undo_applies(
     *,
     waits: WaitLimits = NO_WAITING,
     control: Control = UNATTENDED,
+    keep: bool = False,
 ) -> RunReport:
-    """Take these applies back, finished or not: the undo of each step, the last step first. No question is asked.
+    """Undo these applies, finished or not: the undo of each step, the last step first. No question is asked.
 
     Args:
         applies: as `last_applies` returns them; the hosts are held meanwhile.
         waits: how long to wait for a held host, and for the next word of a host's script.
         control: hears of each step, and is asked after each whether to stop; the undo can be finished later.
+        keep: leave a partition or task class as it was applied if the apply replaced a value that rarms had not set.
 
     Returns:
         How it ended, by host; what cannot be taken back is among the diagnostics.
 
     Raises:
         UseCaseError: a host is held (refused).
+        RequestError: as of `refuse_keeping`.
     """
+    if keep:
+        refuse_keeping(applies)
     hosts = tuple(last.host for last in applies)
     with hold_hosts(hosts, waits.lock_ms), control.stop.gently():
-        return combine_reports([undo(host, run_origin(), run_control(control, waits)) for host in hosts])
+        return combine_reports([undo(host, run_origin(), run_control(control, waits), keep=keep) for host in hosts])

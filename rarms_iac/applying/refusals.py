@@ -12,6 +12,7 @@ from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import in_a_row, quoted
 from rarms_iac.providers.interface import HostDamaged, HostError, HostLocked, HostUnreachable
 from rarms_iac.providers.robot import OtherVersion
+from rarms_iac.storage.foreign_values import ForeignValue
 
 USED = Finding.error("RARMS181", "The plan was used, or another run came after it was made")
 MOVED = Finding.error("RARMS182", "The host has moved since the plan was made")
@@ -28,6 +29,7 @@ DAMAGED = Finding.error("RARMS190", "What the host keeps for rarms is damaged")
 NOT_REACHED = Finding.error("RARMS191", "The host is not as the plan left it")
 NOTHING_TO_UNDO = Finding.note("RARMS192", "There is nothing to undo")
 UNDO_PARTIAL = Finding.warning("RARMS193", "Not everything can be taken back")
+UNDO_FOREIGN = Finding.warning("RARMS402", "An undo sets a value that rarms had not set")
 UNSIGNED = Finding.error("RARMS341", "What is to be run is not signed with the key")
 OTHERS_RUN = Finding.error("RARMS340", "The last run is another application's or robot's")
 SCRIPT_REFUSED = Finding.error("RARMS251", "The script would not run on the host")
@@ -284,6 +286,25 @@ def undo_script_partial(host: str, lost: str) -> Diagnostic:
     """What an undo script could not take back, as it says of itself."""
     detail = f"{host}: {lost.rstrip('.')}."
     return UNDO_PARTIAL.of_host(host, detail, _LOST, reason=lost)
+
+
+def undo_foreign(host: str, value: ForeignValue, *, can_keep: bool) -> Diagnostic:
+    """The undo sets a value again that rarms had not set."""
+    set_again = prose("After the undo, ", APPLY, f" sets {value.applied} again.")
+    keep = prose(f"To keep {value.applied}, run ", command("undo", keep=True), " instead.") if can_keep else ""
+    return UNDO_FOREIGN.at(
+        None,
+        f"{value.address} on {host}: {value.name} {value.foreign} was not set by rarms; the apply set {value.applied}.",
+        sentences(keep, set_again),
+        address=str(value.address),
+        values={"host": host, "setting": value.name, "foreign": value.foreign, "applied": value.applied},
+    )
+
+
+def undo_script_foreign(host: str, line: str) -> Diagnostic:
+    """What an undo script sets again although rarms had not set it, as it says of itself."""
+    advice = prose("After the undo, ", APPLY, " sets the manifest's value again.")
+    return UNDO_FOREIGN.of_host(host, f"{host}, not set by rarms: {line}.", advice, value=line)
 
 
 def no_script(host: str, plan: str) -> Diagnostic:

@@ -27,10 +27,17 @@ class ApplyJob:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunJob:
-    """A run of the robot that is finished, closed or undone: the one of this plan, or nothing is done."""
+    """A run of the robot that is finished or closed: the one of this plan, or nothing is done."""
 
     plan: str  # its id
     waits: WaitLimits
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UndoJob(RunJob):
+    """A run of the robot that is undone."""
+
+    keep: bool  # as of `undo.undo`
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,6 @@ from rarms_iac.model.plan import HostPlan, UndoLevel
 from rarms_iac.model.wording import last_words
 from rarms_iac.powershell.inspection.inspect import inspect_recorded
 from rarms_iac.powershell.render import script_name
-from rarms_iac.powershell.summary import NOT_UNDONE
 from rarms_iac.powershell.templates import MODULE_FOLDER, shipped_module, without_signature
 from rarms_iac.providers.interface import (
     EventKind,
@@ -160,9 +159,9 @@ def steps_undone_by_script(journal: ScriptRun) -> tuple[UndoneStep, ...]:
     )
 
 
-def not_undone(script: str) -> tuple[str, ...]:
-    """Read from an undo script's head what it cannot bring back."""
-    begin = f"    {NOT_UNDONE}: "
+def lines_of_head(script: str, kind: str) -> tuple[str, ...]:
+    """Read the lines of one kind from an undo script's head: what it cannot bring back, or foreign values."""
+    begin = f"    {kind}: "
     head = script.split("\n#>", 1)[0].splitlines()
     return tuple(line.removeprefix(begin).strip() for line in head if line.startswith(begin))
 

@@ -6,18 +6,20 @@ from typing import assert_never
 
 from rarms_iac.applying import refusals
 from rarms_iac.applying.preconditions import no_rights
-from rarms_iac.applying.robot_runs import RunJob, run_there
+from rarms_iac.applying.robot_runs import RunJob, UndoJob, run_there
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.run_script import (
     UndoneStep,
     abandon_script,
     finish_job,
-    not_undone,
+    lines_of_head,
     run_job,
     steps_undone_by_script,
     undo_job,
 )
 from rarms_iac.applying.run_steps import UNATTENDED_RUN, RunControl, failed_run, run_steps
+from rarms_iac.model.changes import Address
+from rarms_iac.model.claims import Claim
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import (
     Closing,
@@ -27,6 +29,7 @@ from rarms_iac.model.journal import (
     RunOrigin,
     RunStarted,
     ScriptRun,
+    StepStatus,
     history_of,
     run_to_undo,
 )
@@ -34,6 +37,8 @@ from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.model.state import Rights
 from rarms_iac.model.step_titles import reversal
 from rarms_iac.model.version import __version__
+from rarms_iac.model.wording import in_a_row
+from rarms_iac.powershell.summary import FOREIGN, NOT_UNDONE
 from rarms_iac.providers.interface import (
     NO_WAITING,
     HostError,
@@ -43,10 +48,18 @@ from rarms_iac.providers.interface import (
     StepwiseHost,
     WaitLimits,
 )
+from rarms_iac.storage.foreign_values import ForeignValue, foreign_values
 
 
-def undo(host: LiveHost, origin: RunOrigin, control: RunControl = UNATTENDED_RUN) -> RunReport:
-    """Take the last apply back, finished or not; an undo that was interrupted is finished. The host is held."""
+def undo(host: LiveHost, origin: RunOrigin, control: RunControl = UNATTENDED_RUN, *, keep: bool = False) -> RunReport:
+    """Undo the last apply, finished or not; an undo that was interrupted is finished. The host is held.
+
+    Args:
+        host: which one.
+        origin: of this run.
+        control: hears of each step.
+        keep: leave what `kept_addresses` names as it was applied; `why_not_kept` was asked before.
+    """
     try:
         match host:
             case RobotHost():
@@ -54,14 +67,20 @@ def undo(host: LiveHost, origin: RunOrigin, control: RunControl = UNATTENDED_RUN
                 journal = run_to_undo(last)
                 if journal is None or not can_be_undone(journal):
                     return _nothing_to_undo(host, journal)
-                asked = RunJob(plan=journal.started.plan, waits=control.waits)
+                asked = UndoJob(plan=journal.started.plan, waits=control.waits, keep=keep)
                 return run_there(host, "undo", asked, control)
             case StepwiseHost():
                 last = host.journal()
                 journal = run_to_undo(last)
                 if last is None or not isinstance(journal, Journal) or not can_be_undone(journal):
                     return _nothing_to_undo(host, journal)
-                return without_rights(host) or _walk_back(host, journal, last, origin, control)
+                kept = kept_addresses(journal) if keep else frozenset()
+                if kept and not steps_undone(journal, kept):
+                    why = f"all that the last apply changed is kept: {in_a_row(sorted(map(str, kept)))}"
+                    return RunReport(ending=RunEnding.NOTHING, findings=(refusals.nothing_to_undo(host.name, why),))
+                if refused := without_rights(host):
+                    return refused
+                return _walk_back(host, journal, undo_run(journal, origin, last, kept), control, kept)
             case ScriptedHost():
                 run = host.journal()
                 if run is None or not can_be_undone(run):
@@ -70,7 +89,7 @@ def undo(host: LiveHost, origin: RunOrigin, control: RunControl = UNATTENDED_RUN
                 if refused := without_rights(host):
                     return refused
                 report = run_job(host, job, control)
-                return replace(report, findings=(*report.findings, *not_undone_findings(host.name, run)))
+                return replace(report, findings=(*report.findings, *undo_findings(host, run)))
             case _:
                 assert_never(host)
     except HostError as error:
@@ -91,16 +110,15 @@ def without_rights(host: LiveHost) -> RunReport | None:
 
 
 def _walk_back(
-    host: StepwiseHost, journal: Journal, last: Journal, origin: RunOrigin, control: RunControl
+    host: StepwiseHost, journal: Journal, started: RunStarted, control: RunControl, kept: frozenset[Address]
 ) -> RunReport:
     if (other := refusals.begun_by_another_version(host.name, journal)) is not None:
         return RunReport(ending=RunEnding.REFUSED, findings=(other,))
     if journal.started.run is RunKind.UNDO:
         return run_steps(host, journal, control)
-    started = undo_run(journal, origin, last)
     host.start_run(started)
     report = run_steps(host, Journal(started=started), control)
-    return replace(report, findings=(*report.findings, *not_undone_findings(host.name, journal)))
+    return replace(report, findings=(*report.findings, *undo_findings(host, journal, kept)))
 
 
 def abandon(host: LiveHost, waits: WaitLimits = NO_WAITING) -> RunReport:
@@ -128,9 +146,21 @@ def abandon(host: LiveHost, waits: WaitLimits = NO_WAITING) -> RunReport:
         return failed_run(error)
 
 
-def steps_undone(journal: Journal | ScriptRun) -> tuple[UndoneStep, ...]:
-    """What an undo would do, in its order, and what it cannot, for a person."""
+def steps_undone(journal: Journal | ScriptRun, kept: frozenset[Address] = frozenset()) -> tuple[UndoneStep, ...]:
+    """List what an undo would do, in its order, and what it cannot, for a person.
+
+    Args:
+        journal: the last run; of an undo that was interrupted, the steps that are left.
+        kept: what is left as it was applied.
+    """
     match journal:
+        case Journal() if journal.started.run is RunKind.UNDO:
+            done = {record.number for record in journal.steps if record.status is not StepStatus.BEGUN}
+            return tuple(
+                UndoneStep(address=str(step.address), title=step.title, level=UndoLevel.FULL)
+                for number, step in enumerate(journal.started.steps)
+                if number not in done
+            )
         case Journal():
             changes = journal.started.host_plan.changes_by_address
             return tuple(
@@ -139,7 +169,7 @@ def steps_undone(journal: Journal | ScriptRun) -> tuple[UndoneStep, ...]:
                     title=reversal(step, changes).title if step.undo.operation else step.title,
                     level=step.undo.level,
                 )
-                for _, step in steps_to_undo(journal)
+                for _, step in steps_to_undo(journal, kept)
                 if step.undo.operation is not None
                 or step.undo.level is not UndoLevel.FULL  # else it goes with its machine
             )
@@ -147,8 +177,8 @@ def steps_undone(journal: Journal | ScriptRun) -> tuple[UndoneStep, ...]:
             return steps_undone_by_script(journal)
 
 
-def steps_to_undo(journal: Journal) -> tuple[tuple[int, Step], ...]:
-    """The steps that the run may have done, with their numbers, the last one first.
+def steps_to_undo(journal: Journal, kept: frozenset[Address] = frozenset()) -> tuple[tuple[int, Step], ...]:
+    """The steps that the run may have done, with their numbers, the last one first, but for those of what is kept.
 
     What was done to a machine before it was removed went with it: only the removal itself is told.
     """
@@ -156,7 +186,7 @@ def steps_to_undo(journal: Journal) -> tuple[tuple[int, Step], ...]:
     gone: set[str] = set()
     steps: list[tuple[int, Step]] = []
     for number, step in reversed(list(enumerate(journal.started.steps))):
-        if number not in touched or step.address.partition in gone:
+        if number not in touched or step.address.partition in gone or _resource_of(step) in kept:
             continue
         steps.append((number, step))
         if is_removal(step):
@@ -170,30 +200,87 @@ def is_removal(step: Step) -> bool:
     return is_machine and step.undo.operation is None and step.after.get("exists") is False
 
 
-def not_undone_findings(host: str, journal: Journal | ScriptRun) -> tuple[Diagnostic, ...]:
-    """A warning for each step of the run that cannot be taken back, or not wholly."""
+def undo_findings(
+    host: LiveHost, journal: Journal | ScriptRun, kept: frozenset[Address] = frozenset()
+) -> tuple[Diagnostic, ...]:
+    """Warn of each step of the run that cannot be undone wholly, and of each foreign value that the undo sets again.
+
+    Args:
+        host: which one.
+        journal: the last run there.
+        kept: what is left as it was applied.
+    """
     match journal:
         case Journal():
-            return tuple(
-                refusals.undo_partial(host, step)
-                for _, step in steps_to_undo(journal)
-                if step.undo.level is not UndoLevel.FULL
-            )
+            can_keep = not why_not_kept(host, journal)
+            partial = [
+                refusals.undo_partial(host.name, step)
+                for _, step in steps_to_undo(journal, kept)
+                if journal.started.run is RunKind.APPLY and step.undo.level is not UndoLevel.FULL
+            ]
+            values = (value for value in _foreign_values(journal) if value.address not in kept)
+            return (*partial, *(refusals.undo_foreign(host.name, value, can_keep=can_keep) for value in values))
         case ScriptRun():
-            return tuple(refusals.undo_script_partial(host, lost) for lost in not_undone(journal.started.undo))
+            script = journal.started.undo
+            return (
+                *(refusals.undo_script_partial(host.name, lost) for lost in lines_of_head(script, NOT_UNDONE)),
+                *(refusals.undo_script_foreign(host.name, line) for line in lines_of_head(script, FOREIGN)),
+            )
 
 
-def undo_run(journal: Journal, origin: RunOrigin, last: Journal) -> RunStarted:
+def kept_addresses(journal: Journal | ScriptRun) -> frozenset[Address]:
+    """The partitions and task classes whose foreign values the run replaced: `--keep` leaves them as applied."""
+    is_apply = isinstance(journal, Journal) and journal.started.run is RunKind.APPLY
+    return frozenset(value.address for value in _foreign_values(journal)) if is_apply else frozenset()
+
+
+def why_not_kept(host: LiveHost, journal: Journal | ScriptRun) -> str:
+    """Say why an undo of this run cannot leave `kept_addresses` as they are; empty: it can."""
+    if isinstance(host, ScriptedHost) or not isinstance(journal, Journal):
+        return "the script of the host undoes the whole apply"
+    if journal.started.run is RunKind.UNDO:
+        return "the undo has begun"
+    kept = kept_addresses(journal)
+    claims: dict[Address, tuple[Claim, Claim]] = {}  # before the apply, and after it
+    for step in journal.started.steps:
+        first, _ = claims.get(_resource_of(step), (step.claim_before, step.claim_after))
+        claims[_resource_of(step)] = first, step.claim_after
+    grown = [address for address in kept if address in claims and claims[address][0].is_less_than(claims[address][1])]
+    growing = [
+        address for address, (before, after) in claims.items() if address not in kept and after.is_less_than(before)
+    ]
+    if grown and growing:
+        return f"{min(map(str, growing))} may need what {min(map(str, grown))} would keep"
+    return ""
+
+
+def _foreign_values(journal: Journal | ScriptRun) -> tuple[ForeignValue, ...]:
+    """The foreign values that an undo of the run would set again."""
+    if not isinstance(journal, Journal):
+        return ()
+    undone = {step.address for step in steps_undone(journal)}
+    changes = journal.started.host_plan.changes
+    return tuple(value for value in foreign_values(changes) if str(value.address) in undone)
+
+
+def _resource_of(step: Step) -> Address:
+    """The partition or task class that a step changes; a disk is its partition's."""
+    return replace(step.address, disk="")
+
+
+def undo_run(journal: Journal, origin: RunOrigin, last: Journal, kept: frozenset[Address] = frozenset()) -> RunStarted:
     """The run that takes the journal's steps back. It raises the serial: what was planned before it is stale.
 
     Args:
         journal: the run that is taken back.
         origin: of the undo.
         last: the last run on the host.
+        kept: what is left as it was applied.
     """
     started = journal.started
     changes = started.host_plan.changes_by_address
-    steps = tuple(reversal(step, changes) for _, step in steps_to_undo(journal) if step.undo.operation is not None)
+    taken = (step for _, step in steps_to_undo(journal, kept) if step.undo.operation is not None)
+    steps = tuple(reversal(step, changes) for step in taken)
     return replace(
         started,
         run=RunKind.UNDO,

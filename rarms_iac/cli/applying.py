@@ -130,23 +130,33 @@ def apply_and_show(session: Session, plan: Plan, folder: Path | None, how: RunOp
         return apply(plan, folder=folder, waits=how.waits, control=Control(reporter=reporter, stop=session.interrupts))
 
 
-def ask(session: Session, question: str) -> None:
+def ask(session: Session, question: str, other: str = "") -> str:
     """Go on only after a yes.
+
+    Args:
+        session: of the command.
+        question: ends with a question mark, or with what the other answer does.
+        other: an answer beside `yes`; empty: none.
+
+    Returns:
+        The answer.
 
     Raises:
         UseCaseError: the answer was another, or a signal.
     """
     try:
         session.terminal.flush()
-        session.terminal.status(f"\n{question} Only `yes` does it: ")
+        answers = f"Type `yes` or `{other}`" if other else "Only `yes` does it"
+        session.terminal.status(f"\n{question} {answers}: ")
         answer = sys.stdin.readline()
     except Interrupted:
         session.terminal.talk("")
         raise UseCaseError(Outcome.INTERRUPTED, [declined()]) from None
     if not answer.endswith("\n"):
         session.terminal.talk("")
-    if answer.strip() != "yes":
+    if answer.strip() not in {"yes", other} or not answer.strip():
         raise UseCaseError(Outcome.REFUSED, [declined()])
+    return answer.strip()
 
 
 def report_end(

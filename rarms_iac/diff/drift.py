@@ -13,7 +13,7 @@ from rarms_iac.model.changes import RESPONSIVENESS, Address, Adopt, Change, Crea
 from rarms_iac.model.journal import Closing, Journal, RunKind, ScriptRun
 from rarms_iac.model.state import HostFacts, Partition, Responsiveness, StartAction, State, StoppedBy, TaskClass
 from rarms_iac.storage.digest import digest, short
-from rarms_iac.storage.mark_digests import set_of_settings, set_of_values
+from rarms_iac.storage.mark_digests import set_of_values, was_changed
 
 
 class DriftKind(StrEnum):
@@ -91,7 +91,7 @@ def drift_of_marks(observed: State, application: str, last_run: frozenset[str] |
         *(
             Address(partition=there.mark.name, machine=there.id)
             for there in own.partitions
-            if there.mark is not None and _is_changed(there, by_hand=there.settings.start_action is StartAction.NOTHING)
+            if there.mark is not None and was_changed(there, by_hand=there.settings.start_action is StartAction.NOTHING)
         ),
         *(address for address, there in records if there.record and set_of_values(there.values) != there.record.set),
     ]
@@ -134,7 +134,7 @@ def _kind(wanted: Partition | None, there: Partition | None, *, is_unused: bool)
         return DriftKind.MISSING
     if wanted is None or wanted.mark is None:
         return DriftKind.NOT_APPLIED
-    host = _is_changed(there, by_hand=wanted.settings.start_action is StartAction.NOTHING and not is_unused)
+    host = was_changed(there, by_hand=wanted.settings.start_action is StartAction.NOTHING and not is_unused)
     manifest = wanted.mark.set != there.mark.set or wanted.mark.protected != there.mark.protected
     manifest = manifest or _is_left_by_measurement(there)
     if not host and not manifest and is_unused:
@@ -142,32 +142,9 @@ def _kind(wanted: Partition | None, there: Partition | None, *, is_unused: bool)
     return _combine(host=host, manifest=manifest)
 
 
-def _is_changed(there: Partition, *, by_hand: bool) -> bool:
-    """Whether a marked partition is not as rarms wrote it."""
-    assert there.mark is not None
-    is_started = there.mark.stopped_by is not StoppedBy.NO_USER and there.settings.running
-    unfixed = replace(there, settings=replace(there.settings, secure_boot=None))
-    digests = {_digest_now(partition, by_hand=by_hand) for partition in (there, unfixed)}
-    return is_started or there.mark.set not in digests
-
-
 def _is_left_by_measurement(there: Partition) -> bool:
     """Whether a measurement stopped it and has not started it again: it is wanted running."""
     return there.mark is not None and there.mark.stopped_by is StoppedBy.MEASUREMENT and not there.settings.running
-
-
-def _digest_now(there: Partition, *, by_hand: bool) -> str:
-    """The digest of what is there.
-
-    Whether a partition that is started by hand runs counts for nothing, nor that rarms itself stopped one.
-    """
-    settings = there.settings
-    if there.mark is not None and there.mark.stopped_by is not StoppedBy.NO_USER:
-        settings = replace(settings, running=True)
-        by_hand = by_hand or settings.start_action is StartAction.NOTHING
-    if settings.start_action is StartAction.NOTHING and settings.running and not by_hand:
-        return "running"  # no digest: it was written as stopped
-    return set_of_settings(replace(settings, running=False) if by_hand else settings)
 
 
 def _combine(*, host: bool, manifest: bool) -> DriftKind | None:

@@ -31,7 +31,14 @@ from rarms_iac.powershell.pieces import (
     pieces_of,
 )
 from rarms_iac.powershell.rows import PlanBlock, plan_lines
-from rarms_iac.powershell.summary import change_table, duration_line, machine_table, not_undone_lines, summary_lines
+from rarms_iac.powershell.summary import (
+    change_table,
+    duration_line,
+    foreign_lines,
+    machine_table,
+    not_undone_lines,
+    summary_lines,
+)
 from rarms_iac.powershell.templates import (
     ENTRY,
     HOST_FACT_NAMES,
@@ -46,6 +53,7 @@ from rarms_iac.powershell.templates import (
     module_text,
     template_text,
 )
+from rarms_iac.storage.foreign_values import foreign_values
 
 _HOST_REQUIRES = ("-Modules Hyper-V", "-RunAsAdministrator")
 _GUEST_REQUIRES = ("-RunAsAdministrator",)
@@ -328,6 +336,7 @@ def _head(kind: RunKind, target: _Target, steps: Sequence[_GuardedPiece], digest
             *map(_inside_help, others),
             *((duration_line(planned), calls) if steps else ()),
             *map(_help, not_undone_lines(changed)),
+            *map(_help, _foreign_lines(host_plan, planned) if kind is RunKind.UNDO else ()),
         ],
         "usage": f"Shows what it would do; without -WhatIf it does it. Take it back with .\\{undo}, beside it."
         if kind is RunKind.APPLY
@@ -337,6 +346,12 @@ def _head(kind: RunKind, target: _Target, steps: Sequence[_GuardedPiece], digest
             *(_help(f"Accepted: {finding.code} {finding.summary}, {finding.detail}") for finding in plan.accepted),
         ],
     }
+
+
+def _foreign_lines(host_plan: HostPlan, steps: Iterable[Step]) -> tuple[str, ...]:
+    changes = host_plan.changes_by_address
+    undone = dict.fromkeys(step.address for step in steps)
+    return foreign_lines(foreign_values(changes[address] for address in undone if address in changes))
 
 
 def _help(text: str) -> str:

@@ -19,6 +19,7 @@ from rarms_iac.model.quantities import show_bytes, show_lp_percent
 from rarms_iac.model.state import Partition, PartitionSettings
 from rarms_iac.model.wording import counted, natural_order, remark
 from rarms_iac.powershell.pieces import NewFiles, ScriptPiece
+from rarms_iac.storage.foreign_values import ForeignValue
 
 _MADE, _REMOVED, _STOPPED, _DELETED = "New-VM", "Remove-VM", "Stop-Partition", "Remove-DiskFile"
 _REMOVED_CLASS = "Remove-TaskClass"
@@ -27,6 +28,8 @@ _PARTITION, _TASK = "partition/", "/task/"
 NOT_MADE_AGAIN = "the machine is not made again"  # by a script: a simulated host makes it again
 NOT_UNDONE = "Not undone"
 """Begins the lines of a head that say what cannot be taken back."""
+FOREIGN = "Not set by rarms"
+"""Begins the lines of a head that list values of others, which the undo sets again."""
 
 _LAST_LOOK_S = 300  # of the module's Assert-Host
 _TOLD_BY_A_WORD = (CreatePartition, RemovePartition, StartPartition, StopPartition, WriteMark)
@@ -86,6 +89,13 @@ def not_undone_lines(steps: Iterable[Step]) -> tuple[str, ...]:
         elif step.undo.level is UndoLevel.NONE or (step.undo.level is UndoLevel.PARTIAL and owner_of(step) not in gone):
             owners.setdefault(step.undo.message, {})[owner_of(step)] = None
     return tuple(f"{NOT_UNDONE}: {', '.join(names)}: {message}" for message, names in owners.items())
+
+
+def foreign_lines(values: Iterable[ForeignValue]) -> tuple[str, ...]:
+    """List the values that an undo sets again and that rarms had not set."""
+    return tuple(
+        f"{FOREIGN}: {value.address}: {value.name} {value.foreign}; the plan sets {value.applied}" for value in values
+    )
 
 
 def change_table(steps: Iterable[Step], lost: Collection[str] = ()) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.app.wiring import open_host
 from rarms_iac.applying import refusals
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
-from rarms_iac.applying.robot_runs import STEPS, ApplyJob, RunJob, without_plans
+from rarms_iac.applying.robot_runs import STEPS, ApplyJob, RunJob, UndoJob, without_plans
 from rarms_iac.applying.run_report import RunReporter
 from rarms_iac.applying.run_steps import RunControl
 from rarms_iac.applying.undo import abandon as abandon_run
@@ -63,15 +63,15 @@ def abandon(host: Host, job: Json, caller: Caller) -> Json:
 
 
 def undo(host: Host, job: Json, caller: Caller) -> Json:
-    """Take the apply back that the other side saw."""
-    asked = decode(RunJob, job)
+    """Undo the apply that the other side saw."""
+    asked = decode(UndoJob, job)
     live = open_host(host, Path(), "")
     with _held(live, asked.waits, caller) as control:
         last = run_to_undo(live.journal())
         _refuse_another(asked, last, host.name)
         if plan_key() is not None and last is not None and last.started.run is RunKind.UNDO:
             refuse_unsigned_runs([live], needs_key=False)
-        return encode(without_plans(undo_run(live, run_origin(), control)))
+        return encode(without_plans(undo_run(live, run_origin(), control, keep=asked.keep)))
 
 
 @contextmanager

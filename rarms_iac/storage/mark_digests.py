@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from rarms_iac.model.state import PartitionSettings, RegistryValue, StartAction
+from rarms_iac.model.state import Partition, PartitionSettings, RegistryValue, StartAction, StoppedBy
 from rarms_iac.storage.codec import encode
 from rarms_iac.storage.digest import digest, short
 
@@ -26,6 +26,34 @@ def set_of_settings(settings: PartitionSettings) -> str:
     if settings.secure_boot is None:
         del values["secure_boot"]
     return short(digest(values))
+
+
+def was_changed(there: Partition, *, by_hand: bool) -> bool:
+    """Tell whether a marked partition is not as rarms wrote it.
+
+    Args:
+        there: as observed.
+        by_hand: its user starts it, so whether it runs counts for nothing.
+    """
+    assert there.mark is not None
+    is_started = there.mark.stopped_by is not StoppedBy.NO_USER and there.settings.running
+    unfixed = replace(there, settings=replace(there.settings, secure_boot=None))
+    digests = {_digest_now(partition, by_hand=by_hand) for partition in (there, unfixed)}
+    return is_started or there.mark.set not in digests
+
+
+def _digest_now(there: Partition, *, by_hand: bool) -> str:
+    """The digest of what is there.
+
+    Whether a partition that is started by hand runs counts for nothing, nor that rarms itself stopped one.
+    """
+    settings = there.settings
+    if there.mark is not None and there.mark.stopped_by is not StoppedBy.NO_USER:
+        settings = replace(settings, running=True)
+        by_hand = by_hand or settings.start_action is StartAction.NOTHING
+    if settings.start_action is StartAction.NOTHING and settings.running and not by_hand:
+        return "running"  # no digest: it was written as stopped
+    return set_of_settings(replace(settings, running=False) if by_hand else settings)
 
 
 def set_of_values(values: Mapping[str, RegistryValue]) -> str:

@@ -320,8 +320,8 @@ class UndoPreviewAction(Action):
     def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:  # noqa: ARG002 - it is over soon
         """Look, and change nothing."""
         for undo in preview(last_applies(workspace.hosts())):
-            transcript.say(undo_text(undo.host, undo.started, undo.steps))
-            transcript.findings(undo.remaining)
+            transcript.say(undo_text(undo))
+            transcript.findings(undo.findings)
         return "shown"
 
 

@@ -9,23 +9,9 @@ from typing import assert_never
 
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Forced, Release, Resource, Update, count
 from rarms_iac.model.plan import HostPlan
-from rarms_iac.model.quantities import (
-    guaranteed,
-    share_of_host,
-    share_of_processors,
-    show_period,
-    show_processors,
-    write_bytes,
-)
-from rarms_iac.model.state import (
-    NO_GENERATION,
-    HostFacts,
-    Partition,
-    PartitionSettings,
-    Responsiveness,
-    StartAction,
-    TaskClass,
-)
+from rarms_iac.model.quantities import guaranteed, share_of_host, share_of_processors
+from rarms_iac.model.setting_texts import LABELS, NO_LIMIT, setting_text
+from rarms_iac.model.state import NO_GENERATION, HostFacts, Partition, PartitionSettings, Responsiveness, TaskClass
 from rarms_iac.model.system import Disruption
 
 SYMBOLS = {"create": "+", "update": "~", "replace": "-/+", "delete": "-", "adopt": ">", "release": "<"}
@@ -122,12 +108,6 @@ def _mark_of(change: Adopt | Release) -> AttributeText:
     return AttributeText(name="mark", before=shown(change.before), after=shown(change.after))
 
 
-_AUTOMATIC_START = {
-    StartAction.NOTHING: "no",
-    StartAction.START_IF_RUNNING: "if it ran",
-    StartAction.START: "yes",
-}
-
 _AttributeTexts = Mapping[str, tuple[str, str]]
 """By the attribute's name: its value and a note on it."""
 
@@ -142,48 +122,29 @@ def _values(resource: Resource, facts: HostFacts) -> _AttributeTexts:
             assert_never(resource)
 
 
+_OF_MACHINES = tuple(field for field in LABELS if field != "quota_period_us")
+_OF_GROUPS = ("name", "processors", "reserve", "limit", "quota_period_us", "memory", "start_action", "running")
+
+
 def _settings(settings: PartitionSettings, facts: HostFacts) -> _AttributeTexts:
-    if settings.generation == NO_GENERATION:
-        return _settings_of_group(settings, facts)
+    fields = _OF_GROUPS if settings.generation == NO_GENERATION else _OF_MACHINES
     return {
-        "name": (settings.name, ""),
-        "processors": (str(settings.processors), ""),
-        "reserve": _amount(settings.reserve, settings, facts),
-        "limit": ("none", "") if settings.limit == 100 else _amount(settings.limit, settings, facts),
-        "weight": (str(settings.weight), ""),
-        "memory": (write_bytes(settings.memory), ""),
-        "dynamic memory": (_yes_or_no(settings.dynamic_memory), ""),
-        "generation": (str(settings.generation), ""),
-        "automatic start": (_AUTOMATIC_START[settings.start_action], ""),
-        "stop action": (settings.stop_action.value.replace("_", " "), ""),
-        "checkpoints": (settings.checkpoints.value.replace("_", " "), ""),
-        **({"secure boot": (settings.secure_boot, "")} if settings.secure_boot else {}),
-        "running": (_yes_or_no(settings.running), ""),
+        LABELS[field]: (setting_text(field, settings), _note(field, settings, facts))
+        for field in fields
+        if field != "secure_boot" or settings.secure_boot
     }
 
 
-def _settings_of_group(settings: PartitionSettings, facts: HostFacts) -> _AttributeTexts:
-    """All that a control group has."""
-    return {
-        "name": (settings.name, ""),
-        "processors": (str(settings.processors), ""),
-        "reserve": _amount(settings.reserve, settings, facts),
-        "limit": ("none", "") if settings.limit == 100 else _amount(settings.limit, settings, facts),
-        "period": (show_period(settings.quota_period_us), "how often the limit is counted anew"),
-        "memory": (write_bytes(settings.memory) if settings.memory else "no limit", ""),
-        "automatic start": (_AUTOMATIC_START[settings.start_action], ""),
-        "running": (_yes_or_no(settings.running), ""),
-    }
-
-
-def _amount(percent: int, settings: PartitionSettings, facts: HostFacts) -> tuple[str, str]:
-    """A reserve or limit in LPs; its shares of the partition's processors and of the host as a note."""
-    amount, own = guaranteed(percent, settings.processors), share_of_processors(percent, settings.processors)
-    return show_processors(amount), f"{own}, {share_of_host(amount, facts.logical_processors, facts.name)}"
-
-
-def _yes_or_no(value: bool) -> str:
-    return "yes" if value else "no"
+def _note(field: str, settings: PartitionSettings, facts: HostFacts) -> str:
+    """The shares of the partition's processors and of the host that a reserve or limit is."""
+    if field == "quota_period_us":
+        return "how often the limit is counted anew"
+    if field == "reserve" or (field == "limit" and settings.limit < NO_LIMIT):
+        percent = getattr(settings, field)
+        amount = guaranteed(percent, settings.processors)
+        own = share_of_processors(percent, settings.processors)
+        return f"{own}, {share_of_host(amount, facts.logical_processors, facts.name)}"
+    return ""
 
 
 def _pairs(before: _AttributeTexts, after: _AttributeTexts) -> tuple[AttributeText, ...]:

@@ -17,6 +17,7 @@ from rarms_iac.model.layout import describe_placement
 from rarms_iac.model.operations import RemoveDisk, RemovePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, UndoLevel, UnusedPartition
 from rarms_iac.model.quantities import guaranteed, share_of_host, show_bytes, show_milliseconds, show_processors
+from rarms_iac.model.setting_texts import NO_LIMIT, setting_text
 from rarms_iac.model.state import Mark, Partition, StoppedBy
 from rarms_iac.model.totals import HostTotals
 from rarms_iac.model.wording import counted, in_a_row, natural_order
@@ -300,13 +301,14 @@ def _resource(change: Create | Delete) -> object:
 
 
 def _row(change: Create | Delete, part: HostPlan, classes: Mapping[str, Sequence[str]]) -> "tuple[Text | str, ...]":
-    """`+ hmi [hmi, historian]  1.16 LP  1 GiB  task Localization`."""
+    """`+ hmi [hmi, historian]  1.16 LP  1 GiB  limit 1.5 LP, task Localization`."""
     machine = _resource(change)
     assert isinstance(machine, Partition)
     settings = machine.settings
     reserved = Fraction(guaranteed(settings.reserve, settings.processors))
     tasks = ", ".join(classes.get(change.address.partition, ()))
-    note = f"task {tasks}" if tasks else ""
+    limit = f"limit {setting_text('limit', settings)}" if settings.limit < NO_LIMIT else ""
+    note = ", ".join(filter(None, (limit, f"task {tasks}" if tasks else "")))
     return (
         _name(change, part),
         show_processors(reserved),

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
+from rarms_iac.app.applying import UndoPreview
 from rarms_iac.applying.refusals import GO_ON, UNDO_PARTIAL
 from rarms_iac.applying.run_report import (
     HostReport,
@@ -20,7 +21,7 @@ from rarms_iac.applying.run_report import (
 )
 from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.model.commands import UNDO, Wording, prose
-from rarms_iac.model.journal import RunKind, RunStarted, ScriptStarted, StepStatus
+from rarms_iac.model.journal import RunKind, StepStatus
 from rarms_iac.model.plan import HostPlan, UndoLevel
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.wording import counted
@@ -37,13 +38,20 @@ LONGEST = 500
 """Characters that are shown of a line that a host says beside its steps."""
 
 
-def undo_text(host: str, started: RunStarted | ScriptStarted, steps: Sequence[UndoneStep]) -> "RenderableType":
-    """Say what is going to be taken back, in that order; what cannot be is said to stay."""
-    head = (
-        f"To take back plan {started.plan} on {host}, applied by {visible(started.started_by, keep='')}, this is done, "
+def undo_text(undo: UndoPreview) -> "RenderableType":
+    """List the steps of an undo in their order, with those that it cannot undo, and what stays as it was applied."""
+    started = undo.started
+    begun_by = "applied" if started.run is RunKind.APPLY else "begun"
+    lines = [paragraph(_describe_undone(step), indent=2, more=2) for step in undo.steps]
+    if undo.kept:
+        lines += [f"  {address}: stays as it was applied" for address in undo.foreign]
+    return stack(
+        paragraph(
+            f"Undo of plan {started.plan} on {undo.host}, {begun_by} by {visible(started.started_by, keep='')}, the "
+            "last change first:"
+        ),
+        *(lines or ["  no step of it changed anything"]),
     )
-    lines = [paragraph(_describe_undone(step), indent=2, more=2) for step in steps]
-    return stack(paragraph(f"{head}the last change first:"), *(lines or ["  no step of it changed anything"]))
 
 
 def _describe_undone(step: UndoneStep) -> str:

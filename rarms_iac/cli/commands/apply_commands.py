@@ -9,6 +9,7 @@ from click.core import ParameterSource
 from rarms_iac.app.applying import (
     LastApply,
     abandon_runs,
+    can_keep,
     changed_manifest,
     combine_reports,
     hosts_to_apply,
@@ -16,6 +17,7 @@ from rarms_iac.app.applying import (
     manifest_of,
     preview,
     refuse_contradiction,
+    refuse_keeping,
     undo_applies,
 )
 from rarms_iac.app.control import Control
@@ -39,6 +41,7 @@ from rarms_iac.cli.command import name_manifest, rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.session import Session
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.providers.interface import LiveHost
 from rarms_iac.views.run import undo_text
 
@@ -133,25 +136,53 @@ def _is_named() -> bool:
     return click.get_current_context().get_parameter_source("manifest") is not ParameterSource.DEFAULT
 
 
-@rarms_command("undo")
-def undo_command(session: Session, source: ManifestSource, host_selection: HostSelection, how: RunOptions) -> ExitCode:
-    """Take the last apply back, finished or not: its steps' undos, the last one first.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UndoOptions:
+    """What an undo leaves as it is."""
 
-    Shows what comes back and what cannot, and asks. Where hosts have different last applies, --host says which.
+    keep: bool = flag(
+        "--keep", help="Leave what the apply repaired: values of the manifest where others had changed them."
+    )
+
+
+@rarms_command("undo")
+def undo_command(
+    session: Session, source: ManifestSource, host_selection: HostSelection, options: UndoOptions, how: RunOptions
+) -> ExitCode:
+    """Undo the last apply, finished or not, the last step first.
+
+    Shows the steps, what cannot be undone, and values that it sets again although rarms had not set them. Then it asks.
+    If hosts have different last applies, --host says which one is undone.
     """
     applies = last_applies(select_hosts(load_manifest(source), host_selection))
-    if not how.auto_approve and any(last.can_be_undone for last in applies):
-        _show_and_ask(session, applies)
+    keep = options.keep
+    shown: tuple[Diagnostic, ...] = ()
+    if any(last.can_be_undone for last in applies):
+        if keep:
+            refuse_keeping(applies)
+        if not (how.auto_approve or session.terminal.answers):
+            raise RequestError("There is no terminal to ask at. Give --auto-approve.")
+        shown = _show_undo(session, applies, keep=keep)
+        if not how.auto_approve:
+            keep = _ask_undo(session, applies, keep=keep)
     with TerminalReporter(session, steps_as_json=session.as_json) as reporter:
         control = Control(reporter=reporter, stop=session.interrupts)
-        report = undo_applies(applies, waits=how.waits, control=control)
-    return report_end(session, report)
+        report = undo_applies(applies, waits=how.waits, control=control, keep=keep)
+    return report_end(session, report, shown=shown)
 
 
-def _show_and_ask(session: Session, applies: Sequence[LastApply]) -> None:
-    if not session.terminal.answers:
-        raise RequestError("There is no terminal to ask at. Give --auto-approve.")
-    for undo in preview(applies):
-        session.terminal.talk(undo_text(undo.host, undo.started, undo.steps))
-        tell(session.terminal, undo.remaining)
-    ask(session, "Take this back?")
+def _show_undo(session: Session, applies: Sequence[LastApply], *, keep: bool) -> tuple[Diagnostic, ...]:
+    previews = tuple(preview(applies, keep=keep))
+    for undo in previews:
+        session.terminal.talk(undo_text(undo))
+    findings = tuple(finding for undo in previews for finding in undo.findings)
+    tell(session.terminal, findings)
+    return findings
+
+
+def _ask_undo(session: Session, applies: Sequence[LastApply], *, keep: bool) -> bool:
+    """Whether the manifest's values are kept: as asked for, or as answered."""
+    if keep or not can_keep(applies):
+        ask(session, "Undo this?")
+        return keep
+    return ask(session, "Undo this? `keep` does it and keeps the manifest's values.", "keep") == "keep"

@@ -247,7 +247,11 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "an apply was killed": (
         given(MANIFEST, APPLY_KILLED),
-        Ask("plan", "or `rarms apply --abandon` to leave it as it is", ("apply", "undo", "apply --abandon")),
+        Ask(
+            "plan",
+            ("`rarms undo` to take it back", "`rarms apply --abandon` to leave the host as it is"),
+            ("apply", "undo", "apply --abandon"),
+        ),
         Ask("status", "finishes the run on", "apply"),
     ),
     "a host moved while a run was unfinished": (
@@ -300,7 +304,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "the manifest changed since the plan was made": (
         given(MANIFEST, "plan --out a.plan", edit("45 %", "40 %")),
-        Ask("apply a.plan", "See what the manifest asks for now with", "plan"),
+        Ask("apply a.plan", "To see what the manifest asks for now, run", "plan"),
     ),
     "a plan is applied elsewhere": (
         given(MANIFEST, "plan --out a.plan", move),
@@ -505,6 +509,10 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
 
 
 OTHER_TESTS = {
+    "`rarms undo` to finish it": "tests/unit/cli/test_killed_and_run_again.py",
+    "run `rarms undo --keep` instead": "tests/unit/cli/test_undo.py",
+    "After the undo, `rarms apply` sets": "tests/unit/cli/test_undo.py",
+    "then `rarms apply` to set the manifest's values again": "tests/unit/cli/test_undo.py",
     "`rarms init` writes one.": "tests/unit/cli/test_status.py",
     "or finish it where the key is not set": "tests/unit/app/test_plan_key.py",
     "Make the plan again where the key is set: ": "tests/unit/app/test_plan_key.py",
@@ -517,7 +525,6 @@ OTHER_TESTS = {
     "nothing here defines it. On Windows": "tests/unit/test_rcss.py",
     "Run `rarms apply` from a prompt that was opened with": "tests/system/test_remote_host.py",
     "See what this kernel lacks: `rarms doctor`": "tests/system/test_linux_advice.py",
-    "See what the other one did: `rarms history`": "tests/contracts/test_remote_linux.py",
     "or adopt the right machine with": "tests/system/test_remote_host.py",
     "Have `rarms show --transport --out FOLDER`": "tests/system/test_remote_host.py",  # another module there
     "No step was done. Look with": "tests/system/test_remote_host.py",  # a script's guard refused
@@ -528,13 +535,11 @@ OTHER_TESTS = {
     "yourself: `rarms prove` runs it in its own partition": "tests/twin/test_measuring.py",
     "or let `rarms destroy --remove-disks` delete": "tests/cases/destroy-with-disks",
     "cpuset.cpus of its group was changed by hand": "tests/system/test_linux_advice.py",
-    "This run changed nothing since": "tests/contracts/test_remote_linux.py",  # another run took the host over
     "`rarms apply` starts what is off": "tests/system/test_linux_advice.py",  # after a restart
     "{left_out} {more}: `rarms plan` shows all": "tests/system/test_pull_requests.py",
     "It fits where other hosts take part: ": "tests/unit/app/experiments/test_tune.py",
     "Or let the default strategy try other combinations: ": "tests/unit/app/experiments/test_tuning_subject.py",
     "`rarms tune` goes on with combining": "tests/system/test_interactive_session.py",
-    "See what the other one did: ": "tests/contracts/test_remote_linux.py",
     # On Linux, or at another moment, what a situation says:
     "See what is missing with `rarms plan`, and bring it": "nothing is applied",
     "Try it alone: `rarms run COMPONENT`": "a component cannot run on its host",

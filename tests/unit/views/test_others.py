@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from rich.console import Console
 
+from rarms_iac.app.applying import UndoPreview
 from rarms_iac.app.drift import DriftReport, HostDrift
 from rarms_iac.app.graph import graph_of_layout
 from rarms_iac.app.status import History
@@ -204,7 +205,9 @@ def test_an_undo_says_what_comes_back_and_what_stays() -> None:
         UndoneStep(address="partition/old", title="remove the machine", level=UndoLevel.NONE),
     ]
 
-    assert render(undo_text("onboard", a_start(), steps)).splitlines()[-2:] == [
+    shown = UndoPreview(host="onboard", started=a_start(), steps=tuple(steps), findings=(), foreign=(), kept=False)
+
+    assert render(undo_text(shown)).splitlines()[-2:] == [
         "  partition/vision: reserve 40 -> 70 %",
         "  partition/old: stays done: remove the machine",
     ]
