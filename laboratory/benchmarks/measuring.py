@@ -30,7 +30,7 @@ from laboratory.benchmarks.timing import Figure, report
 from rarms_iac.app.experiments.measure_request import ExperimentResult, MeasureRequest
 from rarms_iac.app.experiments.several_loads import decisive
 from rarms_iac.app.hosts import Hosts
-from rarms_iac.measuring.partitions import MeasuringResources, highest_reserve, host_resources, reserve_for_load
+from rarms_iac.measuring.partitions import MeasuringResources, highest_reserve, host_resources, load_share
 from rarms_iac.measuring.setup import Experiment, experiments_of
 from rarms_iac.model.environment_setup import P1, P2, P2_WEIGHT
 from rarms_iac.model.indexes import index_named, percentile_of
@@ -200,8 +200,8 @@ class LongRuns:
 
     def _machine(self, experiment: Experiment, reserve: int) -> ModelMachine:
         setup, processors = experiment.setup, experiment.host.logical_processors
-        beside = reserve_for_load(self.resources, setup, reserve)
-        assert beside is not None, "no more than the highest is asked for"
+        share = load_share(self.resources, setup, reserve)
+        assert share is not None, "no more than the highest is asked for"
         p1 = VirtualMachine(
             name=P1,
             vps=setup.processors,
@@ -210,8 +210,8 @@ class LongRuns:
             weight=setup.weight,
             components=tuple(map(demand_of, experiment.members)),
         )
-        load = model_load(experiment.load, beside)
-        p2 = VirtualMachine(name=P2, vps=processors, reserve=beside, weight=P2_WEIGHT, loads=(load,))
+        load = model_load(experiment.load, share.reserve)
+        p2 = VirtualMachine(name=P2, vps=processors, reserve=share.reserve, weight=P2_WEIGHT, loads=(load,))
         return ModelMachine(lps=processors, machines=(p1, p2), interrupts=QUIET_INTERRUPTS)
 
     def level(self, reserve: int) -> float:

@@ -7,8 +7,12 @@ doing, and in service it is the same. Time that the machine below took makes a c
 
 from collections.abc import Sequence
 from dataclasses import replace
+from fractions import Fraction
 
+from rarms_iac.measuring.partitions import LoadShare
+from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.environment_setup import P1, P2
+from rarms_iac.model.host import Host
 from rarms_iac.model.loads import Interference, could_take_all, is_steady
 from rarms_iac.model.outcomes import TooManyFailures
 from rarms_iac.model.setting import Setting, SettingEvidence
@@ -24,13 +28,13 @@ SHORT = 0.05
 it, and about a two-hundredth of each other process that wants a processor. It is taken from both alike."""
 
 
-def disturbance(evidence: SettingEvidence, processors: int, load_takes: float | None) -> str:
+def disturbance(evidence: SettingEvidence, processors: int, load: LoadShare | None) -> str:
     """Say what disturbed a setting.
 
     Args:
         evidence: what the host counted.
         processors: LPs of the host.
-        load_takes: the LPs that the load in P2 is to take at least; None: it does not want all that it can get.
+        load: the share of the load in P2; None: it does not want all that it can get.
 
     Returns:
         Words with numbers; empty: nothing did.
@@ -41,12 +45,12 @@ def disturbance(evidence: SettingEvidence, processors: int, load_takes: float | 
     stolen = evidence.stolen_ms / whole
     if stolen > STOLEN:
         return f"the machine below took {stolen:.1%} of the processors' time, and {STOLEN:.0%} may be"
-    if load_takes is None:
+    if load is None:
         return ""
     p1, p2 = (evidence.cpu_ms.get(name, 0.0) / evidence.elapsed_ms for name in (P1, P2))
-    beyond_reserve = max(0.0, p1 - (processors - load_takes))
-    if p2 + beyond_reserve < load_takes - SHORT * processors:
-        return f"the load in P2 got {p2:.2f} LP where {load_takes:.2f} are reserved"
+    beyond_reserve = max(0.0, p1 - float(load.others))
+    if p2 + beyond_reserve < load.processors - SHORT * processors:
+        return f"the load in P2 got {p2:.2f} LP where {float(load.processors):.2f} are reserved"
     return ""
 
 
@@ -56,37 +60,46 @@ def with_memory_kills(failed: TooManyFailures, evidence: SettingEvidence | None)
     return replace(failed, out_of_memory=killed)
 
 
-def leaves_idle(evidence: SettingEvidence | None, processors: int) -> bool:
-    """Tell whether a load that never sleeps by design left processors idle all the same.
+def idle_share(evidence: SettingEvidence, shared: Fraction) -> float:
+    """Return the part of the partitions' time that neither P1 nor P2 nor the machine below had.
+
+    Args:
+        evidence: what the host counted.
+        shared: LPs that all partitions can use together.
+
+    Returns:
+        0 to 1; 0 where nothing was counted.
+    """
+    whole = evidence.elapsed_ms * float(shared)
+    used = evidence.cpu_ms.get(P1, 0.0) + evidence.cpu_ms.get(P2, 0.0) + evidence.stolen_ms
+    return max(0.0, 1.0 - used / whole) if whole else 0.0
+
+
+def leaves_idle(evidence: SettingEvidence | None, shared: Fraction) -> bool:
+    """Tell whether a load that never sleeps by design left processors idle all the same: more than `SHORT`.
 
     Args:
         evidence: what the host counted; None: it counts nothing.
-        processors: LPs of the host.
-
-    Returns:
-        Whether neither P1 nor P2 nor the machine below had more than `SHORT` of all processors' time.
+        shared: LPs that all partitions can use together.
     """
-    whole = 0.0 if evidence is None else evidence.elapsed_ms * processors
-    if evidence is None or not whole:
-        return False
-    used = evidence.cpu_ms.get(P1, 0.0) + evidence.cpu_ms.get(P2, 0.0) + evidence.stolen_ms
-    return used < (1.0 - SHORT) * whole
+    return evidence is not None and idle_share(evidence, shared) > SHORT
 
 
-def is_weak(load: Interference, setting: Setting, processors: int) -> bool:
+def is_weak(load: Interference, setting: Setting, host: Host) -> bool:
     """Tell whether what was measured beside a load rests on one that leaves to P1 what others would take.
 
     Args:
         load: in P2.
         setting: with what the host counted.
-        processors: LPs of the host.
+        host: where it was measured.
 
     Returns:
         Whether it cannot take all that P2 reserves, or never sleeps by design and was seen to leave some of it idle.
     """
-    if not could_take_all(load, processors):
+    if not could_take_all(load, host.logical_processors):
         return True
-    return is_steady(load) and leaves_idle(setting.evidence, processors)
+    shared = shared_processors(host, host.logical_processors)
+    return is_steady(load) and leaves_idle(setting.evidence, shared)
 
 
 def with_evidence(

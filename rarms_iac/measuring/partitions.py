@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from types import MappingProxyType
 
-from rarms_iac.model.capacity import Capacity, capacity_of, fits
+from rarms_iac.model.capacity import Capacity, capacity_of, fits, shared_processors
 from rarms_iac.model.claims import WHOLE, Claim, load_of
 from rarms_iac.model.environment_setup import P1, P2, P2_WEIGHT, TEST_PARTITIONS, EnvironmentSetup
 from rarms_iac.model.host import Host, ProviderKind
@@ -53,6 +53,7 @@ class MeasuringResources:
 
     capacity: Capacity
     claims: tuple[Claim, ...]  # of every machine that counts and is no test partition
+    shared_processors: LogicalProcessors  # that all partitions can use together
     load_memory: int = USUAL_LOAD_MEMORY  # bytes that P2 gets where so many are left
 
     @property
@@ -73,8 +74,10 @@ def host_resources(host: Host, state: State, application: str) -> MeasuringResou
     Returns:
         Its capacity, and the claims of all machines but test partitions.
     """
+    capacity = capacity_of(host, state.facts)
     return MeasuringResources(
-        capacity=capacity_of(host, state.facts),
+        capacity=capacity,
+        shared_processors=shared_processors(host, capacity.logical_processors),
         claims=tuple(partition.claim for partition in state.partitions if _counts(partition, application)),
         # A control group's memory is a limit that costs nothing, and ten real browsers need more than the usual.
         load_memory=int(host.memory) if host.provider is ProviderKind.LINUX else USUAL_LOAD_MEMORY,
@@ -151,11 +154,21 @@ def free_memory(resources: MeasuringResources, taken: int = 0) -> int:
     return min(resources.load_memory, free // MEMORY_GRAIN * MEMORY_GRAIN)
 
 
-def reserve_for_load(resources: MeasuringResources, setup: EnvironmentSetup, reserve: ReservePercent) -> int | None:
-    """Say what P2 reserves while P1 reserves this: all the rest, 100 - CR on an empty host.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadShare:
+    """The processor time of P2 while P1 reserves a CR."""
 
-    What is kept for the host is part of the rest, because in service the host may use it: were it free, P1 would
-    get a share of it here, and need more than was measured there.
+    reserve: int  # per cent of each of P2's own processors
+    processors: Fraction  # LPs that a load takes at least if it never sleeps
+    others: Fraction  # LPs of what partitions can use together that P2 does not reserve
+
+
+def load_share(resources: MeasuringResources, setup: EnvironmentSetup, reserve: ReservePercent) -> LoadShare | None:
+    """Work out the reservation of P2 and the time that its load takes, while P1 reserves this.
+
+    P2 reserves all the rest of what partitions can use together, 100 - CR on an empty host. Where they may use what is
+    kept for the host, it is part of the rest: in service the host may use it. Were it free, P1 would get a share of it
+    here, and need more than was measured there. On Linux a limit keeps it from both.
 
     Args:
         resources: of the host.
@@ -163,18 +176,20 @@ def reserve_for_load(resources: MeasuringResources, setup: EnvironmentSetup, res
         reserve: the CR of P1, in per cent of its own processors.
 
     Returns:
-        Whole per cent of each of P2's own processors; None: the host cannot give P1 so much.
+        None: the host cannot give P1 so much.
     """
     p1 = resources.capacity.sharing.claim(setup.processors, reserve, setup.memory)
     memory = memory_for_load(resources, setup)
     p2 = Claim(processors=resources.capacity.logical_processors, reserve=0, memory=max(0, memory))
     if not fits(resources.capacity, (*resources.claims, p1, p2)):
         return None
-    return _highest_reserve_of_p2(resources, (p1,), memory)
+    of_p2 = _highest_reserve_of_p2(resources, (p1,), memory)
+    takes = Fraction(of_p2 * resources.capacity.logical_processors, WHOLE)
+    return LoadShare(reserve=of_p2, processors=takes, others=resources.shared_processors - takes)
 
 
 def free_reserve(resources: MeasuringResources, memory: int) -> ReservePercent:
-    """Say what a P2 alone can reserve beside what is promised already, what is kept for the host included.
+    """Say what a P2 alone can reserve of what partitions can use together, beside what is promised already.
 
     Args:
         resources: of the host.
@@ -188,7 +203,7 @@ def free_reserve(resources: MeasuringResources, memory: int) -> ReservePercent:
 
 def _highest_reserve_of_p2(resources: MeasuringResources, claims: tuple[Claim, ...], memory: int) -> int:
     wide = resources.capacity.logical_processors
-    whole = replace(resources.capacity, processors=LogicalProcessors(Fraction(wide)))
+    whole = replace(resources.capacity, processors=resources.shared_processors)
     for reserve in range(WHOLE, 0, -1):
         p2 = Claim(processors=wide, reserve=reserve, memory=max(0, memory))
         if fits(whole, (*resources.claims, *claims, p2)):
@@ -209,7 +224,7 @@ def highest_reserve(resources: MeasuringResources, setup: EnvironmentSetup) -> R
     if memory_for_load(resources, setup) < LEAST_MEMORY:
         return 0
     possible = range(min(WHOLE, setup.limit), 0, -1)
-    return next((reserve for reserve in possible if reserve_for_load(resources, setup, reserve) is not None), 0)
+    return next((reserve for reserve in possible if load_share(resources, setup, reserve) is not None), 0)
 
 
 def _counts(partition: Partition, application: str) -> bool:

@@ -12,8 +12,8 @@ from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.evidence import TRIES, disturbance, with_evidence, with_memory_kills
 from rarms_iac.measuring.partitions import (
     MeasuringResources,
+    load_share,
     memory_for_load,
-    reserve_for_load,
     running_test_partitions,
     set_reserves,
     shapes_of_test_partitions,
@@ -155,12 +155,12 @@ def run_setting(
         HostError: the host did not do what was asked.
     """
     experiment = partitions.experiment
-    load_reserve = reserve_for_load(partitions.resources, experiment.setup, request.reserve)
-    if load_reserve is None:
+    share = load_share(partitions.resources, experiment.setup, request.reserve)
+    if share is None:
         raise ValueError(f"{request.reserve} % was asked for, and the host cannot give that")
-    set_reserves(context.host, experiment.application, partitions.shapes, {P1: request.reserve, P2: load_reserve})
+    set_reserves(context.host, experiment.application, partitions.shapes, {P1: request.reserve, P2: share.reserve})
     processors = partitions.resources.capacity.logical_processors
-    takes = load_reserve * processors / 100 if wants_all_processors(experiment.load, processors) else None
+    steady_share = share if wants_all_processors(experiment.load, processors) else None
     left_ms = experiment.budget.at(request.reserve) - known.spent_ms(request.reserve, context.seed)
     disturbances: list[str] = []
     spent_ms = 0.0
@@ -168,7 +168,7 @@ def run_setting(
         empty = Setting(
             reserve=request.reserve,
             series=(),
-            beside=load_reserve,
+            beside=share.reserve,
             seed=context.seed,
             spent_ms=spent_ms,
             processors=experiment.setup.processors,
@@ -177,7 +177,7 @@ def run_setting(
         if not isinstance(setting, Setting) or evidence is None:
             return setting
         spent_ms = setting.host_ms
-        reason = disturbance(evidence, processors, takes)
+        reason = disturbance(evidence, processors, steady_share)
         disturbances += [reason] if reason else []
         if not reason or len(disturbances) == TRIES or (request.until_clear and spent_ms >= left_ms):
             return as_recorded(with_evidence(setting, evidence, disturbances, undisturbed=not reason))

@@ -4,9 +4,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import accumulate
+from math import floor
 
 from rarms_iac.model.claims import ANY_THREAD, WHOLE, Claim, CoreSharing, DeadlineClaim, load_of
-from rarms_iac.model.host import SERVER_2019, Host, SchedulerType
+from rarms_iac.model.host import SERVER_2019, Host, ProviderKind, SchedulerType
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, in_processors
 from rarms_iac.model.state import HostFacts, Partition, State
 
@@ -115,6 +116,22 @@ def capacity_of(host: Host, facts: HostFacts | None) -> Capacity:
         memory=Bytes(max(0, memory - host.keep_for_host.memory)),
         sharing=ANY_THREAD if facts is None else core_sharing(facts),
     )
+
+
+def shared_processors(host: Host, logical_processors: int) -> LogicalProcessors:
+    """Return the LPs that all partitions of a host can use together.
+
+    On Linux a limit keeps `keep_for_host` from them, also while nothing else uses it, in whole per cent of an LP. On
+    other hosts they use what the host's own system leaves idle.
+
+    Args:
+        host: as the manifest describes it.
+        logical_processors: of the machine.
+    """
+    withheld = in_processors(host.keep_for_host.processor, logical_processors)
+    if host.provider is not ProviderKind.LINUX or not withheld:
+        return LogicalProcessors(Fraction(logical_processors))
+    return LogicalProcessors(Fraction(max(1, floor(100 * (logical_processors - withheld))), 100))
 
 
 def fits(capacity: Capacity, claims: Iterable[Claim]) -> bool:

@@ -6,6 +6,9 @@ from dataclasses import dataclass, field, replace
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.series import Series, SkippedLines, join_series
 
+ALL_PARTITIONS = ""
+"""Stands for all partitions together, where things are counted by the name of a partition."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutsideWork:
@@ -24,7 +27,8 @@ class SettingEvidence:
 
     elapsed_ms: float = 0.0
     cpu_ms: Mapping[str, float] = field(default_factory=dict)  # processor time by partition
-    throttled_ms: Mapping[str, float] = field(default_factory=dict)  # how long its quota held a partition back
+    # How long its limit stopped a partition; `ALL_PARTITIONS`: the limit of all of them together.
+    throttled_ms: Mapping[str, float] = field(default_factory=dict)
     stolen_ms: float = 0.0  # of all processors, by the machine below this one
     waiting_ms: float | None = None  # how long something waited for a processor (PSI); None: not counted
     # By partition, how long a ready virtual processor waits for a logical one; None: not counted.
@@ -34,6 +38,7 @@ class SettingEvidence:
     # By component, from the first line on: also before samples counted. Only of those that have some.
     skipped_lines: Mapping[str, SkippedLines] = field(default_factory=dict)
     outside: tuple[OutsideWork, ...] = ()  # where work ran that is in none of the partitions, largest first
+    others: tuple[OutsideWork, ...] = ()  # all that used processors in none of the partitions, largest first
     out_of_memory: Mapping[str, int] = field(default_factory=dict)  # by component: processes killed for its memory
     disturbances: tuple[str, ...] = ()  # of each try that was disturbed, this one included where it is the last
 

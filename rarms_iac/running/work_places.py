@@ -141,6 +141,25 @@ class WorkPlaces:
         matters = total >= LEAST_SHARE * elapsed_ms and total > min(measured.values(), default=0.0)
         return listed((*left, *(others if matters else ())))
 
+    def others(self, elapsed_ms: float, counted_ms: float) -> tuple[OutsideWork, ...]:
+        """Return all that used processors in none of the groups, largest first, rarms itself included.
+
+        Args:
+            elapsed_ms: How long the setting took.
+            counted_ms: How long of it samples counted: the time of each process is its part of this time. Processes
+                with less than `SHOWN_SHARE` are left out.
+        """
+        part = counted_ms / elapsed_ms
+        used = used_ticks(self._before, self._last, self._alive)
+        sides = _Sides(last=self._last, places={})
+        found = []
+        for process, ticks in used.items():
+            if process not in self._inside and (ms := in_ms(ticks.own + ticks.children)) > 0:
+                is_own = sides.of(process)[1]
+                name, group = ("rarms", "") if is_own else (self._last[process].name, self._paths.get(process, ""))
+                found.append(OutsideWork(name=name, group=group, cpu_ms=ms * part))
+        return tuple(work for work in listed(found) if work.cpu_ms >= SHOWN_SHARE * counted_ms)
+
 
 def look() -> Look:
     """Read all processes of this machine but the kernel's own threads; none where there is no Linux.

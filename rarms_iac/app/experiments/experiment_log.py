@@ -87,7 +87,7 @@ def settings_log_of(
             rarms_version=__version__,
             when=now(),
             beside=others,
-            weak_load=is_weak(experiment.load, setting, experiment.host.logical_processors),
+            weak_load=is_weak(experiment.load, setting, experiment.host),
         ),
         remeasure_seed=remeasure_seed,
         replaces_stale=bool(log.changed),

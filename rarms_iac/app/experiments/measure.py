@@ -27,7 +27,13 @@ from rarms_iac.app.experiments.measure_request import (
 from rarms_iac.app.experiments.on_robot import SETTINGS, ExperimentListener, ask_robot, readable_answer
 from rarms_iac.app.experiments.run_experiment import run_experiment, stop_what_is_in_the_way
 from rarms_iac.app.experiments.session import MeasuringSession, hold_measuring_hosts, starting_again
-from rarms_iac.app.experiments.several_loads import by_partition, decisive, leave_idle, measure_with_each_load
+from rarms_iac.app.experiments.several_loads import (
+    by_partition,
+    decisive,
+    idle_settings,
+    leave_idle,
+    measure_with_each_load,
+)
 from rarms_iac.app.hosts import Hosts, host_errors
 from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import log_errors
@@ -246,8 +252,10 @@ def _answer_findings(hosts: Hosts, of_loads: Sequence[ExperimentResult]) -> Iter
     """What a person must hear of the answer of some components, by its results beside each load."""
     answer = decisive(of_loads)
     if answer.is_weak:
-        interferences = tuple(each.interference for each in of_loads)
-        yield weak_answer(hosts, answer.components, interferences, answer.experiment.host)
+        idle = {
+            each.interference: next((setting.evidence for setting in idle_settings(each)), None) for each in of_loads
+        }
+        yield weak_answer(hosts, answer.components, idle, answer.experiment.host)
     places = hosts.manifest.places
     yield from findings_of(answer.experiment, answer.conclusion, answer.settings, places)
     yield from work_of_settings(answer.experiment, [each for loads in of_loads for each in loads.settings], places)

@@ -9,12 +9,13 @@ from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.options import argument, busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring import measuring_findings
+from rarms_iac.measuring.idle_time import describe_idle, idle_facts
 from rarms_iac.measuring.methods import PAPER, USUAL_STEP, Method, Search
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
 from rarms_iac.measuring.setup import Experiment, experiments_of
 from rarms_iac.measuring.strategies import Sweep
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.diagnostics import Diagnostic, Facts
 from rarms_iac.model.host import Host
 from rarms_iac.model.loads import BUSY_LOOP, Browser, could_take_all
 from rarms_iac.model.outcomes import (
@@ -31,7 +32,7 @@ from rarms_iac.model.output import Internal, output
 from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import ReservePercent, guaranteed
 from rarms_iac.model.series import SkippedLines
-from rarms_iac.model.setting import Setting
+from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.model.wording import in_a_row, natural_order, quoted, suggestion
@@ -274,28 +275,36 @@ def _refuse_weak(hosts: Hosts, members: tuple[str, ...], loads: tuple[str, ...])
     for host in _hosts_to_measure_on(hosts, members):
         is_weak = not any(could_take_all(load, host.logical_processors) for load in described)
         if is_weak and not any(isinstance(load, Browser) for load in described):
-            raise UseCaseError(Outcome.NEGATIVE, [weak_answer(hosts, members, loads, host)], hosts.manifest.sources)
+            raise UseCaseError(
+                Outcome.NEGATIVE, [weak_answer(hosts, members, dict.fromkeys(loads), host)], hosts.manifest.sources
+            )
 
 
-def weak_answer(hosts: Hosts, members: tuple[str, ...], loads: tuple[str, ...], host: Host) -> Diagnostic:
+def weak_answer(
+    hosts: Hosts, members: tuple[str, ...], idle: Mapping[str, SettingEvidence | None], host: Host
+) -> Diagnostic:
     """Make the finding of an answer that rests on weak loads.
 
     Args:
         hosts: What the manifest says, and its lines.
         members: Names of the components.
-        loads: Beside which they are measured.
+        idle: The loads, each with what was counted where it left processors idle; None: that was not seen.
         host: Where.
     """
+    loads = tuple(idle)
+    seen = {name: evidence for name, evidence in idle.items() if evidence is not None}
+    left = " ".join(describe_idle(name, evidence, host) for name, evidence in seen.items())
+    facts: Facts = next((idle_facts(evidence, host) for evidence in seen.values()), {})
     again = BUSY_LOOP in loads and could_take_all(hosts.system.interference[BUSY_LOOP], host.logical_processors)
     measure = command("measure", *members, interference=BUSY_LOOP, together=len(members) > 1, again=again)
     advice = advice_on_weak_loads(hosts.system, host, members, loads, measure)
     return measuring_findings.WEAK_ANSWER.at(
         hosts.manifest.places.key("components", members[0]),
-        f"{in_a_row(loads)} cannot take, or did not take, all that is reserved beside {in_a_row(members)} on "
-        f"{host.name}. What is enough there need not be enough beside others.",
+        f"{in_a_row(loads)} {'did' if left else 'can'} not take all that {in_a_row(members)} did not reserve on "
+        f"{host.name}. {left}{' ' if left else ''}With other loads, what is enough there may be too little.",
         prose(advice, " Or take it all the same: --weak-load."),
         address=f"component/{members[0]}",
-        values={"components": tuple(members), "loads": tuple(loads), "host": host.name},
+        values={"components": tuple(members), "loads": loads, "host": host.name, **facts},
     )
 
 

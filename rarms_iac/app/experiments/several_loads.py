@@ -9,9 +9,11 @@ from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.measuring.evidence import leaves_idle
 from rarms_iac.measuring.methods import Method, Search
 from rarms_iac.measuring.setup import Experiment
+from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.loads import is_steady
 from rarms_iac.model.outcomes import NotAchievable, NotResolved, SettingFailed, Stopped, Swept
 from rarms_iac.model.quantities import ReservePercent
+from rarms_iac.model.setting import Setting
 from rarms_iac.planner.verdicts import hardest
 
 Run = Callable[[Experiment, Method], ExperimentResult]
@@ -76,13 +78,15 @@ def leave_idle(results: Sequence[ExperimentResult]) -> bool:
     Returns:
         False where one of them sleeps by design: such loads are not judged by idle time.
     """
+    return all(is_steady(each.experiment.load) and bool(idle_settings(each)) for each in results)
 
-    def left_idle(result: ExperimentResult) -> bool:
-        load, processors = result.experiment.load, result.experiment.host.logical_processors
-        at_answer = [setting for setting in result.settings if setting.reserve == result.reserve]
-        return is_steady(load) and any(leaves_idle(setting.evidence, processors) for setting in at_answer)
 
-    return all(map(left_idle, results))
+def idle_settings(result: ExperimentResult) -> list[Setting]:
+    """Return the settings at the answer of a result in which its load left processors idle."""
+    host = result.experiment.host
+    shared = shared_processors(host, host.logical_processors)
+    at_answer = [setting for setting in result.settings if setting.reserve == result.reserve]
+    return [setting for setting in at_answer if leaves_idle(setting.evidence, shared)]
 
 
 def decisive(results: Sequence[ExperimentResult]) -> ExperimentResult:

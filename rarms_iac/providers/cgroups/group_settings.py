@@ -9,8 +9,8 @@ import uuid
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
+from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.host import Host
-from rarms_iac.model.quantities import in_processors
 from rarms_iac.model.state import Partition, PartitionSettings, RunState
 from rarms_iac.providers.cgroups.definitions import GroupDefinition, new_settings
 from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupValues
@@ -49,8 +49,8 @@ def slice_limit(host: Host, processors: int) -> int | None:
     Returns:
         At least 1; None: nothing is kept, so nothing limits them.
     """
-    withheld = in_processors(host.keep_for_host.processor, processors)
-    return max(1, math.floor(100 * (processors - withheld))) if withheld else None
+    shared = shared_processors(host, processors)
+    return None if shared == processors else int(100 * shared)
 
 
 def values_of(settings: PartitionSettings, processors: int, limit: int | None = None) -> GroupValues:

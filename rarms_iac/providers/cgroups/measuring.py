@@ -22,7 +22,7 @@ from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Elapsed
 from rarms_iac.model.series import Sample
-from rarms_iac.model.setting import SettingEvidence
+from rarms_iac.model.setting import ALL_PARTITIONS, SettingEvidence
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
 from rarms_iac.model.system import Component, run_of
 from rarms_iac.model.wording import reason_of
@@ -386,12 +386,13 @@ class RealWork:
     def evidence(self) -> SettingEvidence:
         skipped = {run.component: run.skipped for run in self.runs if run.skipped.count}
         with self.host.reported():
-            places = [run.place for run in self.runs]
+            places, counted = [run.place for run in self.runs], self._counters().since(self._before)
             self.looked.look(places)
             return replace(
-                self._counters().since(self._before),
+                counted,
                 skipped_lines=skipped,
                 outside=self.looked.outside(places, self.elapsed_ms()),
+                others=self.looked.others(self.elapsed_ms(), counted.elapsed_ms),
                 out_of_memory={run.component: killed for run in self.runs if (killed := run.killed_for_memory)},
             )
 
@@ -401,7 +402,10 @@ class RealWork:
             return SettingEvidence(
                 elapsed_ms=self.elapsed_ms(),
                 cpu_ms={name: self.host.tree.cpu_ms(group) for name, group in self.groups.items()},
-                throttled_ms={name: self.host.tree.throttled_ms(group) for name, group in self.groups.items()},
+                throttled_ms={
+                    name: self.host.tree.throttled_ms(group)
+                    for name, group in {**self.groups, ALL_PARTITIONS: ""}.items()
+                },
                 stolen_ms=_stolen_ms(),
                 waiting_ms=_waiting_ms(),
             )

@@ -1,46 +1,55 @@
 """A setting that was not what it says is known by what the host counted."""
 
 from dataclasses import replace
+from fractions import Fraction
 
 import pytest
 
 from rarms_iac.measuring.evidence import disturbance, is_weak, leaves_idle
+from rarms_iac.measuring.idle_time import describe_idle
+from rarms_iac.measuring.partitions import LoadShare
+from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.environment_setup import P1, P2
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, Browser, Bursts, BusyLoop, CommandLoad, Interference, Stress
 from rarms_iac.model.series import SkippedLines
 from rarms_iac.model.setting import OutsideWork, Setting, SettingEvidence
 from rarms_iac.storage.datalog.columns import line_of, setting_in
 from rarms_iac.storage.datalog.log import Provenance, Recorded
-from tests.builders import milliseconds
+from tests.builders import a_host, milliseconds
 from tests.builders_measured import a_setting
+
+
+def share(takes: float, shared: float = 2.0) -> LoadShare:
+    """Of a load on two processors, of which all partitions can use so much together."""
+    return LoadShare(reserve=round(50 * takes), processors=Fraction(takes), others=Fraction(shared) - Fraction(takes))
+
 
 QUIET = SettingEvidence(elapsed_ms=10_000, cpu_ms={P1: 12_000.0, P2: 7_900.0}, stolen_ms=100, waiting_ms=9_000.0)
 SHORT_LOAD = replace(QUIET, cpu_ms={P1: 12_000.0, P2: 4_000.0})
 
 
 def test_what_is_as_it_was_asked_for_is_not_disturbed() -> None:
-    assert disturbance(QUIET, 2, load_takes=0.8) == ""
+    assert disturbance(QUIET, 2, load=share(0.8)) == ""
 
 
 def test_a_load_that_does_not_get_its_reserve_disturbs() -> None:
-    assert disturbance(SHORT_LOAD, 2, load_takes=0.8) == "the load in P2 got 0.40 LP where 0.80 are reserved"
-    assert disturbance(SHORT_LOAD, 2, load_takes=None) == "", "browsers may rest"
+    assert disturbance(SHORT_LOAD, 2, load=share(0.8)) == "the load in P2 got 0.40 LP where 0.80 are reserved"
+    assert disturbance(SHORT_LOAD, 2, load=None) == "", "browsers may rest"
 
 
 def test_what_p1_had_beyond_its_reserve_disturbs_no_other() -> None:
     """Three threads that sleep and wake got 0.31 LP of a group that reserves 0.2."""
     woken = replace(QUIET, cpu_ms={P1: 3_100.0, P2: 16_800.0})
 
-    assert disturbance(woken, 2, load_takes=1.8) == ""
-    assert disturbance(replace(woken, cpu_ms={P1: 2_100.0, P2: 16_700.0}), 2, load_takes=1.8).startswith("the load")
+    assert disturbance(woken, 2, load=share(1.8)) == ""
+    assert disturbance(replace(woken, cpu_ms={P1: 2_100.0, P2: 16_700.0}), 2, load=share(1.8)).startswith("the load")
 
 
 def test_stolen_time_disturbs() -> None:
     stolen = replace(QUIET, stolen_ms=1_100)
 
-    assert disturbance(stolen, 2, load_takes=None) == (
-        "the machine below took 5.5% of the processors' time, and 5% may be"
-    )
+    assert disturbance(stolen, 2, load=None) == ("the machine below took 5.5% of the processors' time, and 5% may be")
 
 
 def test_counters_give_what_was_counted_between_two_moments() -> None:
@@ -92,7 +101,7 @@ def an_evidence(p1_ms: float, p2_ms: float, stolen_ms: float = 0.0) -> SettingEv
 def test_a_load_leaves_processors_idle_where_neither_partition_had_their_time(
     evidence: SettingEvidence | None, idle: bool
 ) -> None:
-    assert leaves_idle(evidence, 2) == idle
+    assert leaves_idle(evidence, Fraction(2)) == idle
 
 
 @pytest.mark.parametrize(
@@ -112,4 +121,21 @@ def test_a_load_leaves_processors_idle_where_neither_partition_had_their_time(
 def test_a_load_is_weak_that_cannot_take_all_or_did_not(load: Interference, weak: bool) -> None:
     seen = an_evidence(200.0, 1000.0) if not isinstance(load, BusyLoop) else an_evidence(200.0, 1790.0)
 
-    assert is_weak(load, replace(a_setting(), evidence=seen), 2) == weak
+    assert is_weak(load, replace(a_setting(), evidence=seen), a_host()) == weak
+
+
+def test_a_weak_load_names_what_had_its_time() -> None:
+    """Of 1.8 LP that partitions have together P1 had 0.2 and the load 1; what is kept for the host is not idle."""
+    host = replace(a_host(keep_processor="10 %"), provider=ProviderKind.LINUX)
+    others = (
+        OutsideWork(name="make", group="/user.slice", cpu_ms=360.0),
+        OutsideWork(name="top", group="", cpu_ms=9.0),
+    )
+    evidence = replace(an_evidence(200.0, 1000.0), others=others, throttled_ms={P1: 5.0, P2: 400.0})
+
+    assert describe_idle("busy-loop", evidence, host) == (
+        "busy-loop left 33% of 1.8 LP. Of 1.8 LP, make in /user.slice had 20%. The limit of P2 stopped its threads for "
+        "0.4 s, added up over the processors."
+    )
+    assert describe_idle("timer", an_evidence(200.0, 1000.0), host).endswith("had it: the load waited.")
+    assert not leaves_idle(an_evidence(200.0, 1550.0), shared_processors(host, 2))

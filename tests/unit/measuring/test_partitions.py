@@ -1,18 +1,22 @@
-"""."""
+"""P1 and P2 on a host: what each reserves, and what the load takes."""
 
+from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
 
+from rarms_iac.measuring.evidence import disturbance
 from rarms_iac.measuring.partitions import (
+    LoadShare,
     MeasuringResources,
     highest_reserve,
     host_resources,
     load_shape,
+    load_share,
     memory_for_load,
     other_running_partitions,
     remove_test_partitions,
-    reserve_for_load,
     running_test_partitions,
     set_reserves,
     shapes_of_test_partitions,
@@ -21,7 +25,9 @@ from rarms_iac.model.environment_setup import P1, P2, EnvironmentSetup
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.operations import CreatePartition
 from rarms_iac.model.plan import Scope
+from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.state import RunState, State
+from rarms_iac.providers.cgroups.group_settings import slice_limit
 from rarms_iac.providers.interface import HostRefused
 from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage import disk
@@ -139,10 +145,16 @@ def the_room(*partitions: object, keep_processor: str = "0 %", keep_memory: str 
     return host_resources(a_host(keep_processor=keep_processor, keep_memory=keep_memory), state, "robot")
 
 
+def reserve_of_load(room: MeasuringResources, reserve: int, processors: int = 2) -> int:
+    share = load_share(room, a_setup(processors=processors), reserve)
+    assert share is not None
+    return share.reserve
+
+
 def test_on_an_empty_host_p2_reserves_what_p1_does_not() -> None:
     room = the_room()
 
-    assert [reserve_for_load(room, a_setup(), reserve) for reserve in (10, 62, 100)] == [90, 38, 0]
+    assert [reserve_of_load(room, reserve) for reserve in (10, 62, 100)] == [90, 38, 0]
     assert room.unreserved
     assert highest_reserve(room, a_setup()) == 100
 
@@ -150,23 +162,37 @@ def test_on_an_empty_host_p2_reserves_what_p1_does_not() -> None:
 def test_what_is_kept_for_the_host_is_p2_s_as_it_may_be_the_host_s_in_service() -> None:
     room = the_room(keep_processor="10 %")
 
-    assert reserve_for_load(room, a_setup(), 10) == 90
-    assert reserve_for_load(room, a_setup(), 90) == 10
-    assert reserve_for_load(room, a_setup(), 91) is None
+    assert reserve_of_load(room, 10) == 90
+    assert reserve_of_load(room, 90) == 10
+    assert load_share(room, a_setup(), 91) is None
     assert highest_reserve(room, a_setup()) == 90
     assert not room.unreserved
+
+
+def test_a_linux_load_gets_what_the_slice_leaves() -> None:
+    """Of 2 LPs 10 % are kept: partitions use 1.8 LP together, and a P1 of 0.2 LP leaves 1.6 to the load."""
+    host = replace(a_host(keep_processor="10 %"), provider=ProviderKind.LINUX)
+    room = host_resources(host, State(facts=facts(), partitions=()), "robot")
+
+    small = load_share(room, a_setup(), 10)
+
+    assert small == LoadShare(reserve=80, processors=Fraction(8, 5), others=Fraction(1, 5))
+    assert slice_limit(host, 2) == 180
+    undisturbed = SettingEvidence(elapsed_ms=1000.0, cpu_ms={P1: 190.0, P2: 1590.0})
+    assert disturbance(undisturbed, 2, small) == ""
+    assert disturbance(replace(undisturbed, cpu_ms={P1: 190.0, P2: 1400.0}), 2, small).startswith("the load in P2")
 
 
 def test_what_strangers_reserve_is_given_to_neither() -> None:
     stranger = partition(settings("theirs", reserve=25, running=True), application=None)
     room = the_room(stranger)
 
-    assert reserve_for_load(room, a_setup(), 50) == 25
+    assert reserve_of_load(room, 50) == 25
     assert highest_reserve(room, a_setup()) == 75
 
 
 def test_a_narrow_p1_leaves_p2_what_is_left_on_the_processor_that_both_use() -> None:
-    assert reserve_for_load(the_room(), a_setup(processors=1), 30) == 70
+    assert reserve_of_load(the_room(), 30, processors=1) == 70
 
 
 def test_a_limit_is_the_highest_cr() -> None:

@@ -8,13 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.app.experiments import several_loads
 from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.app.experiments.several_loads import by_partition, decisive, measure_with_each_load
 from rarms_iac.measuring.methods import Method, Search
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Sweep
+from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.outcomes import Conclusion, NotAchievable, Stopped, Sufficient, Swept
+from rarms_iac.model.setting import OutsideWork, SettingEvidence
+from rarms_iac.providers.simulated.measuring import SimulatedRun
 from rarms_iac.storage.datalog.files import append_setting, begin_log, read_log
 from tests.builders import a_component, a_host, a_system
 from tests.unit.cli.running import rarms
@@ -224,7 +226,10 @@ def test_a_log_whose_load_was_seen_to_leave_processors_idle_is_taken_with_a_warn
 def test_a_busy_loop_that_left_processors_idle_gives_no_answer_and_is_measured_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(several_loads, "leaves_idle", lambda _evidence, _processors: True)
+    make = OutsideWork(name="make", group="/user.slice", cpu_ms=200.0)
+    counted = SettingEvidence(elapsed_ms=1000.0, cpu_ms={P1: 100.0, P2: 500.0}, others=(make,))
+    monkeypatch.setattr(SimulatedRun, "evidence", lambda _running: counted)
+    monkeypatch.setattr("rarms_iac.measuring.setting_run.disturbance", lambda *_: "")
     (tmp_path / "rarms.yaml").write_text(MANIFEST.replace("[busy-loop, bursts-100]", "busy-loop"), encoding="utf-8")
     with chdir(tmp_path):
         refused = rarms("measure")
@@ -235,6 +240,7 @@ def test_a_busy_loop_that_left_processors_idle_gives_no_answer_and_is_measured_a
     said = " ".join(refused.err.split())
     assert refused.code == 4
     assert "other work on the machine" in said
+    assert "busy-loop left 40% of 1 LP. Of 1 LP, make in /user.slice had 20%." in said
     assert "rarms measure a --interference busy-loop --again" in said
     assert "no answer: " in refused.out
     assert "% sure" not in refused.out
