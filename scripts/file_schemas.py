@@ -8,12 +8,15 @@ from typing import Any
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.state import State
-from rarms_iac.storage.datalog.files import REMEASUREMENT_FIELD
+from rarms_iac.storage.datalog.files import HEADER_FIELD, REMEASUREMENT_FIELD
 from rarms_iac.storage.datalog.log import FORMAT, Header, Provenance, Remeasurement
 from rarms_iac.storage.snapshot_file import FORMAT as SNAPSHOT_FORMAT
 from scripts.schema_of_types import Schema, schema_of
 
 _NUMBERS: Schema = {"type": "array", "items": {"type": "number"}}
+_SOMETIMES = frozenset({"evidence", "spent_ms", "processors", "used_processors"})
+"""Fields of a setting that are there where they were seen or recorded."""
+_DIGEST_OF_HEADER: Schema = {"type": "string", "pattern": "^[0-9a-f]{16}$", "description": "Digest of its header."}
 _SEAL: dict[str, Schema] = {
     "length": {"type": "integer", "description": "Bytes of the line's object without its last two fields."},
     "checksum": {"type": "string", "pattern": "^[0-9a-f]{64}$", "description": "SHA-256 of the same."},
@@ -21,7 +24,7 @@ _SEAL: dict[str, Schema] = {
 
 
 def data_log_schema() -> Schema:
-    """The schema that `schemas/datalog.json` holds: each line is a header (the first), a setting or a remeasurement."""
+    """The schema that `schemas/datalog.json` holds: each line is a header, a setting or a remeasurement."""
     header = schema_of(Header)
     definitions: dict[str, Any] = dict(header["$defs"])
     for part in (Provenance, Remeasurement, SettingEvidence):
@@ -44,19 +47,27 @@ def _remeasurement_line() -> Schema:
     return {
         "description": "A remeasurement begins or has ended; of several with one seed the last holds.",
         "type": "object",
-        "properties": {REMEASUREMENT_FIELD: {"$ref": "#/$defs/Remeasurement"}, **_SEAL},
-        "required": [REMEASUREMENT_FIELD, *_SEAL],
+        "properties": {
+            HEADER_FIELD: _DIGEST_OF_HEADER,
+            REMEASUREMENT_FIELD: {"$ref": "#/$defs/Remeasurement"},
+            **_SEAL,
+        },
+        "required": [HEADER_FIELD, REMEASUREMENT_FIELD, *_SEAL],
         "additionalProperties": False,
     }
 
 
 def _setting() -> Schema:
     properties = {
+        HEADER_FIELD: _DIGEST_OF_HEADER,
         "reserve": {"type": "integer", "minimum": 1, "maximum": 100, "description": "CR: per cent of P1's processors."},
         "beside": {"type": "integer", "description": "What P2 reserved meanwhile."},
         "seed": {"type": "integer", "description": "That chance was drawn from, where the host draws it."},
         "series": {"type": "array", "items": {"$ref": "#/$defs/Series"}},
         "evidence": {"$ref": "#/$defs/SettingEvidence"},
+        "spent_ms": {"type": "number", "description": "The host's time that it took, with what was no sample."},
+        "processors": {"type": "integer", "minimum": 1, "description": "P1's virtual processors."},
+        "used_processors": {"type": "integer", "description": "The most that P1 was seen to use at once."},
         "provenance": {"$ref": "#/$defs/Provenance"},
         **_SEAL,
     }
@@ -64,7 +75,7 @@ def _setting() -> Schema:
         "description": "One reservation with every sample.",
         "type": "object",
         "properties": properties,
-        "required": [name for name in properties if name != "evidence"],
+        "required": [name for name in properties if name not in _SOMETIMES],
         "additionalProperties": False,
     }
 

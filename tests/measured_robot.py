@@ -118,5 +118,6 @@ def _log(system: System, logs: Sequence[ReportedLog], platform: str, names: tupl
             processors=setup.processors,
             measured=tuple(sorted({setting.reserve for setting in logged.log.settings})),
             curves=curves_in(logged.log, system.components),
+            records=logged.log,
         )
     return NotMeasured(components=names, interference=load)

@@ -1,6 +1,6 @@
 """What `rarms measure` leaves behind, made without measuring: data logs beside a manifest that is in a folder."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -13,9 +13,9 @@ from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import System
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import depends_on_a_log, names_of
-from rarms_iac.storage.datalog.files import append_setting, begin_log
+from rarms_iac.storage.datalog.files import append_setting, read_log
 from rarms_iac.storage.datalog.identity import header_of, identity_of
-from rarms_iac.storage.datalog.log import Provenance, Recorded
+from rarms_iac.storage.datalog.log import DataLog, Provenance, Recorded
 from rarms_iac.storage.datalog.named_files import Files
 from tests.builders_measured import a_bench, a_series, a_setting
 
@@ -40,10 +40,36 @@ def leave_log(folder: Path, members: Sequence[str], settings: Iterable[Setting],
     subjects = [subject_of(system, host, tuple(members), load) for load in system.loads_of(tuple(members))]
     for subject in subjects:
         path = path_of(folder, subject)
-        begin_log(path, header_of(subject, identity_of(subject, Files(folder).of(subject), {}), bench))
+        header = header_of(subject, identity_of(subject, Files(folder).of(subject), {}), bench)
         for each in recorded:
-            append_setting(path, Recorded(setting=each, provenance=TAKEN))
+            append_setting(path, header, Recorded(setting=each, provenance=TAKEN))
     return path_of(folder, subjects[0])
+
+
+def the_log(path: Path) -> DataLog:
+    """All records of a data log, below its last header."""
+    file = read_log(path)
+    assert file is not None, path
+    *_, header = file.headers.values()
+    return file.log_of(header, file.headers)
+
+
+def add_setting(path: Path, setting: Setting) -> None:
+    """Add a setting to a data log that was left."""
+    append_setting(path, the_log(path).header, Recorded(setting=setting, provenance=TAKEN))
+
+
+def rewrite_log(path: Path, change: Callable[[Recorded], Recorded]) -> None:
+    """Have each setting of a data log say something else."""
+    log = the_log(path)
+    path.unlink()
+    for recorded in log.recorded:
+        append_setting(path, log.header, change(recorded))
+
+
+def with_weak_load(recorded: Recorded) -> Recorded:
+    """The setting, with a load that left processors idle."""
+    return replace(recorded, provenance=replace(recorded.provenance, weak_load=True))
 
 
 def leave_logs(folder: Path, least: Mapping[str, int]) -> None:

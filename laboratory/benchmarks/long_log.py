@@ -56,10 +56,11 @@ def make_cell(folder: Path) -> None:
     path = log_path(folder, "onboard", ["vision"], "busy-loop")
     log = read_log(path)
     assert log is not None, "it was measured"
+    (header,), (_, measured) = log.headers.values(), log.recorded[0]
     dice = random.Random(1)
     for reserve in range(100 // SETTINGS, 101, 100 // SETTINGS):
         setting = Setting(reserve=reserve, series=(series(reserve, dice),), beside=100 - reserve, seed=1)
-        append_setting(path, Recorded(setting=setting, provenance=log.recorded[0].provenance))
+        append_setting(path, header, Recorded(setting=setting, provenance=measured.provenance))
 
 
 def figures(folder: Path) -> Iterator[Figure]:

@@ -373,7 +373,7 @@ def _answer(strategy: Literal["default", "bisection"], runs: LongRuns, limit: fl
         needs=max(needs),
         is_short=max(needs) > MOST_SAMPLES or needs_ms > runs.experiments[0].budget.most_ms,
         settings=sum(len(log.recorded) for log in logs),
-        seconds=sum(record.setting.host_ms for log in logs for record in log.recorded) / 1000,
+        seconds=sum(record.setting.host_ms for log in logs for _, record in log.recorded) / 1000,
         whole_host_lp=0.0,
         computed_s=0.0,
         run_as=RUN_AS,

@@ -10,9 +10,10 @@ from functools import cache, partial
 from pathlib import Path
 
 from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.measurement_files import unreadable_advice
 from rarms_iac.measuring.evidence import SHORT
 from rarms_iac.measuring.setup import experiment_of
-from rarms_iac.model.commands import RecommendedCommand, command, prose
+from rarms_iac.model.commands import Prose, RecommendedCommand, command, prose
 from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.environment_setup import CONFINEMENT, GROUP_CONFINEMENT
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
@@ -24,7 +25,7 @@ from rarms_iac.model.setting import Setting, most_used
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Component, PartitionRequest, System, Threshold, run_of
 from rarms_iac.model.weak_loads import advice_on_weak_loads
-from rarms_iac.model.wording import in_a_row
+from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, Names, NotMeasured
@@ -32,9 +33,9 @@ from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_lo
 from rarms_iac.statistics.curves import Curve, curve_of, highest_missed
 from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
 from rarms_iac.storage.datalog.identity import LogSubject, identity_of
-from rarms_iac.storage.datalog.log import DataLog
+from rarms_iac.storage.datalog.log import DataLog, LogFile
 from rarms_iac.storage.datalog.named_files import MOST_BYTES, Files
-from rarms_iac.storage.datalog.staleness import Comparison, ObservedPlatform, PartialPlatform, compare_header
+from rarms_iac.storage.datalog.staleness import Changed, ObservedPlatform, PartialPlatform, Present, present_log
 
 LISTED = 4
 """Changes that one message names; more are counted."""
@@ -99,12 +100,12 @@ def why_outdated(manifest: Manifest, host: Host, members: Names) -> str:
 
 def _why_log_outdated(subject: LogSubject, folder: Path, host: Host) -> str:
     try:
-        log = read_log(path_of(folder, subject))
+        file = read_log(path_of(folder, subject))
     except LogUnreadable:
         return "its data log is damaged"
-    if log is None:
+    if file is None:
         return "its data log is gone"
-    return "; ".join(map(str, compare_log(log, subject, Files(folder), known_platform(host)).changed))
+    return "; ".join(map(str, present(file, subject, Files(folder), known_platform(host)).comparison.changed))
 
 
 def used_processors(
@@ -129,11 +130,11 @@ def used_processors(
         settings: list[Setting] = []
         for load in system.interference:
             path = log_path(files.folder, host.platform, members, load)
-            log = (read or _read)(path) if path.exists() else None
-            if isinstance(log, DataLog):
+            file = (read or _read)(path) if path.exists() else None
+            if isinstance(file, LogFile):
                 subject = subject_of(system, host, members, load)
-                if not compare_log(log, subject, files, platform_facts).changed:
-                    settings += (recorded.setting for recorded in log.recorded)
+                log = present(file, subject, files, platform_facts).log
+                settings += () if log is None else (recorded.setting for recorded in log.recorded)
         return most_used(settings)
 
     return used
@@ -226,23 +227,19 @@ def curves_of(group: Group, log: MeasuredTogether) -> Iterator[tuple[Curve, Thre
             yield log.curves(member.name, index), threshold
 
 
-def compare_log(log: DataLog, subject: LogSubject, files: Files, platform_facts: ObservedPlatform) -> Comparison:
-    """Compare a data log with what is now.
+def present(file: LogFile, subject: LogSubject, files: Files, platform_facts: ObservedPlatform) -> Present:
+    """Select what of a data log holds now.
 
     Args:
-        log: As it was read.
+        file: As it was read.
         subject: What it is to be about.
         files: Of the manifest's folder.
         platform_facts: The host as it is now.
 
-    Returns:
-        What changed, by which a log is stale, and what cannot be told from here.
-
     NOTE: interpreters outside of the folder are recorded by a measurement and not looked for here: nothing but files
-    below the folder is opened for a manifest that a stranger may have written.
+    below the folder is opened for an untrusted manifest.
     """
-    identity = identity_of(subject, files.of(subject), {})
-    return compare_header(log.header, subject.setup.members, identity, platform_facts)
+    return present_log(file, subject.setup.members, identity_of(subject, files.of(subject), {}), platform_facts)
 
 
 def known_platform(host: Host, facts: HostFacts | None = None) -> PartialPlatform:
@@ -272,7 +269,7 @@ class _Kind:
     platform_facts: PartialPlatform
 
 
-_ReadLog = Callable[[Path], DataLog | LogUnreadable | None]
+_ReadLog = Callable[[Path], LogFile | LogUnreadable | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -327,30 +324,30 @@ def _measured_together(
     again = _measuring(members)
     load = subject.setup.interference
     not_measured = partial(NotMeasured, components=to_be_measured(group.members), interference=load)
-    log = folder.read(path)
-    if log is None:
+    file = folder.read(path)
+    if file is None:
         message = (
             f"{in_a_row(members)} {'is' if len(members) == 1 else 'are'} not measured on {subject.platform} with "
             f"{load} yet ({path_shown})."
         )
         advice = prose("Measure it: ", again, ". Or fix its reserve (`cpu.reserve`).")
         return not_measured(message=message, advice=advice, values={"log": path_shown})
-    if isinstance(log, LogUnreadable):
-        advice = prose("Bring it back from git, or remove it and measure again: ", again, ".")
-        message = f"{path_shown}, line {log.line}: {log.message}."
-        values: Facts = {"log": path_shown, "line": log.line, "reason": log.message}
+    if isinstance(file, LogUnreadable):
+        message = f"{path_shown}, line {file.line}: {file.message}."
+        values: Facts = {"log": path_shown, "line": file.line, "reason": file.message}
+        advice = unreadable_advice(file, prose("remove it and measure again: ", again))
         return not_measured(code=planning_findings.UNREADABLE.code, message=message, advice=advice, values=values)
     own = group.request.hyperv.image
     now = replace(platform_facts, guest_image=own) if own is not None else platform_facts
-    comparison = compare_log(log, subject, folder.files, now)
-    if comparison.changed:
-        message = (
-            f"{path_shown} no longer holds. Since it was measured, this changed: {_list_some(comparison.changed)}."
+    found = present(file, subject, folder.files, now)
+    if found.log is None:
+        changed = found.comparison.changed
+        message = f"{path_shown} no longer holds. Since it was measured, this changed: {_list_some(changed)}."
+        values = {"log": path_shown, "changed": tuple(map(str, changed))}
+        return not_measured(
+            code=planning_findings.STALE.code, message=message, advice=stale_advice(changed, again), values=values
         )
-        advice = prose("Measure again: ", again, ". Or take the change back.")
-        values = {"log": path_shown, "changed": tuple(map(str, comparison.changed))}
-        return not_measured(code=planning_findings.STALE.code, message=message, advice=advice, values=values)
-    whole, log = log, log.of(number.number)
+    whole, log = found.log, found.log.of(number.number)
     return MeasuredTogether(
         path=path_shown,
         interference=load,
@@ -358,11 +355,30 @@ def _measured_together(
         processors_from=number.source,
         measured=tuple(sorted({setting.reserve for setting in log.settings})),
         curves=curves_in(log, {member.name: member for member in group.members}),
-        remarks=tuple(_remarks(log, comparison, group, path_shown, folder.files.cut)),
+        records=log,
+        others=found.others,
+        remarks=tuple(_remarks(log, found, group, path_shown, folder.files.cut)),
         again=again,
         weak=any(recorded.provenance.weak_load for recorded in log.counting),
         cpu_ms=_cpu_ms_in(log),
         used=most_used(recorded.setting for recorded in whole.recorded),
+    )
+
+
+def stale_advice(changed: Sequence[Changed], again: RecommendedCommand) -> Prose:
+    """Say what to do about a data log that no longer holds.
+
+    Args:
+        changed: What is not as it was.
+        again: The command that measures.
+    """
+    if not any(change.is_of_hardware for change in changed):
+        return prose("Measure again: ", again, ". Or take the change back.")
+    return prose(
+        "Is this another machine? Then give its host data logs of its own: `platform: NAME`. Was this machine changed? "
+        "Then measure again: ",
+        again.also(again=True),
+        ".",
     )
 
 
@@ -401,7 +417,8 @@ def _cpu_ms_in(log: DataLog) -> Callable[[str], float | None]:
     return cpu_ms_of
 
 
-def _remarks(log: DataLog, comparison: Comparison, group: Group, path: str, cut: str) -> Iterator[Cause]:
+def _remarks(log: DataLog, found: Present, group: Group, path: str, cut: str) -> Iterator[Cause]:
+    comparison = found.comparison
     address = f"component/{to_be_measured(group.members)[0]}"
     if comparison.unverified:
         yield Cause(
@@ -427,6 +444,23 @@ def _remarks(log: DataLog, comparison: Comparison, group: Group, path: str, cut:
             code=planning_findings.DIFFERENT.code,
             values={"log": path, "differences": tuple(map(str, comparison.warns))},
             advice="Measure again if that can matter to the component.",
+        )
+    if found.other_hardware:
+        yield Cause(
+            address=address,
+            message=f"{path} was measured on two kinds of hardware, and the later one counts: "
+            f"{_list_some(found.other_hardware)}.",
+            code=planning_findings.DIFFERENT.code,
+            values={"log": path, "differences": tuple(map(str, found.other_hardware))},
+            advice="Give each kind of machine data logs of its own: `platform: NAME` below its host.",
+        )
+    if found.others:
+        yield Cause(
+            address=address,
+            message=f"{path} has {counted(found.others, 'setting')} from other conditions.",
+            code=planning_findings.OTHER_CONDITIONS.code,
+            values={"log": path, "settings": found.others},
+            advice="Nothing has to be done. They count again when the conditions are the same again.",
         )
     running = sorted({name for recorded in log.counting for name in recorded.provenance.beside})
     if running:
@@ -455,7 +489,7 @@ def _kind_of(host: Host, states: Mapping[str, State]) -> _Kind:
     return _Kind(platform=host.platform, platform_facts=platform_facts)
 
 
-def _read(path: Path) -> DataLog | LogUnreadable | None:
+def _read(path: Path) -> LogFile | LogUnreadable | None:
     try:
         return read_log(path)
     except LogUnreadable as problem:

@@ -31,7 +31,7 @@ from rarms_iac.storage.datalog.decisions import (
     read_runs,
     tuning_path,
 )
-from rarms_iac.storage.datalog.files import append_to_log, configuration_path, read_log
+from rarms_iac.storage.datalog.files import append_to_log, configuration_path
 
 
 def record_choices(manifest: Manifest, components: Iterable[str] = ()) -> tuple[Path, ...]:
@@ -70,7 +70,7 @@ def _choices(manifest: Manifest, components: Iterable[str]) -> tuple[Path, ...]:
             least = reservations.least(group.members, host)
             log = reservations.log(group.members, host)
             if isinstance(sized, PlacedPartition) and isinstance(log, MeasuredTogether) and least is not None:
-                entries = _entries(manifest, group, log, sized.settings.reserve)
+                entries = _entries(group, log, sized.settings.reserve)
                 paths += [path for entry in entries if (path := _record(manifest.folder, host.platform, entry))]
     return tuple(paths)
 
@@ -91,12 +91,9 @@ def describe_apt(component: Component) -> dict[str, str]:
     }
 
 
-def _entries(manifest: Manifest, group: Group, measured: MeasuredTogether, reserve: int) -> tuple[Chosen, ...]:
+def _entries(group: Group, measured: MeasuredTogether, reserve: int) -> tuple[Chosen, ...]:
     """What was chosen for each member, with the data log that asks for it."""
-    path = manifest.folder / measured.path
-    log = read_log(path)
-    if log is None:
-        return ()
+    header = measured.records.header
     return tuple(
         Chosen(
             component=member.name,
@@ -106,10 +103,10 @@ def _entries(manifest: Manifest, group: Group, measured: MeasuredTogether, reser
             partition=group.name,
             reserve=reserve,
             task=member.task,
-            data_log=path.relative_to(manifest.folder).as_posix(),
-            identity=log.header.digest,
-            setup=replace(log.header.setup, processors=measured.processors),
-            platform_facts=log.header.platform_facts,
+            data_log=measured.path,
+            identity=header.digest,
+            setup=replace(header.setup, processors=measured.processors),
+            platform_facts=header.platform_facts,
         )
         for member in group.members
         if member.apt

@@ -25,8 +25,6 @@ from rarms_iac.planner.problem import by_name
 from rarms_iac.planner.reservations import depends_on_a_log, names_of
 from rarms_iac.planner.totals import totals_by_host
 from rarms_iac.statistics.curves import highest_missed, holds
-from rarms_iac.storage.datalog.files import read_log
-from rarms_iac.storage.datalog.log import DataLog
 from rarms_iac.storage.finding_pages import known_codes
 
 
@@ -154,14 +152,14 @@ def _wanted(partition: ExplainedPartition, host: Host) -> LogicalProcessors | No
 
 def _data_log_summary(manifest: Manifest, group: Group, log: MeasuredTogether) -> DataLogSummary:
     loads = manifest.system.loads_of(names_of(group.members))
-    whole = read_log(manifest.folder / log.path)
-    assert isinstance(whole, DataLog), "what a reservation rests on was read a moment ago"
-    platform, times = whole.header.platform_facts, sorted(recorded.provenance.when for recorded in whole.recorded)
+    platform = log.records.header.platform_facts
+    times = sorted(recorded.provenance.when for recorded in log.records.recorded)
     return DataLogSummary(
         path=log.path,
         first=times[0] if times else "",
         last=times[-1] if times else "",
         reserves=log.measured,
+        others=log.others,
         interference=log.interference,
         other_loads=tuple(load for load in loads if load != log.interference),
         processors=log.processors,

@@ -28,6 +28,7 @@ class DataLogSummary:
     first: str  # when its first setting was measured; empty: it has none
     last: str
     reserves: tuple[int, ...]  # the CRs that it has, ascending
+    others: int  # settings in its file that were measured under other conditions, and do not count
     interference: str  # the load that asks for most
     other_loads: tuple[str, ...]  # that it stands up to as well
     processors: int  # of P1: a CR is per cent of these

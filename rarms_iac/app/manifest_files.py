@@ -18,7 +18,7 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.names import WINDOWS_DEVICES, is_name, nearest_name
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.wording import quoted
-from rarms_iac.storage.reading import read_file
+from rarms_iac.storage.reading import MEBIBYTE, read_file
 from rarms_iac.storage.shipped import shipped_text
 
 _WITHOUT_A_NAME = "my-application"
@@ -57,6 +57,7 @@ def name_from(folder: str) -> str:
 
 _BLANK_BYTES = 4096
 """A larger file is not looked into."""
+_ATTRIBUTES_BYTES = MEBIBYTE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,7 +85,7 @@ class FormattedManifests:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrittenFiles:
-    """The manifest that was written first, and its schema."""
+    """The manifest that was written first, its schema, and the attributes that git merges data logs by."""
 
     kind: Literal["written"] = "written"
     files: tuple[str, ...]  # the manifest first
@@ -94,10 +95,16 @@ SCHEMA_NAME = "rarms.schema.json"
 """The file beside a manifest that its first line names: what an editor checks it against, also without a network."""
 
 
-def write_first_manifest(folder: str, name: str | None = None, *, tutorial: bool = False) -> WrittenFiles:
-    """Write a commented manifest that validates and plans as it is, with its schema; return both paths.
+GIT_ATTRIBUTES = ".gitattributes"
+MERGE_LOGS = "/measurements/**/*.jsonl merge=union"
+"""The line by which git keeps the records of both branches."""
 
-    A blank file gives way to the manifest, and an earlier schema to this version's.
+
+def write_first_manifest(folder: str, name: str | None = None, *, tutorial: bool = False) -> WrittenFiles:
+    """Write a commented manifest that validates and plans as it is, with its schema and .gitattributes.
+
+    A blank file gives way to the manifest, and an earlier schema to this version's. To .gitattributes a line is added,
+    unless it has it.
 
     Args:
         folder: where; it is made where it does not exist.
@@ -105,7 +112,7 @@ def write_first_manifest(folder: str, name: str | None = None, *, tutorial: bool
         tutorial: whether it is the manifest of the tutorial, which has a name of its own.
 
     Returns:
-        The paths of the manifest and of its schema.
+        The paths of the manifest, its schema and .gitattributes.
 
     Raises:
         RequestError: the name cannot be an application's.
@@ -120,11 +127,19 @@ def write_first_manifest(folder: str, name: str | None = None, *, tutorial: bool
         raise UseCaseError(Outcome.FAILED, [conflict_finding(path.as_posix())])
     text = tutorial_manifest() if tutorial else initial_manifest(name or name_from(path.resolve().parent.name))
     make_folder(path.parent.as_posix())
-    schema = path.with_name(SCHEMA_NAME)
+    schema, attributes = path.with_name(SCHEMA_NAME), path.with_name(GIT_ATTRIBUTES)
     # The manifest last: where a kill comes between, the same command begins anew.
     write_file(str(schema), shipped_text("schemas/manifest.json").encode())
+    _add_line(attributes, MERGE_LOGS)
     write_file(str(path), f"# yaml-language-server: $schema={SCHEMA_NAME}\n{text}".encode())
-    return WrittenFiles(files=(path.as_posix(), schema.as_posix()))
+    return WrittenFiles(files=(path.as_posix(), schema.as_posix(), attributes.as_posix()))
+
+
+def _add_line(path: Path, line: str) -> None:
+    before = read_file(path, _ATTRIBUTES_BYTES) if path.exists() else b""
+    if line.encode() not in before.splitlines():
+        end = b"\n" if before and not before.endswith(b"\n") else b""
+        write_file(str(path), before + end + line.encode() + b"\n")
 
 
 def _is_blank(path: Path) -> bool:

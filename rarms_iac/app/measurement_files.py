@@ -10,6 +10,7 @@ from pathlib import Path
 
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring.measuring_findings import MEASURED_ELSEWHERE
+from rarms_iac.model.commands import Prose, Wording, prose
 from rarms_iac.model.diagnostics import Facts
 from rarms_iac.planner.planning_findings import UNREADABLE
 from rarms_iac.storage.datalog.files import LogUnreadable
@@ -84,6 +85,21 @@ def now() -> str:
     return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
+def unreadable_advice(problem: LogUnreadable, otherwise: Wording) -> Prose:
+    """Say what to do about a log that cannot be read.
+
+    Args:
+        problem: In the log.
+        otherwise: What to do where git does not have it, without a full stop.
+    """
+    if problem.is_conflict:
+        return prose(
+            "Delete the lines that begin with <<<<<<<, |||||||, ======= or >>>>>>>, and keep all others: what both "
+            "branches measured counts. With `measurements/**/*.jsonl merge=union` in .gitattributes git does so itself."
+        )
+    return prose("Restore it from git, or ", otherwise, ".")
+
+
 @contextmanager
 def log_errors() -> Iterator[None]:
     """Inside, a log below `measurements/` that is not as it was written ends the use case.
@@ -98,6 +114,6 @@ def log_errors() -> Iterator[None]:
         yield
     except LogUnreadable as problem:
         message = f"{problem.path.as_posix()}, line {problem.line}: {problem.message}."
-        advice = "Bring it back from git, or remove it: what it records is then measured, or written, anew."
+        advice = unreadable_advice(problem, "remove it: its records are then measured or written again")
         values: Facts = {"file": problem.path.as_posix(), "line": problem.line, "reason": problem.message}
         raise UseCaseError(Outcome.NEGATIVE, [UNREADABLE.at(None, message, advice, values=values)]) from None

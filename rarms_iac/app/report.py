@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.data_logs import compare_log, known_platform, subject_of, used_processors
+from rarms_iac.app.data_logs import known_platform, present, subject_of, used_processors
 from rarms_iac.app.decision_logs import tunings_of
 from rarms_iac.app.drift import drift_of_hosts
 from rarms_iac.app.experiments.measure_request import refuse_unknown
@@ -23,6 +23,7 @@ from rarms_iac.diff.drift import DriftKind
 from rarms_iac.measuring.setup import experiment_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, first_of_each_kind, has_errors, in_order
+from rarms_iac.model.environment_setup import EnvironmentSetup
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.journal import history_of
@@ -37,7 +38,7 @@ from rarms_iac.planner.reservations import ReservationSource, names_of
 from rarms_iac.planner.sizes import size
 from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, read_entries
 from rarms_iac.storage.datalog.files import configuration_path, read_log
-from rarms_iac.storage.datalog.log import DataLog
+from rarms_iac.storage.datalog.log import LogFile
 from rarms_iac.storage.datalog.named_files import Files
 from rarms_iac.storage.disk import MEASUREMENTS
 
@@ -166,29 +167,34 @@ def _read_logs(system: System, folder: Path) -> Iterator[ReportedLog]:
     files = Files(folder)
     for path in sorted((folder / MEASUREMENTS).glob("*/*/*.jsonl")):
         with log_errors():
-            log = read_log(path)
-        if log is not None and log.header.platform in platforms and _is_of(system, log):
-            yield _reported_log(system, files, path, log)
+            file = read_log(path)
+        if file is None:
+            continue
+        *_, last = file.headers.values()
+        if last.platform in platforms and _is_of(system, last.setup):
+            yield _reported_log(system, files, path, file)
 
 
-def _is_of(system: System, log: DataLog) -> bool:
-    setup = log.header.setup
+def _is_of(system: System, setup: EnvironmentSetup) -> bool:
     return set(setup.members) <= system.components.keys() and setup.interference in system.interference
 
 
-def _reported_log(system: System, files: Files, path: Path, log: DataLog) -> ReportedLog:
-    setup = log.header.setup
-    host = next(host for host in system.hosts.values() if host.platform == log.header.platform)
+def _reported_log(system: System, files: Files, path: Path, file: LogFile) -> ReportedLog:
+    *_, last = file.headers.values()
+    setup = last.setup
+    host = next(host for host in system.hosts.values() if host.platform == last.platform)
     subject = subject_of(system, host, setup.members, setup.interference)
     platform_facts = known_platform(host)
-    comparison = compare_log(log, subject, files, platform_facts)
+    found = present(file, subject, files, platform_facts)
+    log = found.log or file.log_of(last, [last.digest])
     used = used_processors(system, host, files, platform_facts)
     number = experiment_of(system, host, setup.members, setup.interference, used=used).setup.processors
     return ReportedLog(
         path=path.relative_to(files.folder).as_posix(),
         log=log.of(number),
         is_expected=setup.interference in system.loads_of(setup.members),
-        stale=tuple(map(str, comparison.changed)),
+        stale=tuple(map(str, found.comparison.changed)),
+        others=found.others,
     )
 
 

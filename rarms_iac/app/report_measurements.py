@@ -35,7 +35,7 @@ from rarms_iac.model.series import Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component, System, Threshold, run_of
 from rarms_iac.model.totals import sum_of
-from rarms_iac.model.wording import natural_order
+from rarms_iac.model.wording import counted, natural_order
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, fixed, names_of, to_be_measured
 from rarms_iac.planner.totals import PlannedTotals
@@ -61,6 +61,7 @@ class ReportedLog:
     log: DataLog
     is_expected: bool = True  # the planner would look here: these members, this load
     stale: tuple[str, ...] = ()  # what changed since; empty: it holds
+    others: int = 0  # settings in the file that were measured under other conditions
 
 
 def report_of(
@@ -183,7 +184,7 @@ def _measurement(system: System, logged: ReportedLog, reservations: MeasuredRese
         stale=logged.stale,
         indexes=tuple(index for member in members for index in _indexes(logged.log, member)),
         settings=logged.log.settings,
-        facts=tuple(_facts(logged.log)),
+        facts=tuple(_facts(logged.log, logged.others)),
     )
 
 
@@ -228,7 +229,7 @@ def _capacity(
     )
 
 
-def _facts(log: DataLog) -> Iterator[tuple[str, str]]:
+def _facts(log: DataLog, others: int) -> Iterator[tuple[str, str]]:
     platform, setup = log.header.platform_facts, log.header.setup
     when = sorted(recorded.provenance.when for recorded in log.counting)
     if when:
@@ -248,7 +249,9 @@ def _facts(log: DataLog) -> Iterator[tuple[str, str]]:
     running = sorted({name for recorded in log.counting for name in recorded.provenance.beside})
     if running:
         yield "Ran beside it", ", ".join(running)
-    yield "Identity", log.header.digest
+    yield "Conditions", log.header.digest
+    if others:
+        yield "Measured under other conditions", f"{counted(others, 'setting')}, not used"
 
 
 def points_of(

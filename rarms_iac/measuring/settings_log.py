@@ -7,14 +7,14 @@ from pathlib import Path
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting, join_settings
-from rarms_iac.storage.datalog.files import append_setting, begin_log, read_log
+from rarms_iac.storage.datalog.files import append_setting, read_log
 from rarms_iac.storage.datalog.log import Header, Provenance, Recorded
-from rarms_iac.storage.disk import make_folders
+from rarms_iac.storage.datalog.staleness import present_log
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SettingsLog:
-    """The data log of an experiment: a file that is begun with the first setting."""
+    """The data log of an experiment: the first setting begins the file, or adds a header to it."""
 
     path: Path
     header: Header
@@ -22,7 +22,6 @@ class SettingsLog:
     remeasure_seed: int | None = (
         None  # a strategy sees reservations only once they were measured with this seed; None: all
     )
-    replaces_stale: bool = False  # what is there is stale, and gives way to the first setting
 
     @property
     def is_simulated(self) -> bool:
@@ -33,12 +32,15 @@ class SettingsLog:
         """Read all that count, each run by itself, in the order in which they were recorded.
 
         Returns:
-            Those with as many processors as the header has; none where there is no log yet, or it is stale.
+            Those with as many processors as the header has; none where there is no log yet, or nothing of it holds.
 
         Raises:
             LogUnreadable: the file is no whole data log.
         """
-        log = None if self.replaces_stale else read_log(self.path)
+        file, own = read_log(self.path), self.header
+        if file is None:
+            return ()
+        log = present_log(file, own.setup.members, own.identity, own.platform_facts).log
         if log is None:
             return ()
         return tuple(record.setting for record in log.of(self.header.setup.processors).counting)
@@ -48,7 +50,7 @@ class SettingsLog:
 
         Returns:
             One setting for each reservation, in the order in which they were first recorded; none before the file is
-                begun, or where it is stale.
+                begun, or where nothing of it holds.
 
         Raises:
             LogUnreadable: the file is no whole data log.
@@ -65,11 +67,7 @@ class SettingsLog:
             LogUnreadable: the file is no whole data log.
             OSError: it cannot be written.
         """
-        log = read_log(self.path)
-        if log is None or (self.replaces_stale and log.header != self.header):
-            make_folders(self.path.parent)
-            begin_log(self.path, self.header)
-        append_setting(self.path, Recorded(setting=setting, provenance=self.provenance(setting)))
+        append_setting(self.path, self.header, Recorded(setting=setting, provenance=self.provenance(setting)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

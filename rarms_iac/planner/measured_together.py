@@ -9,6 +9,7 @@ from rarms_iac.model.layout import Cause
 from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.planner import planning_findings
 from rarms_iac.statistics.curves import Curve
+from rarms_iac.storage.datalog.log import DataLog
 
 Names = tuple[str, ...]
 """Components together in one partition, in the order of their names."""
@@ -35,6 +36,8 @@ class MeasuredTogether:
     processors: int  # of P1: a CR is per cent of these
     measured: tuple[int, ...]  # the CRs that were measured, ascending
     curves: Callable[[str, str], Curve]  # by component and index
+    records: DataLog  # that the curves are of
+    others: int = 0  # settings in the same file that were measured under other conditions, and do not count
     remarks: tuple[Cause, ...] = ()
     again: RecommendedCommand = MEASURE  # what measures it
     weak: bool = False  # its load cannot take all that P2 reserves, or left some of it idle

@@ -1,4 +1,4 @@
-"""Kinds of problems that planning finds (RARMS014, RARMS100-109, RARMS120-139)."""
+"""Kinds of problems that planning finds (RARMS014, RARMS100-109, RARMS120-139, RARMS407)."""
 
 from rarms_iac.model.diagnostics import Finding
 
@@ -9,6 +9,7 @@ NOT_VERIFIED = Finding.note("RARMS104", "A data log could not be verified here")
 DIFFERENT = Finding.warning("RARMS105", "A data log was measured under another system")
 NOT_MET = Finding.error("RARMS106", "No measured reservation is shown to meet the APT")
 UNREADABLE = Finding.error("RARMS107", "A data log cannot be read")
+OTHER_CONDITIONS = Finding.note("RARMS407", "A data log has settings that are not used")
 BUSY = Finding.warning("RARMS108", "A data log was measured beside other machines")
 MEMORY = Finding.error("RARMS120", "Memory exceeds the platform")
 PACKING = Finding.error("RARMS121", "Virtual processors do not fit the logical ones")
@@ -45,7 +46,7 @@ KINDS = {
 NO_ROOM = frozenset({RESERVATIONS.code, MEMORY.code, PACKING.code})
 """Of them those of hosts that have too little."""
 
-REMARKS = {finding.code: finding for finding in (NOT_VERIFIED, DIFFERENT, BUSY, WEAK_LOG)}
+REMARKS = {finding.code: finding for finding in (NOT_VERIFIED, DIFFERENT, OTHER_CONDITIONS, BUSY, WEAK_LOG)}
 """What may be said of a measured reservation that was found."""
 
 

@@ -1,4 +1,4 @@
-"""The second of the two writers: one record more, for journals and data logs.
+"""The second of the two writers: records are added, to journals and to logs.
 
 A record is one JSON object on one line. Its last two fields, `length` and `checksum`, are over the object's text
 without them and without the line end, so that a carriage return added by git does no harm.
@@ -6,6 +6,9 @@ without them and without the line end, so that a carriage return added by git do
 The first record gets its name once it is whole on the disk, so no crash tears it. A crash can tear a later last one:
 it has no line end then, or holds NUL bytes where the disk had not yet got its text. It is dropped, and the next append
 takes its place. Anything else is damage, which is an error to read and to append to.
+
+Logs below `measurements/` are kept in git, and editors and merges change files there: blank lines are passed over, and
+a last record that is whole counts without its line end. Marks of a merge conflict are damage of a kind of its own.
 """
 
 import hashlib
@@ -14,6 +17,7 @@ import json
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -29,16 +33,19 @@ LENGTH, CHECKSUM = "length", "checksum"
 _SEAL = re.compile(rb',"length":([0-9]{1,12}),"checksum":"([0-9a-f]{64})"\}\r?\n')
 _SEAL_SPACE = 128  # bytes that a seal takes at most
 _DAMAGE = "the record is damaged: its length or checksum does not fit its text"
+_CONFLICT = "git left the marks of a merge conflict here"
+_CONFLICT_MARKS = (b"<<<<<<< ", b"||||||| ", b"=======", b">>>>>>> ")
 
 
 class Damaged(Exception):
     """A record is not as it was written, and no crash while it was added can have done that."""
 
-    def __init__(self, path: Path, line: int, message: str) -> None:
+    def __init__(self, path: Path, line: int, message: str, *, is_conflict: bool = False) -> None:
         super().__init__(f"{path}:{line}: {message}")
         self.path = path
         self.line = line
         self.message = message
+        self.is_conflict = is_conflict  # git could not merge two branches here
 
 
 def sealed_line(record: Record) -> bytes:
@@ -55,44 +62,113 @@ def sealed_line(record: Record) -> bytes:
     """
     if not record or LENGTH in record or CHECKSUM in record:
         raise ValueError(f"a record has at least one field, and none called {LENGTH} or {CHECKSUM}")
-    text = json.dumps(record, separators=(",", ":"), allow_nan=False).encode("ascii")
+    return _sealed(json.dumps(record, separators=(",", ":"), allow_nan=False).encode("ascii"))
+
+
+def _sealed(text: bytes) -> bytes:
     return b'%s,"length":%d,"checksum":"%s"}\n' % (text[:-1], len(text), _checksum(text))
 
 
 def append(path: Path, record: Record) -> None:
-    """Add the record; it is on the disk when this returns. The folder must exist, the file need not.
+    """Add the record to a journal; it is on the disk when this returns. The folder must exist, the file need not.
 
     The records that are there are looked at before the first one that a process adds.
 
     Args:
-        path: the log; not a link.
+        path: the journal; not a link.
         record: as of `sealed_line`.
 
     Raises:
         Damaged: a record that is there is not as it was written; nothing was added.
         OSError: it cannot be written.
     """
-    line = sealed_line(record)
+    append_lines(path, sealed_line(record))
+
+
+def append_lines(path: Path, lines: bytes, *, in_git: bool = False) -> None:
+    """Add sealed lines; after a crash a first part of them may be there, and the next call adds behind it.
+
+    Args:
+        path: the journal or log; not a link. Its folder must exist.
+        lines: one or more, as `sealed_line` makes them.
+        in_git: whether the file is a log that is kept in git.
+
+    Raises:
+        Damaged: a record that is there is not as it was written; nothing was added.
+        OSError: they cannot be written.
+    """
     if not os.path.lexists(path):
-        replace(path, line)
+        replace(path, lines)
         return
     effects = disk.current()
     disk.check_target(path)
-    if (sound := _sound_size(path)) != path.stat().st_size:
+    if (sound := _sound_size(path, in_git=in_git)) != path.stat().st_size:
         effects.cut(path, sound)
-    effects.append(path, line)
+    effects.append(path, lines if not in_git or _ends_a_line(path) else b"\n" + lines)
     effects.flush(path)
     _known_sound[path.absolute()] = _version_of(path)
 
 
-def iterate_records(path: Path) -> Iterator[dict[str, Json]]:
-    """Go through all whole records, without `length` and `checksum`: a long log need not be in memory as a whole.
+def _ends_a_line(path: Path) -> bool:
+    with open_regular(path) as file:
+        file.seek(-1, os.SEEK_END)
+        return file.read() == b"\n"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogLine:
+    """A whole line of a log that is kept in git."""
+
+    number: int  # from 1
+    text: bytes  # the object without its seal
+    digest: bytes  # of the text
+
+    def record(self, path: Path) -> dict[str, Json]:
+        """Return the record; `path` says where it comes from, for people.
+
+        Raises:
+            Damaged: it is sealed and no object.
+            NotDecodable: it is sealed and no JSON.
+        """
+        return _object(path, self.number, self.text)
+
+    @property
+    def sealed(self) -> bytes:
+        """The line as `sealed_line` makes it."""
+        return _sealed(self.text)
+
+
+def log_lines(lines: Iterable[bytes], path: Path) -> Iterator[LogLine]:
+    """Go through the whole lines of a log that is kept in git; of equal ones the first.
+
+    Args:
+        lines: each with its end.
+        path: for messages.
+
+    Yields:
+        Lines in their order, up to a last one that a crash tore.
+
+    Raises:
+        Damaged: a record is not as it was written; those before it came already.
+    """
+    known: set[bytes] = set()
+    for number, text in _sound_lines(lines, path, in_git=True):
+        digest = hashlib.sha256(text).digest()
+        if digest not in known:
+            known.add(digest)
+            yield LogLine(number=number, text=text, digest=digest)
+
+
+def iterate_log(path: Path) -> Iterator[LogLine]:
+    """Go through the lines of a log that is kept in git; of equal ones the first.
+
+    A long log need not be in memory as a whole.
 
     Args:
         path: the log.
 
     Yields:
-        The records, oldest first; none where there is no file.
+        Lines in their order, up to a last one that a crash tore; none where there is no file.
 
     Raises:
         TooLarge: the file has more than `LOG_LIMIT` bytes.
@@ -103,7 +179,7 @@ def iterate_records(path: Path) -> Iterator[dict[str, Json]]:
     except FileNotFoundError:
         return
     with file:
-        yield from _records(file, path)
+        yield from log_lines(file, path)
 
 
 def _open_log(path: Path) -> BinaryIO:
@@ -174,20 +250,25 @@ def _records(lines: Iterable[bytes], path: Path) -> Iterator[dict[str, Json]]:
         yield _object(path, number, text)
 
 
-def _sound_lines(lines: Iterable[bytes], path: Path) -> Iterator[tuple[int, bytes]]:
+def _sound_lines(lines: Iterable[bytes], path: Path, *, in_git: bool = False) -> Iterator[tuple[int, bytes]]:
     """The number and the object's text of each line, up to a last one that is torn."""
-    number = torn_at = 0
+    number = torn_at = found = 0
     for number, line in enumerate(lines, start=1):
-        text = None if torn_at else _text_of(line)
-        is_torn = text is None and not torn_at and number > 1 and _can_be_torn(line)
+        if in_git and not line.strip():
+            continue
+        if in_git and line.startswith(_CONFLICT_MARKS):
+            raise Damaged(path, number, _CONFLICT, is_conflict=True)
+        text = None if torn_at else _text_of(line, needs_end=not in_git)
+        is_torn = text is None and not torn_at and found > 0 and _can_be_torn(line)
         del line  # a long one need not be in memory twice
         if is_torn:
             torn_at = number
         elif text is None:
             raise Damaged(path, torn_at or number, _DAMAGE)
         else:
+            found += 1
             yield number, text
-    if not number:
+    if not found:
         raise Damaged(path, 1, "the file is empty, and was made with a first record")
 
 
@@ -196,8 +277,10 @@ def _can_be_torn(line: bytes) -> bool:
     return not line.endswith(b"\n") or b"\0" in line
 
 
-def _text_of(line: bytes) -> bytes | None:
+def _text_of(line: bytes, *, needs_end: bool = True) -> bytes | None:
     """The object's text without its seal, None where the line is not whole."""
+    if not needs_end and not line.endswith(b"\n"):
+        line += b"\n"
     tail_at = max(0, len(line) - _SEAL_SPACE)
     found = _SEAL.search(line, tail_at)
     if found is None or found.end() != len(line):
@@ -228,14 +311,14 @@ def _version_of(path: Path) -> _Version:
     return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
 
 
-def _sound_size(path: Path) -> int:
+def _sound_size(path: Path, *, in_git: bool) -> int:
     if _known_sound.get(path.absolute()) == _version_of(path):
         return path.stat().st_size
     with _open_log(path) as file:
-        return _size_of_sound_lines(file, path)
+        return _size_of_sound_lines(file, path, in_git=in_git)
 
 
-def _size_of_sound_lines(lines: Iterable[bytes], path: Path) -> int:
+def _size_of_sound_lines(lines: Iterable[bytes], path: Path, *, in_git: bool = False) -> int:
     sound = read = 0
 
     def count() -> Iterator[bytes]:
@@ -244,6 +327,6 @@ def _size_of_sound_lines(lines: Iterable[bytes], path: Path) -> int:
             read += len(line)
             yield line
 
-    for _ in _sound_lines(count(), path):
+    for _ in _sound_lines(count(), path, in_git=in_git):
         sound = read
     return sound

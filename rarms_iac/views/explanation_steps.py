@@ -240,6 +240,8 @@ def _data_log(explanation: Explanation) -> Iterator[str]:
 def _log(log: DataLogSummary) -> Iterator[str]:
     when = log.first if log.first == log.last else f"{log.first} to {log.last}"
     yield f"{log.path}, {counted(len(log.reserves), 'setting')}, measured {when}"
+    if log.others:
+        yield f"{counted(log.others, 'setting')} more in it from other conditions, not used"
     smt = "with SMT" if log.smt else "without SMT"
     build = f", build {log.os_build}" if log.os_build else ""
     yield (

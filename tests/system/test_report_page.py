@@ -180,6 +180,7 @@ def test_every_step_of_every_line_agrees_with_the_planner(page: "WebDriver") -> 
         processors=2,
         measured=tuple(sorted(setting.reserve for setting in LOGS[name].settings)),
         curves=curves_in(LOGS[name], SYSTEM.components),
+        records=LOGS[name],
     )
 
     found = run(page, walk, FACES, "m1")

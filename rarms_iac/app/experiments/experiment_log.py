@@ -19,26 +19,30 @@ from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.state import Partition
 from rarms_iac.model.version import __version__
-from rarms_iac.storage.datalog.files import append_remeasurement, begin_log, log_path, read_log
+from rarms_iac.storage.datalog.files import append_remeasurement, end_remeasurement, log_path, read_log
 from rarms_iac.storage.datalog.identity import header_of, identity_of
 from rarms_iac.storage.datalog.log import DataLog, Header, Provenance, Remeasurement
 from rarms_iac.storage.datalog.named_files import Files
-from rarms_iac.storage.datalog.staleness import Changed, compare_header
+from rarms_iac.storage.datalog.staleness import Changed, Present, present_log
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentLog:
-    """What is recorded of an experiment, beside what it would be recorded under now."""
+    """The records of an experiment, and the header that a setting would have now."""
 
     path: Path
     header: Header  # as everything is now
-    log: DataLog | None
-    changed: tuple[Changed, ...]  # since it was begun: it is stale, if there are any
+    present: Present | None  # what holds of the file; None: there is no file
 
     @property
     def valid(self) -> DataLog | None:
-        """The log, if there is one that is not stale."""
-        return None if self.changed else self.log
+        """The records that hold; None: there are none."""
+        return None if self.present is None else self.present.log
+
+    @property
+    def changed(self) -> tuple[Changed, ...]:
+        """What changed since it was measured, where nothing of it holds."""
+        return () if self.present is None else self.present.comparison.changed
 
 
 def read_experiment_log(session: MeasuringSession, experiment: Experiment) -> ExperimentLog:
@@ -56,19 +60,15 @@ def read_experiment_log(session: MeasuringSession, experiment: Experiment) -> Ex
     """
     path, header = data_log_path(session.hosts, experiment), _header(session, experiment)
     with log_errors():
-        log = read_log(path)
-    changed = (
-        ()
-        if log is None
-        else compare_header(log.header, header.setup.members, header.identity, header.platform_facts).changed
-    )
-    return ExperimentLog(path=path, header=header, log=log, changed=changed)
+        file = read_log(path)
+    present = None if file is None else present_log(file, header.setup.members, header.identity, header.platform_facts)
+    return ExperimentLog(path=path, header=header, present=present)
 
 
 def settings_log_of(
     log: ExperimentLog, experiment: Experiment, remeasure_seed: int | None, running: Sequence[Partition]
 ) -> SettingsLog:
-    """Return the log as the loop of measuring writes to it; a stale log gives way to the first setting.
+    """Return the log as the loop of measuring writes to it.
 
     Args:
         log: What is recorded.
@@ -90,7 +90,6 @@ def settings_log_of(
             weak_load=is_weak(experiment.load, setting, experiment.host),
         ),
         remeasure_seed=remeasure_seed,
-        replaces_stale=bool(log.changed),
     )
 
 
@@ -165,7 +164,7 @@ def end_remeasurements(session: MeasuringSession, complete: Mapping[Path, Remeas
     for path, remeasurement in complete.items():
         if not remeasurement.ended:
             with hold_data_log(session.hosts.folder, path, session.lock_timeout_ms):
-                append_remeasurement(path, replace(remeasurement, ended=True))
+                end_remeasurement(path, remeasurement)
 
 
 def _last(log: ExperimentLog, asked: str) -> Remeasurement | None:
@@ -184,7 +183,5 @@ def _of_that_command(log: ExperimentLog, asked: str, begun: str | None) -> Remea
 def _begin(session: MeasuringSession, log: ExperimentLog, asked: str, begun: str) -> Remeasurement:
     begins = Remeasurement(seed=1 if log.valid is None else log.valid.highest_seed + 1, asked=asked, begun=begun)
     with hold_data_log(session.hosts.folder, log.path, session.lock_timeout_ms):
-        if log.valid is None:
-            begin_log(log.path, log.header)
-        append_remeasurement(log.path, begins)
+        append_remeasurement(log.path, log.header, begins)
     return begins

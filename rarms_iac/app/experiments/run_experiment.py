@@ -6,8 +6,8 @@ Begin at `run_experiment`. Which experiments there are, and in which order, is f
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from rarms_iac.app.data_logs import used_processors
-from rarms_iac.app.experiments.experiment_log import data_log_path, read_experiment_log, settings_log_of
+from rarms_iac.app.data_logs import stale_advice, used_processors
+from rarms_iac.app.experiments.experiment_log import ExperimentLog, data_log_path, read_experiment_log, settings_log_of
 from rarms_iac.app.experiments.measure_request import USUAL_SEED, ExperimentResult
 from rarms_iac.app.experiments.session import MeasuringSession, refuse_what_cannot_run, stop_own_partitions
 from rarms_iac.app.experiments.stopping import stopped_to_measure
@@ -45,6 +45,7 @@ from rarms_iac.model.setting import most_used
 from rarms_iac.model.state import Partition
 from rarms_iac.model.wording import counted
 from rarms_iac.planner.groups import groups_of
+from rarms_iac.planner.planning_findings import STALE
 from rarms_iac.providers.measuring import PartitionWork
 from rarms_iac.statistics.curves import curves_of, least_reserve
 from rarms_iac.statistics.error_probability import FIRST_LOOK
@@ -131,8 +132,11 @@ def _run_with_processors(
     log = read_experiment_log(session, experiment)
     settings_log = settings_log_of(log, experiment, session.seed if session.remeasures else None, available.running)
     if log.changed:
+        _refuse_other_hardware(session, experiment, log)
         changes = "; ".join(map(str, log.changed))
-        session.control.reporter.message(f"{log.path.as_posix()} is stale and is begun anew: {changes}.")
+        session.control.reporter.message(
+            f"Changed since {log.path.as_posix()} was measured: {changes}. Its results stay there and do not count."
+        )
 
     recorded_runs = [run for run in settings_log.runs() if settings_log.remeasure_seed in (None, run.seed)]
     shows_processors = experiment.processors_from is ProcessorSource.HOST
@@ -164,6 +168,24 @@ def _run_with_processors(
     if measurement.new and available.running:
         session.control.reporter.findings([_busy_warning(experiment, available.running)])
     return settings_log, measurement
+
+
+def _refuse_other_hardware(session: MeasuringSession, experiment: Experiment, log: ExperimentLog) -> None:
+    """Refuse to measure on other hardware what was measured on some, unless all is to be measured again.
+
+    Raises:
+        UseCaseError: The data log holds for another machine (negative).
+    """
+    changed = tuple(change for change in log.changed if change.is_of_hardware)
+    if not changed or session.remeasures:
+        return
+    host, path = experiment.host, log.path.as_posix()
+    place = session.hosts.manifest.places.key("hosts", host.name)
+    message = f"{path} was measured on other hardware than {host.name} has now: {'; '.join(map(str, changed))}."
+    values: Facts = {"log": path, "host": host.name, "changed": tuple(map(str, changed))}
+    advice = stale_advice(changed, command("measure", *experiment.setup.members, together=len(experiment.members) > 1))
+    finding = STALE.at(place, message, advice, address=f"host/{host.name}", values=values)
+    raise UseCaseError(Outcome.NEGATIVE, [finding], session.hosts.manifest.sources)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

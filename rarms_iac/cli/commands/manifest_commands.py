@@ -37,14 +37,16 @@ def init_command(session: Session, options: InitOptions) -> ExitCode:
     """Write a commented rarms.yaml into FOLDER (default: here) that validates and plans as it is.
 
     It describes two components on a simulated host, which needs nothing installed. A FOLDER that is not
-    there is made; a manifest that is there stays. rarms.schema.json beside it is what editors check it against.
+    there is made; a manifest that is there stays. Editors check it against rarms.schema.json in the same folder, and
+    by .gitattributes git keeps the measurements of both branches when it merges.
     """
     written = write_first_manifest(options.folder, options.name, tutorial=options.tutorial)
     if session.as_json:
         session.terminal.data(json_of(written))
     else:
-        session.terminal.tell(f"Wrote {written.files[0]}, and {written.files[1]} for your editor.")
-        folder = Path(written.files[0]).parent.as_posix()
+        manifest, schema, attributes = written.files
+        session.terminal.tell(f"Wrote {manifest}, {schema} for your editor, and {attributes} for data logs in git.")
+        folder = Path(manifest).parent.as_posix()
         enter = "" if folder == "." else f"cd {shlex.quote(folder)}, "
         session.terminal.tell(f"Edit it, then: {enter}rarms validate, rarms measure, rarms plan, rarms apply.")
     return ExitCode.DONE

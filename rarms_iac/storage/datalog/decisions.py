@@ -6,7 +6,7 @@ run of `rarms tune` asked for, in order, and what came of it. A plan depends on 
 why components share a partition.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
@@ -18,8 +18,9 @@ from rarms_iac.model.outcomes import VerdictWord
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.system import Threshold
 from rarms_iac.model.wording import quoted
+from rarms_iac.storage.append import LogLine, iterate_log
 from rarms_iac.storage.codec import Json, NotDecodable, decode, decode_union
-from rarms_iac.storage.datalog.files import append_to_log, decoded_records
+from rarms_iac.storage.datalog.files import TUNING, append_to_log, decoded_records
 from rarms_iac.storage.disk import MEASUREMENTS
 
 
@@ -95,7 +96,16 @@ def read_entries(path: Path) -> tuple[Entry, ...]:
         LogUnreadable: the log is damaged, or holds something else.
         OSError: it cannot be read.
     """
-    return decoded_records(path, _entry_in)
+    return entries_in(iterate_log(path), path)
+
+
+def entries_in(lines: Iterable[LogLine], path: Path) -> tuple[Entry, ...]:
+    """Return the entries that lines of a configuration log are, oldest first; `path` is for messages.
+
+    Raises:
+        LogUnreadable: the log is damaged, or holds something else.
+    """
+    return decoded_records(lines, path, _entry_in)
 
 
 def _entry_in(record: dict[str, Json]) -> Entry:
@@ -230,7 +240,7 @@ def tuning_path(folder: Path, platform: str) -> Path:
     Returns:
         The path; whether there is such a file is not looked at.
     """
-    return folder / MEASUREMENTS / platform / "tuning.jsonl"
+    return folder / MEASUREMENTS / platform / TUNING
 
 
 def append_run(path: Path, run: TuningRun) -> None:
@@ -263,7 +273,16 @@ def read_runs(path: Path) -> tuple[TuningRun, ...]:
         LogUnreadable: the log is damaged, or holds something else.
         OSError: it cannot be read.
     """
-    return decoded_records(path, _run_in)
+    return runs_in(iterate_log(path), path)
+
+
+def runs_in(lines: Iterable[LogLine], path: Path) -> tuple[TuningRun, ...]:
+    """Return the runs that lines of a log of tuning are, oldest first; `path` is for messages.
+
+    Raises:
+        LogUnreadable: the log is damaged, or holds something else.
+    """
+    return decoded_records(lines, path, _run_in)
 
 
 def _run_in(record: dict[str, Json]) -> TuningRun:

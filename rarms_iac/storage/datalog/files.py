@@ -1,76 +1,87 @@
-"""Data logs as files: read whole, begun anew, or a setting longer."""
+"""Logs below `measurements/` as files: read whole, or some records longer.
+
+A data log has headers, and each other record names the digest of its own. So two branches that both measured are merged
+by keeping the lines of both, in any order.
+"""
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 from weakref import WeakValueDictionary
 
 from rarms_iac.model.wording import quoted
-from rarms_iac.storage.append import Damaged, Record, append, iterate_records, sealed_line
+from rarms_iac.storage.append import Damaged, LogLine, Record, append_lines, iterate_log, sealed_line
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.datalog.columns import line_of, setting_in
-from rarms_iac.storage.datalog.log import FORMAT, DataLog, Header, Recorded, Remeasurement
+from rarms_iac.storage.datalog.identity import header_digest
+from rarms_iac.storage.datalog.log import FORMAT, Header, LogFile, Recorded, Remeasurement
 from rarms_iac.storage.disk import MEASUREMENTS, make_folders
-from rarms_iac.storage.replace import replace
 
 T = TypeVar("T")
 
+CONFIGURATION, TUNING = ".configuration.jsonl", "tuning.jsonl"
+"""Names of the logs of decisions: the end of a component's, and that of a platform."""
+
+HEADER_FIELD = "header"
+"""The digest of a record's header."""
+
 REMEASUREMENT_FIELD = "pass"
-"""The one field of a pass's record; of several records of a pass the last holds."""
+"""The field of a pass's record; of several records of a pass the last holds."""
 
 
 class LogUnreadable(Exception):
-    """The file is no whole data log; `message` tells why, `line` where."""
+    """The file is not a whole log; `message` gives the reason, `line` the place."""
 
-    def __init__(self, path: Path, line: int, message: str) -> None:
+    def __init__(self, path: Path, line: int, message: str, *, is_conflict: bool = False) -> None:
         super().__init__(f"{path}:{line}: {message}")
         self.path = path
         self.line = line
         self.message = message
+        self.is_conflict = is_conflict  # git left the marks of a merge conflict there
 
 
-def begin_log(path: Path, header: Header) -> None:
-    """Make the file a log without settings, also where it was another; its folder is made. On return it is on the disk.
-
-    Args:
-        path: of the data log (`log_path`).
-        header: what it was measured with.
-
-    Raises:
-        OSError: it cannot be written; what was there is still there.
-    """
-    make_folders(path.parent)
-    line = encode(header)
-    assert isinstance(line, dict)
-    replace(path, sealed_line(line))
+def append_remeasurement(path: Path, header: Header, remeasurement: Remeasurement) -> None:
+    """Add that a pass begins; as `append_setting`."""
+    _append_below(path, header, {REMEASUREMENT_FIELD: encode(remeasurement)})
 
 
-def append_remeasurement(path: Path, remeasurement: Remeasurement) -> None:
-    """Add that a pass begins, or has ended, to a log that was begun. It is on the disk on return.
-
-    Args:
-        path: of the data log.
-        remeasurement: its seed, and whether it has ended.
+def end_remeasurement(path: Path, remeasurement: Remeasurement) -> None:
+    """Add that a pass has ended to the log in which it began.
 
     Raises:
         LogUnreadable: the log is damaged.
         OSError: it cannot be written.
     """
-    _append(path, {REMEASUREMENT_FIELD: encode(remeasurement)})
+    file = read_log(path)
+    assert file is not None, "it began there"
+    header = next(digest for digest, begun in file.remeasurements if begun == remeasurement)
+    _append_below(path, file.headers[header], {REMEASUREMENT_FIELD: encode(replace(remeasurement, ended=True))})
 
 
-def append_setting(path: Path, recorded: Recorded) -> None:
-    """Add a setting to a log that was begun. It is on the disk on return; a torn last line gives way.
+def append_setting(path: Path, header: Header, recorded: Recorded) -> None:
+    """Add a setting to a data log, and its header where the log lacks it; the log and its folder are made.
+
+    It is on the disk on return; a torn last line gives way.
 
     Args:
         path: of the data log.
+        header: the conditions that it was measured under.
         recorded: the setting, with all its samples.
 
     Raises:
         LogUnreadable: the log is damaged.
         OSError: it cannot be written.
     """
-    _append(path, line_of(recorded))
+    _append_below(path, header, line_of(recorded))
+
+
+def _append_below(path: Path, header: Header, record: Record) -> None:
+    file = read_log(path)
+    if file is None or header.digest not in file.headers:
+        append_to_log(path, header)
+    _append(path, {HEADER_FIELD: header.digest, **record})
 
 
 def append_to_log(path: Path, value: object) -> None:
@@ -91,54 +102,52 @@ def append_to_log(path: Path, value: object) -> None:
 
 
 def _append(path: Path, record: Record) -> None:
-    try:
-        append(path, record)
-    except Damaged as damage:
-        raise LogUnreadable(path, damage.line, damage.message) from None
+    with log_errors():
+        append_lines(path, sealed_line(record), in_git=True)
 
 
-def _numbered_records(path: Path) -> Iterator[tuple[int, dict[str, Json]]]:
-    """The lines of a log with their records, without a last one that a crash tore; none where there is no file.
+@contextmanager
+def log_errors() -> Iterator[None]:
+    """Turn damage of a log into `LogUnreadable`.
+
+    Yields:
+        Once, with nothing.
 
     Raises:
-        LogUnreadable: the log is damaged, or no log.
-        OSError: it cannot be read.
+        LogUnreadable: a log is damaged.
     """
-    line = 0
     try:
-        for line, record in enumerate(iterate_records(path), start=1):
-            yield line, record
+        yield
     except Damaged as damage:
-        raise LogUnreadable(path, damage.line, damage.message) from None
-    except NotDecodable as problem:
-        raise LogUnreadable(path, line + 1, str(problem)) from None
+        raise LogUnreadable(damage.path, damage.line, damage.message, is_conflict=damage.is_conflict) from None
 
 
-def decoded_records(path: Path, decode_record: Callable[[dict[str, Json]], T]) -> tuple[T, ...]:
-    """The values of a log's records, oldest first; none where there is no file.
+def decoded_records(
+    lines: Iterable[LogLine], path: Path, decode_record: Callable[[dict[str, Json]], T]
+) -> tuple[T, ...]:
+    """Return the values of a log's records, in the order of their lines.
 
     Args:
-        path: of the log.
+        lines: of the log (`iterate_log`, `log_lines`).
+        path: for messages.
         decode_record: makes a value of a record, or raises `NotDecodable`.
-
-    Returns:
-        The values.
 
     Raises:
         LogUnreadable: the log is damaged, or holds something else.
         OSError: it cannot be read.
     """
     values: list[T] = []
-    for line, record in _numbered_records(path):
-        try:
-            values.append(decode_record(record))
-        except NotDecodable as problem:
-            raise LogUnreadable(path, line, str(problem)) from None
+    with log_errors():
+        for line in lines:
+            try:
+                values.append(decode_record(line.record(path)))
+            except NotDecodable as problem:
+                raise LogUnreadable(path, line.number, str(problem)) from None
     return tuple(values)
 
 
-def read_log(path: Path) -> DataLog | None:
-    """The log, without a last line that a crash tore; None where there is no file.
+def read_log(path: Path) -> LogFile | None:
+    """Read a data log, without a last line that a crash tore; None where there is no file.
 
     As long as a process has the log, and the file is the same, it is not read again: a long one takes a second.
 
@@ -146,7 +155,7 @@ def read_log(path: Path) -> DataLog | None:
         path: of the data log.
 
     Returns:
-        Header, settings in the order of their lines, and remeasurements; the same object to every caller.
+        Headers, settings in the order of their lines, and remeasurements; the same object to every caller.
 
     Raises:
         LogUnreadable: it is damaged, of another version, or no data log.
@@ -155,17 +164,17 @@ def read_log(path: Path) -> DataLog | None:
     version = _version_of(path)
     log = None if version is None else _logs_in_use.get(version)
     if log is None:
-        log = _read_log(path)
-        if log is not None and version is not None and version == _version_of(path):
+        log = log_in(iterate_log(path), path)
+        if version is not None and version == _version_of(path):
             _logs_in_use[version] = log
-    return log
+    return log if log.headers else None
 
 
-_logs_in_use: WeakValueDictionary[Hashable, DataLog] = WeakValueDictionary()
+_logs_in_use: WeakValueDictionary[Hashable, LogFile] = WeakValueDictionary()
 
 
 def _version_of(path: Path) -> Hashable | None:
-    """What tells a file from every other, and from itself once it was written to; None: there is none."""
+    """Return what tells a file from every other, and from itself once it was written to; None: there is none."""
     try:
         status = path.stat()
     except (OSError, ValueError):
@@ -173,32 +182,80 @@ def _version_of(path: Path) -> Hashable | None:
     return (path.absolute(), status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
 
 
-def _read_log(path: Path) -> DataLog | None:
-    records = _numbered_records(path)
-    _, first = next(records, (0, None))
-    if first is None:
-        return None
-    header = _header(path, first)
-    recorded: list[Recorded] = []
-    remeasurements: dict[int, Remeasurement] = {}
-    for line, record in records:
-        try:
-            if REMEASUREMENT_FIELD in record:
-                remeasurement = _remeasurement_in(record)
-                remeasurements[remeasurement.seed] = remeasurement
-            else:
-                recorded.append(_setting(record, header))
-        except NotDecodable as problem:
-            raise LogUnreadable(path, line, str(problem)) from None
-    return DataLog(header=header, recorded=tuple(recorded), remeasurements=tuple(remeasurements.values()))
+def log_in(lines: Iterable[LogLine], path: Path) -> LogFile:
+    """Return the data log that lines are.
+
+    A header may stand behind its records, where two branches were merged by hand.
+
+    Args:
+        lines: of the log (`iterate_log`, `log_lines`); none: there is no header.
+        path: for messages.
+
+    Raises:
+        LogUnreadable: it is damaged, of another version, or no data log.
+        OSError: it cannot be read.
+    """
+    numbers: list[int] = []
+
+    def numbered() -> Iterator[LogLine]:
+        for line in lines:
+            numbers.append(line.number)
+            yield line
+
+    values = decoded_records(numbered(), path, _value_in)
+    headers: dict[str, Header] = {}
+    for value in values:
+        if isinstance(value, Header):
+            headers.setdefault(value.digest, value)
+    recorded: list[tuple[str, Recorded]] = []
+    remeasurements: dict[tuple[str, int, str], Remeasurement] = {}
+    for number, value in zip(numbers, values, strict=True):
+        if isinstance(value, Header):
+            continue
+        if value.header not in headers:
+            raise LogUnreadable(path, number, f"the log has no header {quoted(value.header)}, which it names")
+        match value.record:
+            case Recorded() as record:
+                if wrong := _wrong_members(record, headers[value.header]):
+                    raise LogUnreadable(path, number, wrong)
+                recorded.append((value.header, record))
+            case Remeasurement() as remeasurement:
+                key = (value.header, remeasurement.seed, remeasurement.begun)
+                known = remeasurements.get(key, remeasurement)
+                remeasurements[key] = replace(remeasurement, ended=remeasurement.ended or known.ended)
+    return LogFile(
+        headers=headers,
+        recorded=tuple(recorded),
+        remeasurements=tuple((header, each) for (header, _, _), each in remeasurements.items()),
+    )
 
 
-def _setting(record: Mapping[str, Json], header: Header) -> Recorded:
-    recorded = setting_in(record)
-    if (components := sorted(series.component for series in recorded.setting.series)) != sorted(header.setup.members):
-        message = f"it is of {', '.join(components) or 'nothing'}, not of {', '.join(sorted(header.setup.members))}"
-        raise NotDecodable("series", message)
-    return recorded
+@dataclass(frozen=True, slots=True)
+class _BelowHeader:
+    """A record of a data log, with the digest of its header."""
+
+    header: str
+    record: Recorded | Remeasurement
+
+
+def _value_in(record: dict[str, Json]) -> Header | _BelowHeader:
+    if "format_version" in record:
+        return _header(record)
+    header = record.pop(HEADER_FIELD, None)
+    if not isinstance(header, str):
+        raise NotDecodable(HEADER_FIELD, "it is not the digest of a header")
+    is_remeasurement = REMEASUREMENT_FIELD in record
+    return _BelowHeader(header, _remeasurement_in(record) if is_remeasurement else setting_in(record))
+
+
+def _wrong_members(recorded: Recorded, header: Header) -> str:
+    components = sorted(series.component for series in recorded.setting.series)
+    members = sorted(header.setup.members)
+    return (
+        ""
+        if components == members
+        else (f"series: it is of {', '.join(components) or 'nothing'}, not of {', '.join(members)}")
+    )
 
 
 def _remeasurement_in(record: Mapping[str, Json]) -> Remeasurement:
@@ -207,14 +264,14 @@ def _remeasurement_in(record: Mapping[str, Json]) -> Remeasurement:
     return decode(Remeasurement, record[REMEASUREMENT_FIELD])
 
 
-def _header(path: Path, record: dict[str, Json]) -> Header:
-    version = record.get("format_version")
+def _header(record: dict[str, Json]) -> Header:
+    version = record["format_version"]
     if version != FORMAT:
-        raise LogUnreadable(path, 1, f"it is of the format {quoted(version)}, and this rarms reads {FORMAT}")
-    try:
-        return decode(Header, record)
-    except NotDecodable as problem:
-        raise LogUnreadable(path, 1, str(problem)) from None
+        raise NotDecodable("format_version", f"it is {quoted(version)}, and this rarms reads {FORMAT}")
+    header = decode(Header, record)
+    if header.digest != header_digest(header):
+        raise NotDecodable("digest", "it is not the digest of this header")
+    return header
 
 
 def log_path(folder: Path, platform: str, components: Iterable[str], interference: str) -> Path:
@@ -243,4 +300,4 @@ def configuration_path(folder: Path, platform: str, component: str) -> Path:
     Returns:
         The path; whether there is such a file is not looked at.
     """
-    return folder / MEASUREMENTS / platform / f"{component}.configuration.jsonl"
+    return folder / MEASUREMENTS / platform / f"{component}{CONFIGURATION}"

@@ -6,7 +6,7 @@ placement. What has its default is left out, so that a field that a later rarms 
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from enum import Enum
 from fractions import Fraction
 from typing import Any, get_type_hints
@@ -17,7 +17,7 @@ from rarms_iac.model.quantities import Bytes, Milliseconds, Percent, write_bytes
 from rarms_iac.model.run import Run
 from rarms_iac.model.system import Component, TaskRequest
 from rarms_iac.storage.datalog.log import Header, Identity
-from rarms_iac.storage.digest import digest
+from rarms_iac.storage.digest import digest, short
 from rarms_iac.storage.json_text import canonical
 
 FILE = "file "
@@ -82,27 +82,28 @@ def header_of(subject: LogSubject, identity: Identity, platform_facts: PlatformF
         platform_facts: the host that it is measured on.
 
     Returns:
-        The header, with the digest of the identity.
+        The header with its digest.
     """
-    return Header(
+    header = Header(
         platform=subject.platform,
-        digest=identity_digest(identity),
+        digest="",
         identity=identity,
         platform_facts=platform_facts,
         setup=subject.setup,
     )
+    return replace(header, digest=header_digest(header))
 
 
-def identity_digest(identity: Identity) -> str:
-    """The digest of the parts, which a header shows and a reader compares at a glance.
+def header_digest(header: Header) -> str:
+    """Return the digest of a header, by which its records name it.
 
     Args:
-        identity: of a log, or of what would be measured now.
+        header: what it says of its own digest, and how many processors P1 had, does not count.
 
     Returns:
-        64 hex digits; interpreters are no part of it.
+        16 hex digits.
     """
-    return digest(dict(identity.parts))
+    return short(digest(replace(header, digest="", setup=replace(header.setup, processors=1))), 16)
 
 
 def _setup_parts(subject: LogSubject) -> Iterator[tuple[str, str]]:

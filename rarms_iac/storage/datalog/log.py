@@ -1,13 +1,14 @@
-"""A data log: its header, and a setting a line with where it comes from."""
+"""A data log: headers, and a setting a line with where it comes from."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Hashable, Mapping
 from dataclasses import dataclass, field, replace
+from weakref import WeakValueDictionary
 
 from rarms_iac.model.environment_setup import EnvironmentSetup, PlatformFacts
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.setting import Setting, join_settings
 
-FORMAT = "rarms-datalog/1"
+FORMAT = "rarms-datalog/2"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,10 +24,13 @@ class Identity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Header:
-    """The first line of a data log: what all its settings have in common."""
+    """A line of a data log: what settings have in common that were measured under the same conditions.
+
+    A file has several where the conditions changed, or where branches were merged that both measured.
+    """
 
     platform: str
-    digest: str  # of the identity's parts
+    digest: str  # of all the rest but P1's processors, of which each setting says its own; each record names it
     identity: Identity
     platform_facts: PlatformFacts
     setup: EnvironmentSetup
@@ -68,11 +72,12 @@ class Remeasurement:
 
 @dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True)
 class DataLog:
-    """All that was measured of components in one partition, against one interfering load, on one platform."""
+    """What was measured of components in one partition, against one interfering load, under equal conditions."""
 
     header: Header
     recorded: tuple[Recorded, ...]  # in the order in which they were measured
     remeasurements: tuple[Remeasurement, ...] = ()  # those that were asked for, in order
+    file: "LogFile | None" = field(default=None, repr=False, compare=False)  # that it is a part of, and keeps in memory
     settings: tuple[Setting, ...] = field(init=False, repr=False, compare=False)
     """What counts, joined to one setting a reservation, in the order in which these were first measured."""
 
@@ -93,7 +98,7 @@ class DataLog:
         if processors == self.header.setup.processors and len(own) == len(self.recorded):
             return self
         header = replace(self.header, setup=replace(self.header.setup, processors=processors))
-        return DataLog(header=header, recorded=own, remeasurements=self.remeasurements)
+        return DataLog(header=header, recorded=own, remeasurements=self.remeasurements, file=self.file)
 
     def processors_of(self, setting: Setting) -> int:
         """Return the virtual processors that P1 had at a setting of this log."""
@@ -143,3 +148,46 @@ class DataLog:
             ),
             default=0,
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True)
+class LogFile:
+    """All records of a data log's file, each with the digest of its header."""
+
+    headers: Mapping[str, Header]  # by digest, in the order of their lines
+    recorded: tuple[tuple[str, Recorded], ...]
+    remeasurements: tuple[tuple[str, Remeasurement], ...] = ()
+    _logs: "WeakValueDictionary[Hashable, DataLog]" = field(
+        default_factory=WeakValueDictionary, init=False, repr=False, compare=False
+    )
+
+    def log_of(self, header: Header, digests: Collection[str]) -> DataLog:
+        """Return what was measured under some of the headers; the same object as long as it is in use.
+
+        Args:
+            header: What the log begins with.
+            digests: Of the headers whose records count.
+        """
+        key = (header.digest, *sorted(digests))
+        log = self._logs.get(key)
+        if log is None:
+            log = self._logs[key] = DataLog(
+                header=header,
+                recorded=tuple(record for digest, record in self.recorded if digest in digests),
+                remeasurements=tuple(each for digest, each in self.remeasurements if digest in digests),
+                file=self,
+            )
+        return log
+
+    def last_measured(self, digest: str) -> str:
+        """Return when the last record of a header was made.
+
+        Args:
+            digest: Of the header.
+
+        Returns:
+            UTC, as texts that sort by time; empty: it has no record.
+        """
+        times = [record.provenance.when for own, record in self.recorded if own == digest]
+        times += [remeasurement.begun for own, remeasurement in self.remeasurements if own == digest]
+        return max(times, default="")

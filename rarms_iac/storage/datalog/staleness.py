@@ -1,15 +1,19 @@
-"""Whether a data log still holds: what changed since, what only warns, and what cannot be looked at here."""
+"""Which records of a data log count now, and what changed, what only warns and what cannot be looked at here."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
+from typing import TypeVar
 
 from rarms_iac.model.environment_setup import PlatformFacts
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.quantities import UNITS, Unit
 from rarms_iac.storage.datalog.identity import FILE, PROCESSORS, can_change_indexes
-from rarms_iac.storage.datalog.log import Header, Identity
+from rarms_iac.storage.datalog.log import DataLog, Header, Identity, LogFile
 
 ABSENT = "nothing"
+HARDWARE = frozenset({"provider", "processor model", "logical processors", "SMT"})
+"""Parts of a platform that only another machine has otherwise."""
 
 
 _MANIFEST_KEYS = {
@@ -52,6 +56,11 @@ class Changed:
     part: str
     before: str
     after: str
+
+    @property
+    def is_of_hardware(self) -> bool:
+        """Whether another machine, or the same one rebuilt, has it so; not the manifest or a file."""
+        return self.part in HARDWARE
 
     def __str__(self) -> str:
         """`vision.run.timeout: 60000 ms -> 1000 ms`, by the manifest's keys; of a file, only that it changed."""
@@ -101,6 +110,70 @@ def compare_header(
             if part.startswith(FILE) and part not in identity.parts
         ),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Present:
+    """What of a data log's file holds now."""
+
+    log: DataLog | None  # the records of the headers that hold; None: none does, and the file is stale
+    comparison: Comparison  # of these headers; where none holds, of the one that was measured last
+    others: int = 0  # settings of other headers, which do not count
+    other_hardware: tuple[Changed, ...] = ()  # hardware of theirs that may be this host's too, and was measured earlier
+
+
+def present_log(file: LogFile, members: Sequence[str], identity: Identity, platform_facts: ObservedPlatform) -> Present:
+    """Select the records of a data log that hold now.
+
+    Headers that all may hold, because something could not be looked at, may still contradict each other: another
+    processor model, another digest of a file that is not here. Then the one counts of which most was verified, of
+    equal ones the one that was measured last, with all that agree with it.
+
+    Args:
+        file: As it was read.
+        members: The components that would be measured now, by name.
+        identity: Of what would be measured now.
+        platform_facts: The host as it is now, as far as anybody looked.
+    """
+    comparisons = {
+        digest: compare_header(header, members, identity, platform_facts) for digest, header in file.headers.items()
+    }
+    may_hold = [digest for digest, comparison in comparisons.items() if not comparison.changed]
+
+    def age(digest: str) -> tuple[int, str, str]:
+        return -len(comparisons[digest].unverified), file.last_measured(digest), digest
+
+    if not may_hold:
+        latest = max(file.headers, key=lambda digest: (file.last_measured(digest), digest))
+        return Present(log=None, comparison=comparisons[latest], others=len(file.recorded))
+    chosen = max(may_hold, key=age)
+    reference = file.headers[chosen]
+    contradictions = {
+        digest: compare_header(file.headers[digest], members, reference.identity, reference.platform_facts).changed
+        for digest in may_hold
+    }
+    counting = [digest for digest in may_hold if not contradictions[digest]]
+    log = file.log_of(reference, counting)
+    return Present(
+        log=log,
+        comparison=Comparison(
+            changed=(),
+            warns=_joined(comparisons[digest].warns for digest in counting),
+            unverified=_joined(comparisons[digest].unverified for digest in counting),
+        ),
+        others=len(file.recorded) - len(log.recorded),
+        other_hardware=_joined(
+            tuple(change for change in contradictions[digest] if change.is_of_hardware) for digest in may_hold
+        ),
+    )
+
+
+T = TypeVar("T")
+
+
+def _joined(parts: Iterable[tuple[T, ...]]) -> tuple[T, ...]:
+    """All of them, each once."""
+    return tuple(dict.fromkeys(chain.from_iterable(parts)))
 
 
 _KINDS = frozenset({ABSENT, "Field", "Closed", "Periodic", "Command", "Call"})

@@ -3,6 +3,7 @@
 import html
 import json
 import shlex
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,10 @@ from rarms_iac.app.requests import ManifestSource, today_utc
 from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.indexes import index_named
 from rarms_iac.planner.planning_findings import ON_NEIGHBOURS
+from rarms_iac.storage.append import LogLine
 from rarms_iac.storage.datalog import files as log_files
 from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex
-from rarms_iac.storage.datalog.files import append_setting, append_to_log, begin_log, configuration_path
+from rarms_iac.storage.datalog.files import append_setting, append_to_log, configuration_path
 from rarms_iac.storage.datalog.identity import header_of, identity_of
 from rarms_iac.storage.datalog.log import Recorded
 from rarms_iac.storage.datalog.named_files import Files
@@ -58,10 +60,10 @@ def robot(tmp_path: Path) -> Path:
     system = load_manifest(ManifestSource(manifest=str(manifest), today=today_utc())).system
     subject = subject_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
     path = path_of(tmp_path, subject)
-    begin_log(path, header_of(subject, identity_of(subject, Files(tmp_path).of(subject), {}), a_bench()))
+    header = header_of(subject, identity_of(subject, Files(tmp_path).of(subject), {}), a_bench())
     for reserve in (20, 40, 60, 80):
         setting = a_measured_setting("vision", reserve, face_detection, samples=2000)
-        append_setting(path, Recorded(setting=setting, provenance=replace(TAKEN)))
+        append_setting(path, header, Recorded(setting=setting, provenance=replace(TAKEN)))
     return manifest
 
 
@@ -102,13 +104,13 @@ def test_a_stale_log_is_named_and_not_drawn_and_folded_on_the_page(robot: Path, 
 
 def test_a_log_is_read_once_for_all_that_a_report_shows(robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     read: list[Path] = []
-    numbered_records = log_files._numbered_records
+    log_in = log_files.log_in
 
-    def counted(path: Path) -> object:
+    def counted(lines: Iterable[LogLine], path: Path) -> object:
         read.append(path)
-        return numbered_records(path)
+        return log_in(lines, path)
 
-    monkeypatch.setattr(log_files, "_numbered_records", counted)
+    monkeypatch.setattr(log_files, "log_in", counted)
 
     answer = rarms("report", "--out", str(robot.parent / "report.html"), "-f", str(robot))
 

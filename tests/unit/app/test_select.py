@@ -4,10 +4,9 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.storage.datalog.decisions import Chosen, read_entries
-from rarms_iac.storage.datalog.files import append_setting, configuration_path
-from rarms_iac.storage.datalog.log import Recorded
-from tests.builders_measured import TAKEN, a_setting
-from tests.measuring import leave_log, steady
+from rarms_iac.storage.datalog.files import configuration_path
+from tests.builders_measured import a_setting
+from tests.measuring import add_setting, leave_log, steady
 from tests.unit.app.test_data_logs import MEANS, edit, here, measure
 from tests.unit.cli.running import rarms
 from tests.unit.views.test_json import check
@@ -73,7 +72,7 @@ def test_where_the_highest_setting_was_measured_only_an_easier_level_is_advised(
 def test_an_easier_level_holds_beside_the_load_that_was_measured_least(here: Path) -> None:
     edit(here / "rarms.yaml", "hosts:", "policy: { interference: [busy-loop, bursts-20] }\n\nhosts:")
     log = measure(here, MEANS)
-    append_setting(log, Recorded(setting=a_setting(100, steady("vision", 75.0)), provenance=TAKEN))
+    add_setting(log, a_setting(100, steady("vision", 75.0)))
 
     hopeless = " ".join(rarms("select", "vision", "--at", "70 ms", "-f", str(here)).err.split())
     unmeasured = " ".join(rarms("select", "vision", "--at", "80 ms", "-f", str(here)).err.split())
@@ -88,7 +87,7 @@ def test_an_easier_level_holds_beside_the_load_that_was_measured_least(here: Pat
 def test_what_was_measured_beside_one_of_two_loads_is_said_of_that_load(here: Path) -> None:
     edit(here / "rarms.yaml", "hosts:", "policy: { interference: [bursts-20, busy-loop] }\n\nhosts:")
     busy = leave_log(here, ["vision"], [a_setting(62, steady("vision", 90.0))]).with_name("busy-loop.jsonl")
-    append_setting(busy, Recorded(setting=a_setting(61, steady("vision", 120.0)), provenance=TAKEN))
+    add_setting(busy, a_setting(61, steady("vision", 120.0)))
 
     selected = rarms("select", "vision", "--at", "95 ms", "-f", str(here)).out
     explained = " ".join(rarms("explain", "vision", "-f", str(here)).out.split())

@@ -12,7 +12,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import chdir
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, dataclass
 from functools import cache
 from pathlib import Path
 from typing import TypeAlias
@@ -22,10 +22,9 @@ import pytest
 import rarms_iac
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.model import commands
-from rarms_iac.storage.datalog.files import append_setting, begin_log, read_log
 from tests.crashing import KILLED
 from tests.files import copy_files
-from tests.measuring import leave_logs
+from tests.measuring import leave_logs, rewrite_log, with_weak_load
 from tests.needs import CHECKOUT
 from tests.unit.cli.running import rarms
 
@@ -138,11 +137,7 @@ MEASURE_KILLED = killed(MEASURE, at=30)
 
 def weak_log() -> None:
     """Have the data log say that its load left processors idle."""
-    log = read_log(Path(LOG))
-    assert log is not None
-    begin_log(Path(LOG), log.header)
-    for recorded in log.recorded:
-        append_setting(Path(LOG), replace(recorded, provenance=replace(recorded.provenance, weak_load=True)))
+    rewrite_log(Path(LOG), with_weak_load)
 
 
 def empty_log() -> None:

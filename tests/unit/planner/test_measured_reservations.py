@@ -11,6 +11,7 @@ from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, NotMeasured
 from rarms_iac.planner.reservations import MeasuredReservations
 from rarms_iac.statistics.curves import Curve, curve_of
+from tests import builders_measured
 from tests.builders import PathPlaces, a_component, a_cpu, a_host, a_system, at_most
 from tests.builders_measured import a_series, a_setting
 
@@ -39,6 +40,7 @@ def a_log(
         processors=processors,
         measured=tuple(sorted(means)),
         curves=lambda component, _index: curves[component],
+        records=builders_measured.a_log(()),
         remarks=remarks,
         again=command("measure", "vision"),
     )

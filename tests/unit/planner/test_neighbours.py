@@ -12,7 +12,7 @@ from rarms_iac.planner.measured_together import MeasuredTogether
 from rarms_iac.planner.reservations import MeasuredReservations
 from rarms_iac.statistics.curves import curve_of
 from tests.builders import PathPlaces, a_component, a_host, a_run, a_simulation, a_system, at_least, at_most
-from tests.builders_measured import a_series, a_setting
+from tests.builders_measured import a_log, a_series, a_setting
 
 JOBS = [10.0, 10.2, 9.8] * 400
 OTHER = a_component("other", reserve="20 %")
@@ -27,6 +27,7 @@ def measured(*, work_ms: float = 4.0, load: str = "busy-loop") -> MeasuredTogeth
         processors=2,
         measured=(40,),
         curves=lambda component, index: curve_of([a_setting(40, series)], component, index, a_run()),
+        records=a_log(()),
         cpu_ms=lambda _component: work_ms,
         used=1,
     )

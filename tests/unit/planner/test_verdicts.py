@@ -1,6 +1,7 @@
 """One verdict on components by their data logs, and what it says where it gives no reservation."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import pytest
 
@@ -10,6 +11,7 @@ from rarms_iac.model.system import Component, run_of
 from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, NotMeasured
 from rarms_iac.planner.verdicts import decide, why_unknown
 from rarms_iac.statistics.curves import curve_of
+from tests import builders_measured
 from tests.builders import a_component, at_most
 from tests.builders_measured import a_series, a_setting
 
@@ -29,6 +31,7 @@ def a_log(means: Mapping[int, float], load: str = "busy-loop", samples: int = 60
         processors=2,
         measured=tuple(sorted(means)),
         curves=lambda component, index: curve_of(settings, component, index, run_of(VISION)),
+        records=builders_measured.a_log(settings),
         again=command("measure", "vision"),
     )
 
@@ -75,7 +78,7 @@ def test_a_member_that_is_met_reserves_nothing_while_another_is_open() -> None:
         own = component == "quick"
         return curve_of(settings, component, index, run_of(quick)) if own else log.curves(component, index)
 
-    both = MeasuredTogether(path="x", interference="busy-loop", processors=2, measured=(60, 100), curves=curves)  # type: ignore[arg-type]  # a curve all the same
+    both = replace(log, curves=curves)  # type: ignore[arg-type]  # a curve all the same
     verdict = decide([VISION, quick], [both]).verdict
 
     assert (verdict.of("quick"), verdict.of("vision"), verdict.reserve) == (Achievement.MET, Achievement.OPEN, None)

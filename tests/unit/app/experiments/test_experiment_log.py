@@ -9,11 +9,11 @@ import pytest
 
 from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.storage import disk
-from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.datalog.log import DataLog
 from tests.crashing import Crash, CrashingDisk, When
 from tests.effort import LONG
 from tests.fluid import without_scheduler
+from tests.measuring import the_log as measured_log
 from tests.unit.cli.running import Ran, rarms
 
 MANIFEST = """\
@@ -63,9 +63,7 @@ def path_of(name: str) -> Path:
 
 
 def the_log(name: str) -> DataLog:
-    log = read_log(path_of(name))
-    assert log is not None
-    return log
+    return measured_log(path_of(name))
 
 
 def recorded(name: str) -> list[tuple[int, int]]:

@@ -171,14 +171,36 @@ def test_a_seed_says_where_chance_is_drawn_and_not_what_counts(here: Path) -> No
     assert [json.loads(line)["seed"] for line in lines[1:]] == [1, 1, 2]
 
 
-def test_a_changed_component_begins_its_log_anew(here: Path) -> None:
+def test_a_changed_component_is_measured_again(here: Path) -> None:
     measured("--from", "50%", "--to", "60%")
     write(here, MANIFEST.replace("work: 20 ms", "work: 22 ms"))
     ran = rarms("measure", "--from", "50%", "--to", "50%")
 
     assert ran.code == 0
-    assert "is stale and is begun anew: vision.simulation.work: 20 ms -> 22 ms." in " ".join(ran.err.split())
+    assert "Changed since measurements" in ran.err
+    assert "vision.simulation.work: 20 ms -> 22 ms." in " ".join(ran.err.split())
     assert reserves(measured("--from", "50%", "--to", "50%")) == [50]
+
+    write(here, MANIFEST)
+    again = measured("--from", "50%", "--to", "60%")
+    assert again["new"] == 0, "the earlier results stay in the file"
+
+
+def test_other_hardware_is_refused_before_a_platform_is_named(here: Path) -> None:
+    measured("--from", "50%", "--to", "50%")
+    other = here / "robot-2.yaml"
+    other.write_text("hosts: { onboard: { logical_processors: 4 } }\n", encoding="utf-8")
+    words = ("measure", "--from", "50%", "--to", "50%", "--overlay", str(other))
+
+    refusal = rarms(*words)
+    assert refused(refusal) == (4, "RARMS102")
+    assert "logical processors: 2 -> 4" in " ".join(refusal.err.split())
+    assert "`platform: NAME`" in refusal.err
+    assert rarms(*words, "--again").code == 0, "the same machine was changed"
+
+    assert measured("--from", "50%", "--to", "50%")["new"] == 0
+    other.write_text("hosts: { onboard: { logical_processors: 8, platform: large } }\n", encoding="utf-8")
+    assert rarms(*words).code == 0
 
 
 def test_what_runs_is_in_the_way_and_can_be_borne(here: Path) -> None:

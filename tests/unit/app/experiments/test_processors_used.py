@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.storage.datalog.files import append_setting, begin_log, read_log
+from tests.measuring import rewrite_log
 from tests.unit.cli.running import rarms
 
 MANIFEST = """\
@@ -93,12 +93,13 @@ def test_who_uses_more_later_is_measured_with_so_many_and_the_old_settings_stay(
         before = recorded()
         manifest.write_text(MANIFEST.replace("THREADS", "2"), encoding="utf-8", newline="\n")
         lines = LOG.read_text(encoding="utf-8")
-        rarms("measure")  # stale: begun anew, of two threads
+        rarms("measure")  # stale: measured again, of two threads
         after = recorded()
 
     assert before[0] == (4, 1)
     assert '"threads"' not in lines.splitlines()[0]
-    assert after[0] == (4, 2)
+    assert after[: len(before)] == before
+    assert after[len(before)] == (4, 2)
 
 
 def test_a_setting_that_shows_more_begins_a_curve_of_its_own_and_says_anew_how_many_settings_it_may_take(
@@ -108,12 +109,7 @@ def test_a_setting_that_shows_more_begins_a_curve_of_its_own_and_says_anew_how_m
     manifest.write_text(MANIFEST.replace("THREADS", "2"), encoding="utf-8", newline="\n")
     with chdir(manifest.parent):
         rarms("measure", "--from", "40%", "--to", "40%")
-        log = read_log(LOG)
-        assert log is not None
-        begin_log(LOG, log.header)
-        for each in log.recorded:
-            setting = replace(each.setting, processors=1, used_processors=1)
-            append_setting(LOG, replace(each, setting=setting))
+        rewrite_log(LOG, lambda each: replace(each, setting=replace(each.setting, processors=1, used_processors=1)))
         ran = rarms("measure")
         seen = recorded()
 

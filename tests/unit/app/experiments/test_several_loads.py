@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import chdir
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
@@ -17,8 +17,8 @@ from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.outcomes import Conclusion, NotAchievable, Stopped, Sufficient, Swept
 from rarms_iac.model.setting import OutsideWork, SettingEvidence
 from rarms_iac.providers.simulated.measuring import SimulatedRun
-from rarms_iac.storage.datalog.files import append_setting, begin_log, read_log
 from tests.builders import a_component, a_host, a_system
+from tests.measuring import rewrite_log, with_weak_load
 from tests.unit.cli.running import rarms
 
 SYSTEM = a_system(hosts=[a_host(), a_host("other")], components=[a_component("vision"), a_component("speech")])
@@ -212,11 +212,7 @@ def test_a_log_whose_load_was_seen_to_leave_processors_idle_is_taken_with_a_warn
     path = tmp_path / "measurements" / "onboard" / "a" / "busy-loop.jsonl"
     with chdir(tmp_path):
         rarms("measure")
-        log = read_log(path)
-        assert log is not None
-        begin_log(path, log.header)
-        for recorded in log.recorded:
-            append_setting(path, replace(recorded, provenance=replace(recorded.provenance, weak_load=True)))
+        rewrite_log(path, with_weak_load)
         planned = rarms("plan")
 
     assert planned.code == 0, planned.err

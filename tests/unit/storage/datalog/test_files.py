@@ -1,3 +1,4 @@
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -7,17 +8,29 @@ import pytest
 from rarms_iac.model.series import Sample
 from rarms_iac.storage.append import append
 from rarms_iac.storage.datalog.columns import as_recorded, line_of
-from rarms_iac.storage.datalog.files import LogUnreadable, append_setting, begin_log, log_path, read_log
+from rarms_iac.storage.datalog.files import (
+    HEADER_FIELD,
+    LogUnreadable,
+    append_setting,
+    append_to_log,
+    log_path,
+    read_log,
+)
 from rarms_iac.storage.datalog.log import Recorded
 from tests.builders_measured import TAKEN, a_header, a_series, a_setting
+from tests.measuring import the_log
 
 
 def a_file(folder: Path, *reserves: int) -> Path:
     path = log_path(folder, "onboard", ["vision", "speech"], "busy-loop")
-    begin_log(path, a_header())
+    append_to_log(path, a_header())
     for each in reserves:
-        append_setting(path, Recorded(setting=a_setting(each), provenance=TAKEN))
+        append_setting(path, a_header(), Recorded(setting=a_setting(each), provenance=TAKEN))
     return path
+
+
+def append_line(path: Path, line: Mapping[str, Any]) -> None:
+    append(path, {HEADER_FIELD: a_header().digest, **line})
 
 
 def test_a_log_lies_where_its_components_platform_and_load_say(tmp_path: Path) -> None:
@@ -37,11 +50,10 @@ def test_what_is_written_reads_back(tmp_path: Path) -> None:
         cpu_ms=None,
     )
     path = a_file(tmp_path, 70)
-    append_setting(path, Recorded(setting=a_setting(10, odd), provenance=replace(TAKEN, beside=("other",))))
+    append_setting(path, a_header(), Recorded(setting=a_setting(10, odd), provenance=replace(TAKEN, beside=("other",))))
 
-    log = read_log(path)
+    log = the_log(path)
 
-    assert log is not None
     assert log.header == a_header()
     assert log.settings == (a_setting(70), as_recorded(a_setting(10, odd)))
     assert log.recorded[1].provenance.beside == ("other",)
@@ -53,15 +65,9 @@ def test_a_log_that_is_in_use_is_read_again_only_when_it_was_written_to(tmp_path
     log = read_log(path)
 
     assert read_log(path) is log
-    append_setting(path, Recorded(setting=a_setting(20), provenance=TAKEN))
-    longer = read_log(path)
-    begin_log(path, a_header())
-    begun_anew = read_log(path)
+    append_setting(path, a_header(), Recorded(setting=a_setting(20), provenance=TAKEN))
 
-    assert longer is not None
-    assert [setting.reserve for setting in longer.settings] == [10, 20]
-    assert begun_anew is not None
-    assert begun_anew.settings == ()
+    assert [setting.reserve for setting in the_log(path).settings] == [10, 20]
 
 
 def test_a_damaged_earlier_setting_is_an_error_that_names_its_line(tmp_path: Path) -> None:
@@ -82,20 +88,10 @@ def test_where_no_file_is_there_is_no_log_and_an_empty_one_is_damaged(tmp_path: 
         read_log(path)
 
 
-def test_a_log_that_is_begun_anew_has_no_settings(tmp_path: Path) -> None:
-    path = a_file(tmp_path, 10)
-
-    begin_log(path, a_header())
-
-    log = read_log(path)
-    assert log is not None
-    assert log.settings == ()
-
-
 def test_a_sealed_setting_without_a_members_series_is_no_setting_of_the_log(tmp_path: Path) -> None:
     path = a_file(tmp_path, 10)
     line = line_of(Recorded(setting=replace(a_setting(), series=()), provenance=TAKEN))
-    append(path, line)
+    append_line(path, line)
 
     with pytest.raises(LogUnreadable, match="series: it is of nothing, not of"):
         read_log(path)
@@ -114,7 +110,7 @@ def test_a_sealed_setting_without_a_members_series_is_no_setting_of_the_log(tmp_
 def test_what_is_no_setting_says_why(tmp_path: Path, before: str, after: Any, message: str) -> None:
     path = a_file(tmp_path)
     line: dict[str, Any] = line_of(Recorded(setting=a_setting(), provenance=TAKEN))
-    append(path, {**line, before: after})
+    append_line(path, {**line, before: after})
 
     with pytest.raises(LogUnreadable, match=message):
         read_log(path)
@@ -134,7 +130,7 @@ def test_what_is_no_setting_says_why(tmp_path: Path, before: str, after: Any, me
 def test_columns_that_do_not_fit_say_why(tmp_path: Path, column: str, value: Any, message: str) -> None:
     path = a_file(tmp_path)
     line: dict[str, Any] = line_of(Recorded(setting=a_setting(), provenance=TAKEN))
-    append(path, {**line, "series": [{**line["series"][0], column: value}]})
+    append_line(path, {**line, "series": [{**line["series"][0], column: value}]})
 
     with pytest.raises(LogUnreadable, match=message):
         read_log(path)
@@ -142,7 +138,7 @@ def test_columns_that_do_not_fit_say_why(tmp_path: Path, column: str, value: Any
 
 def test_another_version_is_told(tmp_path: Path) -> None:
     path = tmp_path / "log.jsonl"
-    begin_log(path, replace(a_header(), format_version="rarms-datalog/9"))
+    append_to_log(path, replace(a_header(), format_version="rarms-datalog/9"))
 
     with pytest.raises(LogUnreadable, match="rarms-datalog/9"):
         read_log(path)
