@@ -275,6 +275,20 @@ def test_a_robot_measures_and_proves(fleet: Fleet) -> None:
     assert (proven.code, proven.results["r-2"]["proof"]["met"]) == (0, True)
 
 
+def test_an_answer_without_end_fails_its_own_robot(tmp_path: Path) -> None:
+    fleet = a_fleet(tmp_path, LINUX)
+    fleet.add("r-1")
+    fleet.add("r-2", "hosts: { onboard: { provider: simulated } }\n")
+    ssh = tmp_path / "ssh"
+    ssh.write_text('#!/bin/sh\ncase "$*" in *rarms*) exec yes ;; esac\n', encoding="utf-8")
+    ssh.chmod(0o755)
+
+    played = fleet.play(APPLY, vars={"ansible_ssh_executable": str(ssh)})
+
+    assert "answered with more than 67,108,864 characters" in played.results["r-1"]["msg"]
+    assert played.changed == ["r-2"]
+
+
 def test_another_robots_plan_is_refused_before_an_unfinished_run_is_ended(fleet: Fleet) -> None:
     plan: Task = {"rarms.fleet.apply": {"state": "planned", "plan": "plans/{{ inventory_hostname }}.json"}}
     fleet.add("r-1")

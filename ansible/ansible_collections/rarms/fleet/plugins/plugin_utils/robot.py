@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import importlib
 import json
+import resource
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -29,6 +31,7 @@ try:
     from rarms_iac.providers.channel import CommandChannel, CommandResult
     from rarms_iac.providers.hyperv.winrm import ServiceChannel
     from rarms_iac.providers.interface import HostFailed, HostUnreachable
+    from rarms_iac.storage.reading import STATE_LIMIT
     from rarms_iac.views.json_output import json_of
 except ImportError as error:
     RARMS_MISSING = str(error)
@@ -38,6 +41,7 @@ else:
 Result = dict[str, Any]
 
 LAST_CHARACTERS = 2_000  # of a command's standard error
+COPIES = 8  # bytes, text and lines of an answer, each while it grows
 MOST_REASONS = 3  # findings that the one line of a failed task names; the result has all
 ROBOT_ARGUMENTS = {
     "manifest": {"type": "path"},
@@ -98,14 +102,43 @@ class ConnectionChannel:
         """Run one command there; Ansible waits for it as long as the task's own `timeout` says."""
         try:
             # NOTE: never without input: Ansible's ssh would ask for a terminal, and that joins error and output.
-            result = self._action._low_level_execute_command(command, in_data=data or b"\n")
+            with _bounded_memory():
+                result = self._action._low_level_execute_command(command, in_data=data or b"\n")
+        except MemoryError:
+            raise self._too_much() from None
         except AnsibleConnectionFailure as failure:
             advice = "Try `ansible -m ansible.builtin.raw -a true` on it."
             if self._was_reached:
                 raise HostFailed(self._host, f"the connection to {self.target} broke: {failure}", advice) from failure
             raise HostUnreachable(self._host, f"{self.target} cannot be reached: {failure}", advice) from failure
         self._was_reached = True
+        if len(result["stdout"]) > STATE_LIMIT:
+            raise self._too_much()
         return CommandResult(code=result["rc"], output=result["stdout"], error=result["stderr"][-LAST_CHARACTERS:])
+
+    def _too_much(self) -> HostFailed:
+        message = f"{self.target} answered with more than {STATE_LIMIT:,} characters"
+        return HostFailed(self._host, message, "Look at the output of its login and of its programs.")
+
+
+@contextmanager
+def _bounded_memory() -> Iterator[None]:
+    """Bound the memory of this process, which has one task on one robot: Ansible keeps all that the robot answers.
+
+    Raises:
+        MemoryError: it needs more than an answer of `STATE_LIMIT`, of which Ansible makes copies.
+    """
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+    except OSError:  # not Linux: the length of the answer is looked at when all of it is there
+        yield
+        return
+    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + COPIES * STATE_LIMIT, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
 
 
 class RobotAction(ActionBase):
