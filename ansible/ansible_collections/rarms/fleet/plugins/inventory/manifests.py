@@ -13,7 +13,7 @@ description:
     of the manifest where no overlays are named.
   - Reads files that are called C(*fleet.yml) or C(*fleet.yaml).
   - A robot whose overlay is broken comes with a warning, in the group C(rarms_invalid), and fails its own rarms tasks
-    alone.
+    alone. So does a robot that has the name of a group or of another robot; it is called after its overlay's path.
 extends_documentation_fragment: constructed
 requirements: [rarms-iac]
 options:
@@ -48,11 +48,15 @@ keyed_groups:
 """
 
 import shlex
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from os.path import relpath
 from pathlib import Path
 from typing import Any
 
 from ansible.errors import AnsibleParserError
+from ansible.inventory.data import InventoryData
 from ansible.plugins.inventory import BaseInventoryPlugin, Constructable
 from ansible.template import trust_as_template
 
@@ -65,6 +69,41 @@ except ImportError as error:
     RARMS_MISSING = str(error)
 else:
     RARMS_MISSING = ""
+
+
+INVALID = "rarms_invalid"
+"""The group of robots that fail their rarms tasks, and their variable with the reason."""
+
+
+@dataclass(frozen=True)
+class FoundRobot:
+    """A robot as its overlay has it."""
+
+    name: str
+    source: str  # the path of its overlay, or of the manifest and the name of its host
+    variables: Mapping[str, Any]
+    groups: tuple[str, ...] = ()
+    reason: str = ""  # why it fails its rarms tasks; empty: it does not
+
+    def failing(self, reason: str) -> FoundRobot:
+        """Return the robot that fails its rarms tasks.
+
+        Args:
+            reason: whole sentences.
+        """
+        variables = {key: value for key, value in self.variables.items() if key in KEPT_VARIABLES}
+        return replace(self, variables={**variables, INVALID: reason}, groups=(INVALID,), reason=reason)
+
+
+KEPT_VARIABLES = frozenset({"rarms_robot", "rarms_manifest", "rarms_overlays"})
+"""Variables of a robot that fails its rarms tasks."""
+
+
+class _GroupNames(InventoryData):
+    """An inventory that has the names of groups, and nothing in them."""
+
+    def add_child(self, group: str, child: str) -> bool:  # noqa: ARG002 - the inventory's
+        return False
 
 
 class InventoryModule(BaseInventoryPlugin, Constructable):
@@ -97,37 +136,26 @@ class InventoryModule(BaseInventoryPlugin, Constructable):
         files = sorted({str(file) for pattern in self.get_option("overlays") for file in folder.glob(pattern)})
         if self.get_option("overlays") and not files:
             raise AnsibleParserError(f"{path}: no overlay matches {', '.join(self.get_option('overlays'))}")
-        if not files:
-            self._add_hosts(manifest, common, "")
-        named: dict[str, str] = {}
-        for file in files:
-            if (other := named.setdefault(Path(file).stem, file)) != file:
-                raise AnsibleParserError(f"{path}: {other} and {file} describe robots of one name; rename one.")
-            self._add_hosts(manifest, [*common, file], Path(file).stem)
+        robots = [robot for file in files or [""] for robot in self._robots(manifest, common, file)]
+        for robot in self._with_names_of_their_own(robots, folder):
+            if robot.reason:
+                self.display.warning(f"{robot.name} fails its rarms tasks: {robot.reason}")
+            self._add_robot(robot)
 
-    def _add_hosts(self, manifest: str, overlays: Sequence[str], robot: str) -> None:
-        """Add the hosts of one manifest with its overlays; a robot of one host has the robot's name."""
+    def _robots(self, manifest: str, common: Sequence[str], file: str) -> list[FoundRobot]:
+        """The robots of one overlay, or of the manifest; a robot that is one host of many has both names."""
+        overlays, robot = [*common, *([file] if file else [])], Path(file).stem
+        common_variables = {"rarms_manifest": manifest, "rarms_overlays": overlays}
         try:
             hosts = load(manifest, overlays=overlays)
-        except (UseCaseError, RequestError) as error:
-            if not robot:
+        except (UseCaseError, RequestError, OSError) as error:
+            if not file:
                 raise AnsibleParserError(f"{manifest}: {_reason(error)}") from error
-            self.display.warning(f"{robot} fails its rarms tasks, since it cannot be read: {_reason(error)}")
+            return [FoundRobot(robot, file, {"rarms_robot": robot, **common_variables}).failing(_reason(error))]
+        robots = []
+        for name, host in sorted(hosts.system.hosts.items()):
             variables = {
-                "rarms_invalid": _reason(error),
-                "rarms_robot": robot,
-                "rarms_manifest": manifest,
-                "rarms_overlays": list(overlays),
-            }
-            self._add_robot(robot, variables, ["rarms_invalid"], strict=False)
-            return
-        names = sorted(hosts.system.hosts)
-        for name in names:
-            robot_name = name if not robot else robot if len(names) == 1 else f"{robot}-{name}"
-            host = hosts.system.hosts[name]
-            variables = {
-                "rarms_manifest": manifest,
-                "rarms_overlays": list(overlays),
+                **common_variables,
                 "rarms_host": name,
                 "rarms_robot": hosts.system.application.robot or name,
                 "rarms_platform": host.platform,
@@ -135,19 +163,49 @@ class InventoryModule(BaseInventoryPlugin, Constructable):
                 "rarms_application": hosts.system.application.name,
                 **_connection(host),
             }
-            kinds = ("platform", "provider", "application")
-            groups = [f"rarms_{kind}_{variables[f'rarms_{kind}']}" for kind in kinds]
-            self._add_robot(robot_name, variables, groups, strict=self.get_option("strict"))
+            robot_name = name if not file else robot if len(hosts.system.hosts) == 1 else f"{robot}-{name}"
+            groups = tuple(
+                f"rarms_{kind}_{variables[f'rarms_{kind}']}" for kind in ("platform", "provider", "application")
+            )
+            source = file if file and len(hosts.system.hosts) == 1 else f"{file or manifest}/{name}"
+            robots.append(FoundRobot(robot_name, source, variables, groups))
+        return robots
 
-    def _add_robot(self, name: str, variables: dict[str, Any], groups: Sequence[str], *, strict: bool) -> None:
-        self.inventory.add_host(name)
-        for key, value in variables.items():
-            self.inventory.set_variable(name, key, value)
-        for group in groups:
-            self.inventory.add_child(self.inventory.add_group(self._sanitize_group_name(group)), name)
-        self._set_composite_vars(self.get_option("compose"), variables, name, strict=strict)
-        self._add_host_to_composed_groups(self.get_option("groups"), variables, name, strict=strict)
-        self._add_host_to_keyed_groups(self.get_option("keyed_groups"), variables, name, strict=strict)
+    def _with_names_of_their_own(self, robots: Sequence[FoundRobot], folder: Path) -> list[FoundRobot]:
+        """The robots; those that have the name of a group or of one another fail, under the name of their file."""
+        known, self.inventory = self.inventory, _GroupNames()
+        try:
+            for robot in robots:
+                self._add_robot(robot)
+            groups = {INVALID, *known.groups, *self.inventory.groups}
+        finally:
+            self.inventory = known
+        counts = Counter(robot.name for robot in robots)
+        named = []
+        for robot in robots:
+            source = relpath(robot.source, folder)
+            if robot.name in groups:
+                reason = f"{robot.name} is the name of a group of the inventory. Give {source} another name."
+            elif counts[robot.name] > 1:
+                reason = f"{counts[robot.name]} robots have the name {robot.name}. Give {source} another name."
+            else:
+                named.append(robot)
+                continue
+            while source in groups or source in counts:
+                source += "/"
+            named.append(replace(robot.failing(reason), name=source))
+        return named
+
+    def _add_robot(self, robot: FoundRobot) -> None:
+        strict = self.get_option("strict") and not robot.reason  # a robot that cannot be read lacks variables
+        self.inventory.add_host(robot.name)
+        for key, value in robot.variables.items():
+            self.inventory.set_variable(robot.name, key, value)
+        for group in robot.groups:
+            self.inventory.add_child(self.inventory.add_group(self._sanitize_group_name(group)), robot.name)
+        self._set_composite_vars(self.get_option("compose"), robot.variables, robot.name, strict=strict)
+        self._add_host_to_composed_groups(self.get_option("groups"), robot.variables, robot.name, strict=strict)
+        self._add_host_to_keyed_groups(self.get_option("keyed_groups"), robot.variables, robot.name, strict=strict)
 
 
 def _connection(host: Host) -> dict[str, Any]:
@@ -172,8 +230,8 @@ def _connection(host: Host) -> dict[str, Any]:
     return {name: value for name, value in variables.items() if value}
 
 
-def _reason(error: UseCaseError | RequestError) -> str:
-    if isinstance(error, RequestError):
+def _reason(error: UseCaseError | RequestError | OSError) -> str:
+    if not isinstance(error, UseCaseError):
         return str(error)
     first = next((each for each in error.findings if each.severity is Severity.ERROR), error.findings[0])
     return f"{f'{first.place}: ' if first.place else ''}{first.summary} ({first.code}): {first.detail}"
