@@ -23,7 +23,6 @@ from rarms_iac.app.experiments.on_robot import (
     ExperimentJob,
     RobotReports,
     different_files,
-    is_log,
     logs_below,
 )
 from rarms_iac.app.experiments.prove import ProveRequest, prove_layout
@@ -41,6 +40,7 @@ from rarms_iac.providers.interface import HostFailed, RobotListener
 from rarms_iac.providers.robot import ReporterCall
 from rarms_iac.robot.caller import Caller
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
+from rarms_iac.storage.datalog.merging import is_log
 from rarms_iac.storage.datalog.named_files import Files
 from rarms_iac.storage.disk import MEASUREMENTS, make_folder_for
 from rarms_iac.storage.replace import replace as write

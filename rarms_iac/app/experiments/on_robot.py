@@ -4,45 +4,35 @@ Manifest, data logs and digests of the components' files go there. Records of da
 made, through the readers of these logs. `rarms_iac.robot.experiments` is the other end. Begin at `ask_robot`.
 """
 
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import date
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from rarms_iac.app.control import Control
 from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.app.hosts import Hosts, host_errors, observe_host
-from rarms_iac.app.measurement_files import MOMENT_MS, hold_configuration_logs, hold_data_log, log_errors
+from rarms_iac.app.robot_measurements import add_measurements
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
-from rarms_iac.measuring.measuring_findings import CANNOT_MEASURE, MEASURED_ELSEWHERE
-from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
+from rarms_iac.measuring.measuring_findings import CANNOT_MEASURE
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import Connect
 from rarms_iac.model.series import Series
 from rarms_iac.model.state import State
 from rarms_iac.providers.interface import HostFailed
 from rarms_iac.providers.robot import LINE_LIMIT, perform_call
 from rarms_iac.storage.codec import Json, NotDecodable, decode_union, encode
-from rarms_iac.storage.datalog.decisions import read_entries
-from rarms_iac.storage.datalog.files import read_log
+from rarms_iac.storage.datalog.merging import is_log
 from rarms_iac.storage.datalog.named_files import Files
-from rarms_iac.storage.disk import MEASUREMENTS, make_folders
+from rarms_iac.storage.disk import MEASUREMENTS
 from rarms_iac.storage.reading import read_file
-from rarms_iac.storage.replace import replace as replace_file
 
 OTHER_FILE = Finding.error("RARMS411", "A file of a component differs on the robot")
 
 REPORTS, SETTINGS, SAMPLES = "reports", "settings", "samples"
 """The reporters of this side, as calls name them."""
-
-_NAME = "[a-z0-9][a-z0-9-]*"
-CONFIGURATION_LOG = re.compile(rf"{_NAME}/{_NAME}\.configuration\.jsonl")
-DATA_LOG = re.compile(rf"{_NAME}/{_NAME}(\+{_NAME})*/{_NAME}\.jsonl")
-"""Paths below `measurements/` of the logs that travel; the platform comes first."""
-
 
 SamplesSoFar = Callable[[str, str | None, Mapping[str, Series]], None]
 """Called with the name of a host, of the load beside it, and the samples of its components so far, as they come."""
@@ -136,7 +126,7 @@ class ExperimentListener(RobotReports):
         if not 0 <= kept <= len(before):
             raise NotDecodable("kept", f"{kept} of {len(before)} bytes")
         self.known[path] = before[:kept] + text.encode("utf-8")
-        take_log(self.hosts.folder, path, before, self.known[path])
+        add_measurements(self.hosts.folder, platform, {path: self.known[path]})
 
 
 def ask_robot(
@@ -252,45 +242,3 @@ def logs_below(folder: Path) -> Mapping[str, bytes]:
         if is_log(name):
             found[name] = read_file(path, LINE_LIMIT)
     return found
-
-
-def is_log(path: str) -> bool:
-    """Return whether a path below `measurements/` is one of a log that travels."""
-    return bool(DATA_LOG.fullmatch(path) or CONFIGURATION_LOG.fullmatch(path))
-
-
-def take_log(folder: Path, path: str, before: bytes, content: bytes) -> None:
-    """Have a log that came lie beside the manifest, if its reader takes it.
-
-    Records that another run added here meanwhile stay, and follow.
-
-    Args:
-        folder: of the manifest.
-        path: of the log, below `measurements/`.
-        before: what both sides had before.
-        content: what the robot has now.
-
-    Raises:
-        UseCaseError: it cannot be read (negative), or another run holds the log here (refused).
-    """
-    is_configuration = bool(CONFIGURATION_LOG.fullmatch(path))
-    with TemporaryDirectory() as temporary, log_errors():
-        came = Path(temporary) / Path(path).name
-        replace_file(came, content)
-        read_entries(came) if is_configuration else read_log(came)
-    target = folder / MEASUREMENTS / path
-    with hold_configuration_logs(folder) if is_configuration else hold_data_log(folder, target, MOMENT_MS):
-        here = read_file(target, LINE_LIMIT) if target.exists() else b""
-        if here and _lines(here)[:1] not in (_lines(before)[:1], _lines(content)[:1]):
-            message = f"{target.as_posix()} was begun anew here meanwhile. What the robot measured is not added."
-            advice = "Run the command again: the robot then begins with the log that lies here."
-            values: Facts = {"log": target.as_posix()}
-            raise UseCaseError(Outcome.REFUSED, [MEASURED_ELSEWHERE.at(None, message, advice, values=values)])
-        added = [line for line in _lines(here) if line not in _lines(before)] if here != before else []
-        make_folders(target.parent)
-        replace_file(target, content + b"".join(line + b"\n" for line in added if line not in _lines(content)))
-
-
-def _lines(content: bytes) -> list[bytes]:
-    """The whole records of a log; git may have changed line ends."""
-    return [line.rstrip(b"\r\n") for line in content.splitlines(keepends=True) if line.endswith(b"\n")]
