@@ -180,6 +180,37 @@ def test_twenty_robots_are_planned_and_applied_and_broken_ones_fail_alone(fleet:
     assert (again.code, again.with_status("ok"), again.changed) == (0, whole, [])
 
 
+def test_a_name_or_an_overlay_that_is_bad_fails_its_own_robot(fleet: Fleet) -> None:
+    (fleet.folder / "robots.fleet.yml").write_text(
+        "plugin: rarms.fleet.manifests\noverlays: [robots/*.yaml, more/*.yaml]\n"
+        "keyed_groups: [{ key: rarms_platform, prefix: line }]\n",
+        encoding="utf-8",
+    )
+    of_groups = ["all", "line_cell", "rarms_invalid", "rarms_platform_cell", "ungrouped"]
+    for robot in (*of_groups, "r-1", "r-2", "r-3"):
+        fleet.add(robot)
+    fleet.add("two", "hosts: { other: { logical_processors: 2, memory: 4 GiB } }\n")
+    fleet.add("two-other")
+    (fleet.folder / "more").mkdir()
+    (fleet.folder / "more" / "r-2.yaml").write_text("{}\n", encoding="utf-8")
+    (fleet.folder / "robots" / "folder.yaml").mkdir()
+    (fleet.folder / "robots" / "link.yaml").symlink_to("nothing")
+    fleet.add("bytes", "\N{LATIN SMALL LETTER E WITH ACUTE}: [\n")
+
+    checked = fleet.play(APPLY, options=("--check",))
+
+    assert checked.changed == ["r-1", "r-3", "two-onboard"], checked.out
+    assert checked.with_status("failed") == sorted(
+        [
+            *(f"robots/{name}.yaml" for name in of_groups),
+            *("more/r-2.yaml", "robots/r-2.yaml", "robots/two-other.yaml", "robots/two.yaml/other"),
+            *("bytes", "folder", "link"),
+        ]
+    )
+    assert "all is the name of a group" in checked.results["robots/all.yaml"]["msg"]
+    assert "Give robots/r-2.yaml another name" in checked.results["robots/r-2.yaml"]["msg"]
+
+
 def test_a_reviewed_plan_is_applied_once_and_a_plan_that_cannot_be_made_leaves_no_file(fleet: Fleet) -> None:
     fleet.add("r-1")
     plan: Task = {"rarms.fleet.apply": {"state": "planned", "plan": "plans/{{ inventory_hostname }}.json"}}

@@ -24,7 +24,7 @@ from rarms_iac.model.state import State
 from rarms_iac.providers.interface import HostFailed
 from rarms_iac.providers.robot import LINE_LIMIT, perform_call
 from rarms_iac.storage.codec import Json, NotDecodable, decode_union, encode
-from rarms_iac.storage.datalog.merging import is_log
+from rarms_iac.storage.datalog.merging import MOST_BYTES, is_log
 from rarms_iac.storage.datalog.named_files import Files
 from rarms_iac.storage.disk import MEASUREMENTS
 from rarms_iac.storage.reading import read_file
@@ -89,6 +89,7 @@ class ExperimentListener(RobotReports):
     samples: SamplesSoFar = lambda _host, _load, _series: None
     results: list[ExperimentResult] = field(default_factory=list)
     known: dict[str, bytes] = field(default_factory=dict)  # logs there, as far as this side knows them
+    came_bytes: int = 0  # of logs, from there
 
     def should_stop(self) -> bool:
         return self.control.stop.should_stop()
@@ -125,7 +126,11 @@ class ExperimentListener(RobotReports):
         before = self.known.get(path, b"")
         if not 0 <= kept <= len(before):
             raise NotDecodable("kept", f"{kept} of {len(before)} bytes")
-        self.known[path] = before[:kept] + text.encode("utf-8")
+        came = text.encode("utf-8")
+        self.came_bytes += len(came)
+        if self.came_bytes > MOST_BYTES:
+            raise NotDecodable("text", f"logs of more than {MOST_BYTES:,} bytes came")
+        self.known[path] = before[:kept] + came
         add_measurements(self.hosts.folder, platform, {path: self.known[path]})
 
 
