@@ -180,6 +180,23 @@ def test_the_kernels_refusal_to_remove_a_leftover_is_told_as_such(
             host.lock("ann@lab").__enter__()
 
 
+@pytest.mark.needs("control-groups")
+def test_a_slice_that_rarms_did_not_make_is_refused(tmp_path: Path) -> None:
+    for _ in opened_bench("linux"):
+        groups_of(tmp_path).make("services")
+        before = groups_of(tmp_path).read("")
+        for use in (
+            lambda: open_linux(builders.a_host(), tmp_path).observe(),
+            lambda: open_linux(builders.a_host(), tmp_path).examined(),
+            lambda: open_linux(builders.a_host(keep_processor="10 %"), tmp_path).lock("ann@lab").__enter__(),
+        ):
+            with pytest.raises(HostRefused, match="has no record that rarms made it"):
+                use()
+
+        assert groups_of(tmp_path).names() == ("services",)
+        assert groups_of(tmp_path).read("") == before
+
+
 def test_what_the_machine_lacks_is_named_before_anything_is_changed(tmp_path: Path) -> None:
     described = builders.a_host(provider=ProviderKind.LINUX, settings=LinuxHost(control_groups="v2"))
     if isinstance(find_tree("rarms", "v2"), GroupTree):

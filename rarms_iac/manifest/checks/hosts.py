@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from rarms_iac.manifest.checks.system_lookups import allowed_hosts
 from rarms_iac.manifest.checks.violation import Violation, check, host_check
 from rarms_iac.model.diagnostics import Finding
-from rarms_iac.model.host import Host, HypervHost, ProviderKind, WinRmConnect
+from rarms_iac.model.host import Host, HypervHost, LinuxHost, ProviderKind, WinRmConnect
 from rarms_iac.model.mmcss import OFF, is_taken_as_is, taken_for
 from rarms_iac.model.quantities import in_processors, show_processors, write_bytes
 from rarms_iac.model.system import RunsOn, System
@@ -63,6 +63,23 @@ def _withheld(host: Host, field: str, amount: str, available: str) -> Violation:
         advice="Keep less for the host, or mend what it has.",
         values={"keeps": amount, "has": available},
     )
+
+
+SLICES_OF_OTHERS = frozenset({"system", "user", "machine", "init", "docker", "lxc", "kubepods", "libpod_parent"})
+"""Control groups of systemd and of container engines."""
+
+
+@host_check(Finding.error("RARMS395", "A slice has the name of a control group of others"))
+def slice_of_others(host: Host) -> Iterator[Violation]:
+    """`linux: {slice: ...}` with a name that systemd or a container engine uses."""
+    if isinstance(host.settings, LinuxHost) and host.settings.slice in SLICES_OF_OTHERS:
+        yield Violation(
+            path=("hosts", host.name, "linux", "slice"),
+            detail=f'"{host.name}" has the slice "{host.settings.slice}", which belongs to systemd or to a container '
+            "engine. rarms would limit everything in it, and end it with the last partition.",
+            advice="Choose another name, or leave `slice` out to use `rarms`.",
+            values={"slice": host.settings.slice},
+        )
 
 
 @host_check(Finding.warning("RARMS084", "`connect` has no effect on a simulated host"))

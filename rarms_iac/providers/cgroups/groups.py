@@ -112,6 +112,11 @@ class GroupTree(ABC):
         """Return the name of the file with the count `oom_kill`."""
 
     @property
+    def is_there(self) -> bool:
+        """Return whether the slice exists."""
+        return self._effects.has_folder(self._slices["cpu"])
+
+    @property
     def boot(self) -> str:
         """What stands for the machine's start in definitions, where groups outlive it; empty: they do not."""
         return ""
@@ -163,7 +168,7 @@ class GroupTree(ABC):
         Raises:
             OSError: the kernel refuses.
         """
-        if not self._effects.has_folder(self._slices["cpu"]):
+        if not self.is_there:
             return
         for name in self.names():
             with suppress(FileNotFoundError):  # the group was removed meanwhile

@@ -99,6 +99,7 @@ class LinuxHostProvider(JournaledHost):
         super().__init__(host.name, self._folder / "journal.jsonl", self._folder / "lock", self._effects)
         self._host = host
         self._known_tree = tree
+        self._is_ours = False  # known that rarms made the slice, or that it is not there
         self._described_machine = self._known_machine = machine
 
     @property
@@ -106,7 +107,8 @@ class LinuxHostProvider(JournaledHost):
         """The control groups below the host's slice.
 
         Raises:
-            HostRefused: this machine, or this user, lacks something that they need; the message names all of it.
+            HostRefused: this machine, or this user, lacks something that they need (the message names all of it), or
+                the slice was not made by rarms.
         """
         if self._known_tree is None:
             found = find_tree(self._linux.slice, self._linux.control_groups, self._effects)
@@ -117,7 +119,28 @@ class LinuxHostProvider(JournaledHost):
                     "Run as root, with the controllers mounted so that groups can be made (docs/linux.md).",
                 )
             self._known_tree = found
+        if not self._is_ours:
+            self._refuse_foreign_slice(self._known_tree)
+            self._is_ours = True
         return self._known_tree
+
+    def _refuse_foreign_slice(self, tree: GroupTree) -> None:
+        """Refuse a slice that exists while rarms keeps neither a journal nor a definition of it: that is its mark.
+
+        A run keeps them before it makes the slice. With the last partition rarms would remove a slice of others.
+
+        Raises:
+            HostRefused: rarms did not make it.
+        """
+        kept = any(name.endswith(".json") for name in self._effects.files(self._folder))
+        if not tree.is_there or kept or self._effects.has_file(self._journal_path):
+            return
+        raise HostRefused(
+            self.name,
+            f"the control group {self._linux.slice} exists, and {self._folder} has no record that rarms made it",
+            "Nothing was changed. Choose another name, such as `linux: { slice: rarms }`. If rarms made the group and "
+            f"its records are lost, restore {self._folder} or remove the group.",
+        )
 
     @property
     def machine(self) -> LinuxMachine:

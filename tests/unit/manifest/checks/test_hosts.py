@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.model.host import HypervHost, ProviderKind
+from rarms_iac.model.host import HypervHost, LinuxHost, ProviderKind
 from rarms_iac.model.system import HypervPartition
 from tests.builders import a_component, a_host, a_partition, a_system
 from tests.unit.manifest.checks.violations import details, found
@@ -42,6 +42,13 @@ def test_a_responsiveness_that_windows_takes_for_another_one(percent: int, messa
 @pytest.mark.parametrize("percent", range(10, 100, 10))
 def test_every_responsiveness_that_windows_takes_as_it_is(percent: int) -> None:
     assert found(a_system(hosts=[a_host(system_responsiveness=percent)])) == []
+
+
+@pytest.mark.parametrize("name", ["system", "user", "machine", "init", "docker"])
+def test_a_slice_of_systemd_is_refused(name: str) -> None:
+    system = a_system(hosts=[a_host(provider=ProviderKind.LINUX, settings=LinuxHost(slice=name))])
+
+    assert found(system) == [("RARMS395", "hosts.onboard.linux.slice")]
 
 
 def test_a_linux_host_has_no_responsiveness() -> None:
