@@ -1,5 +1,6 @@
 """A robot's installation of rarms: a virtual environment that root owns, for this checkout's code."""
 
+import os
 import shutil
 import sysconfig
 import tempfile
@@ -32,7 +33,9 @@ def robot_rarms() -> Iterator[Path]:
     require("ssh", "control-groups", "mounts")
     with tempfile.TemporaryDirectory(prefix="rarms-test-", dir="/opt") as folder:
         Path(folder).chmod(0o755)
+        mask = os.umask(0o022)
         install(Path(folder))
+        os.umask(mask)
         yield Path(folder)
 
 

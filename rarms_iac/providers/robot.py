@@ -6,6 +6,7 @@ on standard output: `READY`, then calls, and last a result or a failure. A line 
 """
 
 import json
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -49,9 +50,13 @@ INSTALLED = "/opt/rarms"
 
 READY = "rarms: ready"
 VERSIONS = "rarms: installed"
-STOP, YES, NO, ALL_SENT = "stop", "yes", "no", "all sent"
-"""Lines behind a request. `STOP` asks for an end after the running step; `ALL_SENT` says that no line follows, so that
-the end of the input does not mean that the connection broke."""
+STOP, YES, NO, ALL_SENT, HERE = "stop", "yes", "no", "all sent", "here"
+"""Lines behind a request. `STOP` asks for an end after the running step. `ALL_SENT` says that no line follows, so that
+the end of the input does not mean that the connection broke. `HERE` comes every `HERE_S` seconds."""
+
+HERE_S = 15.0
+LOST_S = 60.0
+"""Seconds without a line after which the robot takes the connection for broken: a cut cable ends no input."""
 
 SILENCE_S = 24 * 3600.0
 """Seconds without a line after which a command is given up: one setting may take hours."""
@@ -68,10 +73,10 @@ def entry_command(version: str = __version__) -> str:
     Args:
         version: the one that is called.
     """
-    python = f"{INSTALLED}/{version}/bin/python"
+    place = f"{INSTALLED}/{version}"
     return (
-        f"""sh -c 'run="/usr/bin/env -i {python} -I -m rarms_iac.robot"; """
-        f"""if [ ! -e {python} ]; then echo "{VERSIONS}" $(ls {INSTALLED} 2>/dev/null); exit {_MISSING}; """
+        f"""sh -c 'run="/usr/bin/env -i {place}/bin/python -I -m rarms_iac.robot"; """
+        f"""if [ ! -d {place} ]; then echo "{VERSIONS}" $(ls {INSTALLED} 2>/dev/null); exit {_MISSING}; """
         """elif [ "$(id -u)" = 0 ]; then exec $run; else exec sudo -n $run; fi'"""
     )
 
@@ -130,7 +135,7 @@ class ReporterCall:
 class Failure:
     """Why a command ended without a result."""
 
-    outcome: str  # the value of an `Outcome`
+    outcome: Literal["failed", "refused", "negative", "missing", "interrupted"]  # the value of an `Outcome`
     findings: tuple[Diagnostic, ...]
 
 
@@ -225,7 +230,8 @@ class RobotByChannel:
         if isinstance(self._channel, ProgramChannel):
             with open_channel(self.name, (*self._channel.words, words)) as program:
                 program.send(data)
-                yield program
+                with _saying_here(program):
+                    yield program
         else:
             yield _Ended(self._channel.run(words, data + f"{ALL_SENT}\n".encode("ascii"), SILENCE_S))
 
@@ -246,7 +252,8 @@ class RobotByChannel:
                 if "result" in answer:
                     return cast("Json", answer["result"])
                 if "failure" in answer:
-                    raise EndedThere(self.name, self._decoded(Failure, answer["failure"]))
+                    failure = self._decoded(Failure, answer["failure"])
+                    raise EndedThere(self.name, failure) if failure.findings else self._garbage("it gives no reason")
                 call = self._decoded(ReporterCall, answer.get("call"))
                 with self._readable():
                     reply = listener.on_call(call.target, call.method, answer.get("arguments"))
@@ -306,6 +313,22 @@ class RobotByChannel:
     def _broken(self, why: str) -> HostFailed:
         message = f"the connection to {self._channel.target} broke: {why}"
         return HostFailed(self.name, message, "Run the same command again: it reports what was done, and continues.")
+
+
+@contextmanager
+def _saying_here(conversation: Conversation) -> Iterator[None]:
+    """Inside, the robot hears that this side lives, also while a question waits for its answer."""
+    ended = threading.Event()
+
+    def say() -> None:
+        while not ended.wait(HERE_S):
+            conversation.send(f"{HERE}\n".encode("ascii"))
+
+    threading.Thread(target=say, daemon=True).start()
+    try:
+        yield
+    finally:
+        ended.set()
 
 
 class _Ended:

@@ -21,7 +21,7 @@ from rarms_iac.cli.ending import Interrupted, Interrupts
 from rarms_iac.model.commands import Wording
 from rarms_iac.model.version import __version__
 from rarms_iac.providers.interface import HostRefused
-from rarms_iac.providers.robot import ALL_SENT, LINE_LIMIT, NO, READY, STOP, YES, Failure, Request
+from rarms_iac.providers.robot import ALL_SENT, LINE_LIMIT, LOST_S, NO, READY, STOP, YES, Failure, Request
 from rarms_iac.robot.caller import Caller
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.json_text import parse_json
@@ -58,7 +58,7 @@ def main() -> int:
             set_environment(SETTINGS_FILE)
             request, job = read_request(sys.stdin.buffer)
             caller = Caller(send, interrupts, request.listens, SimpleQueue())
-            threading.Thread(target=_listen, args=(sys.stdin.buffer, caller, ended), daemon=True).start()
+            threading.Thread(target=listen, args=(sys.stdin.buffer, caller, ended), daemon=True).start()
             act_for(request.by)
             module = import_module(f"rarms_iac.robot.{MODULES[request.command]}")
             result = module.COMMANDS[request.command](request.host, job, caller)
@@ -97,7 +97,7 @@ def _parts_of(data: bytes) -> tuple[Request, Json]:
     return decode(Request, document["request"]), document["job"]
 
 
-def refuse_writable_code(paths: tuple[str, ...] = (__file__, *sys.path)) -> None:
+def refuse_writable_code(paths: tuple[str, ...] = (__file__, sys.executable, *sys.path)) -> None:
     """Refuse to run code that others than root can change.
 
     Args:
@@ -111,7 +111,8 @@ def refuse_writable_code(paths: tuple[str, ...] = (__file__, *sys.path)) -> None
     for path in dict.fromkeys(Path(path).resolve() for path in paths if path and Path(path).exists()):
         for part in (path, *path.parents):
             status = part.stat()
-            if status.st_uid != 0 or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+            others = stat.S_IWOTH if status.st_gid == 0 else stat.S_IWOTH | stat.S_IWGRP
+            if status.st_uid != 0 or status.st_mode & others:
                 raise _refused(
                     f"others than root may write to {part}, so rarms there does not run as root",
                     f"Let root alone write there: `chown root:root {part}` and `chmod go-w {part}`.",
@@ -137,10 +138,24 @@ def set_environment(file: Path) -> None:
         os.environ[name] = value
 
 
-def _listen(lines: BinaryIO, caller: Caller, ended: threading.Event) -> None:
-    """Hear what the other side says. The end of its input is a stop, unless all was sent: the other side is gone."""
+def listen(lines: BinaryIO, caller: Caller, ended: threading.Event, lost_s: float = LOST_S) -> None:
+    """Hear what the other side says, until it is gone or the command has ended.
+
+    The end of its input, or a long silence, stops the command as SIGTERM does; not so if the other side said before
+    that it sends no more, or asked for a stop.
+
+    Args:
+        lines: its input behind the request.
+        caller: gets the answers to questions.
+        ended: set once the command has ended.
+        lost_s: seconds of silence after which a side that listens is gone.
+    """
     is_complete = False
+    heard = threading.Event()
+    if caller.listens:
+        threading.Thread(target=_end_when_lost, args=(heard, ended, lost_s), daemon=True).start()
     while (line := lines.readline(64)) and not ended.is_set():
+        heard.set()
         match line.decode("ascii", "replace").strip():
             case text if text == STOP:
                 os.kill(os.getpid(), signal.SIGINT)
@@ -151,6 +166,13 @@ def _listen(lines: BinaryIO, caller: Caller, ended: threading.Event) -> None:
                 caller.answers.put(text == YES)
     caller.answers.put(False)
     if not is_complete and not ended.is_set():
+        os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _end_when_lost(heard: threading.Event, ended: threading.Event, lost_s: float) -> None:
+    while heard.wait(lost_s):
+        heard.clear()
+    if not ended.is_set():
         os.kill(os.getpid(), signal.SIGTERM)
 
 

@@ -82,6 +82,12 @@ class Remote:
         powershell.ask(self.folder, **how)
 
     @property
+    def pid(self) -> int:
+        """Of the server."""
+        assert self.server is not None
+        return self.server.pid
+
+    @property
     def environment(self) -> Mapping[str, str]:
         """Of who calls rarms."""
         path = f"{self.folder}/here{os.pathsep}{os.environ['PATH']}"
@@ -109,8 +115,7 @@ class Remote:
 
     def cut(self) -> None:
         """Break every connection, as if a cable were pulled: the sessions' processes end without a word."""
-        assert self.server is not None
-        for process in children(self.server.pid):
+        for process in children(self.pid):
             os.kill(process, signal.SIGKILL)
 
 
@@ -131,6 +136,13 @@ def children(parent: int) -> list[int]:
         if int(fields[1]) == parent:
             found.append(int(path.parent.name))
     return found
+
+
+def descendants(parent: int) -> Iterator[int]:
+    """The processes that this one started, and those that these started."""
+    for child in children(parent):
+        yield child
+        yield from descendants(child)
 
 
 @contextmanager

@@ -1,30 +1,70 @@
 """A Linux host behind a real sshd, which is this machine: the operator's way over it, and connections that break."""
 
 import json
+import os
 import shutil
-from collections.abc import Iterator
-from functools import partial
+import signal
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Event
 from typing import Any
 
 import pytest
 
+from rarms_iac.app.applying import apply as apply_plan
+from rarms_iac.app.control import Control, NeverStop, SilentAppReporter
+from rarms_iac.app.hosts import load
+from rarms_iac.app.planning import plan
+from rarms_iac.applying.run_report import ReportedStep, RunEnding, RunReporter
+from rarms_iac.model.version import __version__
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER
+from rarms_iac.providers.robot import INSTALLED
 from tests.contracts.benches import forget_groups, groups_of, slice_of
+from tests.needs import CHECKOUT
 from tests.robot_install import on_robot, robot_rarms
-from tests.standin.remote import Remote, a_server
+from tests.standin.remote import Remote, a_server, descendants
 from tests.system.test_linux_walk import MANIFEST
 from tests.unit.cli.running import Ran, rarms
 
 __all__ = ["robot_rarms"]
 
-pytestmark = [pytest.mark.needs("ssh", "control-groups", "mounts"), pytest.mark.alone]
+pytestmark = [pytest.mark.needs("ssh", "control-groups", "mounts", "sudo"), pytest.mark.alone]
+
+
+SUDOERS = f"robot ALL=(root) NOPASSWD: /usr/bin/env -i {INSTALLED}/{__version__}/bin/python -I -m rarms_iac.robot\n"
+OVERLAY = """\
+hosts: {{ onboard: {{ connect: {{ ssh: cell }}, linux: {{ slice: {slice} }} }} }}
+components:
+  face-detection: {{ cpu: {{ reserve: 0.6 LP }} }}
+  speech-recognition: {{ cpu: {{ reserve: 0.3 LP }} }}
+  path-planning: {{ cpu: {{ reserve: 0.2 LP }} }}
+  video-streaming: {{ cpu: {{ reserve: 0.2 LP }} }}
+"""
+"""The delivery robot without its measurements."""
 
 
 @pytest.fixture(scope="module")
-def server(robot_rarms: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Remote]:
-    with a_server(tmp_path_factory.mktemp("server"), partial(on_robot, robot_rarms)) as remote:
-        yield remote
+def server(robot_rarms: Path) -> Iterator[Remote]:
+    """A robot with the user `robot`, who may start rarms by sudo."""
+    with TemporaryDirectory(prefix="rarms-test-", dir="/opt") as name:
+        folder = Path(name)
+        folder.chmod(0o755)  # sshd reads the key as that user
+        with a_server(folder, lambda words: on_robot(robot_rarms, words, *_user_robot(folder))) as remote:
+            yield remote
+
+
+def _user_robot(folder: Path) -> Iterator[str]:
+    """Commands that give a program alone a machine with this user."""
+    (folder / "key.pub").chmod(0o644)
+    lines = {"passwd": "robot:x:4242:4242::/:/bin/sh\n", "shadow": "robot:*:19000::::::\n", "sudoers": SUDOERS}
+    for name, line in lines.items():
+        own = Path("/etc", name)
+        text = own.read_text(encoding="utf-8") if own.exists() and name != "sudoers" else ""
+        (folder / name).write_text(text + line, encoding="utf-8")
+        (folder / name).chmod(0o440 if name == "sudoers" else 0o644)
+        yield f"mount --bind {folder / name} {own}"
 
 
 @pytest.fixture
@@ -87,6 +127,100 @@ def test_plan_apply_drift_undo_and_destroy(folder: Path) -> None:
     assert tree.read(vision).quota_percent == pytest.approx(120, abs=0.1)
     assert run(folder, "destroy", "--auto-approve").code == 0
     assert tree.names() == ()
+
+
+def test_a_user_starts_rarms_by_sudo_alone(folder: Path) -> None:
+    manifest = folder / "rarms.yaml"
+    manifest.write_text(manifest.read_text(encoding="utf-8").replace("ssh: cell", "ssh: robot@cell"), encoding="utf-8")
+
+    assert apply(folder).code == 0
+    assert len(groups_of(folder).names()) == 2
+
+
+def test_writable_code_and_other_versions_are_refused(folder: Path, robot_rarms: Path) -> None:
+    place = robot_rarms / __version__
+    place.chmod(0o757)
+    writable = run(folder, "plan")
+    place.chmod(0o755)
+    assert writable.code == 1
+    assert f"others than root may write to {INSTALLED}/{__version__}" in " ".join(writable.err.split())
+
+    place.rename(robot_rarms / "0.0.9")
+    other = run(folder, "plan")
+    (robot_rarms / "0.0.9").rename(place)
+    assert other.code == 1
+    assert "RARMS410" in other.err
+    assert f"it has rarms 0.0.9; this is rarms {__version__}" in " ".join(other.err.split())
+    assert "rarms install --host onboard" in " ".join(other.err.split())
+
+
+def test_a_full_disk_there_is_reported(folder: Path, robot_rarms: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    small = f"mkdir -p {STATE_FOLDER} && mount -t tmpfs -o size=4k,mode=700 none {STATE_FOLDER}"
+    (folder / "full").mkdir()
+    with a_server(folder / "full", lambda words: on_robot(robot_rarms, words, small)) as full:
+        monkeypatch.setenv("PATH", full.environment["PATH"])
+
+        failed = apply(folder)
+
+    assert failed.code == 1
+    assert "No space left on device" in " ".join(failed.err.split())
+    assert groups_of(folder).names() == ()
+
+
+@dataclass
+class Breaks(RunReporter):
+    """Breaks something when a step begins."""
+
+    step: int
+    breaks: Callable[[], object]
+
+    def step_started(self, host: str, number: int, total: int, step: ReportedStep) -> None:
+        if number == self.step:
+            self.breaks()
+
+
+@pytest.mark.thorough
+def test_what_breaks_at_a_step_is_finished_later(
+    server: Remote, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A connection that is cut, a robot's rarms that is killed, and Ctrl-C here."""
+    robot = tmp_path / "robot"
+    shutil.copytree(CHECKOUT / "manifests" / "delivery-robot-linux", robot)
+    (robot / "here.yaml").write_text(OVERLAY.format(slice=slice_of(tmp_path)), encoding="utf-8")
+    monkeypatch.setenv("PATH", server.environment["PATH"])
+    hosts, overlay = load(robot, overlays=[robot / "here.yaml"]), ("--overlay", str(robot / "here.yaml"))
+
+    def kill() -> None:
+        for process in descendants(server.pid):
+            if b"rarms_iac.robot" in Path(f"/proc/{process}/cmdline").read_bytes().split(b"\0"):
+                os.kill(process, signal.SIGKILL)
+
+    try:
+        stop = Event()
+        for number, breaks in ((2, server.cut), (3, kill), (4, stop.set)):
+            reporter = SilentAppReporter()
+            reporter.steps = Breaks(number, breaks)
+            report = apply_plan(plan(hosts), control=Control(reporter=reporter, stop=StopsOn(stop)))
+            assert report.ending is (RunEnding.INTERRUPTED if stop.is_set() else RunEnding.FAILED), report
+
+            finished = run(robot, "apply", "--auto-approve", "--lock-timeout", "60s", *overlay)
+            assert finished.code == 0, (breaks, finished.err)
+            assert run(robot, "drift", *overlay).code == 0
+            assert run(robot, "destroy", "--auto-approve", *overlay).code == 0
+            assert groups_of(tmp_path).names() == ()
+    finally:
+        forget_groups(tmp_path)
+        shutil.rmtree(STATE_FOLDER / slice_of(tmp_path), ignore_errors=True)
+
+
+@dataclass(frozen=True)
+class StopsOn(NeverStop):
+    """A `StopSignal` that a test gives."""
+
+    event: Event
+
+    def should_stop(self) -> bool:
+        return self.event.is_set()
 
 
 def test_a_host_with_another_key_is_not_trusted(folder: Path, server: Remote) -> None:

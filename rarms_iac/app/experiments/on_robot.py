@@ -120,9 +120,8 @@ class ExperimentListener(RobotReports):
         self.results.append(replace(result, log=(self.hosts.folder / result.log).as_posix()))
 
     def log(self, path: str, kept: int, text: str) -> None:
-        platform = self.hosts.system.hosts[self.host].platform
-        if not is_log(path) or path.partition("/")[0] != platform:
-            raise NotDecodable("path", f"{path[:80]!r} is not a log of {platform}")
+        if not self._is_own_log(path):
+            raise NotDecodable("path", f"{path[:80]!r} is not a log of a component of {self.host}")
         before = self.known.get(path, b"")
         if not 0 <= kept <= len(before):
             raise NotDecodable("kept", f"{kept} of {len(before)} bytes")
@@ -132,6 +131,18 @@ class ExperimentListener(RobotReports):
             raise NotDecodable("text", f"logs of more than {MOST_BYTES:,} bytes came")
         self.known[path] = before[:kept] + came
         add_measurements(self.hosts.folder, platform, {path: self.known[path]})
+
+    def _is_own_log(self, path: str) -> bool:
+        """Whether the host's components can have this log, so that a robot cannot write others, or any number."""
+        system = self.hosts.system
+        platform, *names = path.removesuffix(".jsonl").removesuffix(".configuration").split("/")
+        members = names[0].split("+") if names else []
+        return (
+            is_log(path)
+            and platform == system.hosts[self.host].platform
+            and members == sorted(set(members) & set(system.components))
+            and set(names[1:]) <= set(system.interference)
+        )
 
 
 def ask_robot(
