@@ -20,7 +20,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "plan": "Show what would change on the hosts.",
         "show": "Show a plan file.",
         "apply": "Do what a plan says, or plan, ask and do it.",
-        "undo": "Take the last apply back.",
+        "undo": "Undo the last apply.",
         "history": "Tell what was applied by whom and when, and what was undone.",
         "prove": "Run all components in the applied layout, beside their thresholds.",
         "stop": "Stop partitions until they are started again.",

@@ -73,10 +73,10 @@ def _foreign_registry(
     address: Address, before: Mapping[str, RegistryValue], after: Mapping[str, RegistryValue]
 ) -> Iterator[ForeignValue]:
     for name in sorted({*before, *after}):
-        old, new = (_data(values.get(name)) for values in (before, after))
+        old, new = (_typed(values.get(name)) for values in (before, after))
         if old != new:
             yield ForeignValue(address=address, name=name, foreign=old, applied=new)
 
 
-def _data(value: RegistryValue | None) -> str:
-    return "no value" if value is None else str(value.data)
+def _typed(value: RegistryValue | None) -> str:
+    return "no value" if value is None else f"{value.data} ({value.kind.value})"

@@ -292,7 +292,7 @@ class FinishAction(Action):
 
 
 class UndoAction(Action):
-    """Take the last apply back."""
+    """Undo the last apply."""
 
     application: str
 

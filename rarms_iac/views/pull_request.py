@@ -82,6 +82,7 @@ def marker(manifest: str) -> str:
 def comment(review: PlanReview) -> str:
     """The whole comment, shorter than `LONGEST_COMMENT`, with a line end."""
     plan = review.plan
+    files = " with ".join(map(code, (plan.manifest, *plan.overlays)))
     parts = [
         marker(plan.manifest),
         f"### rarms plan: {safe(plan.application)}\n\n**{safe(plan_summary(plan))}**",
@@ -90,7 +91,7 @@ def comment(review: PlanReview) -> str:
         *_table(plan),
         *_logs(review),
         *_scripts(review),
-        f"<sub>Plan {plan.id} of {code(plan.manifest)}, by rarms {plan.rarms_version}. Nothing was applied.</sub>",
+        f"<sub>Plan {plan.id} of {files}, by rarms {plan.rarms_version}. Nothing was applied.</sub>",
     ]
     text = "\n\n".join(parts) + "\n"
     assert len(text) < LONGEST_COMMENT, "each part has its share of it"

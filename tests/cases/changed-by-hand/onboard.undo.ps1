@@ -6,6 +6,7 @@
     vision  reserve 1.6 -> 1.1 LP (80 -> 55 % of each of 2 processors)
     Time: some seconds a call. It waits 300 s at most at the end, where a guest restarts just then.
     Only these calls change something (and how often): Set-VMProcessor 1.
+    Not set by rarms: partition/vision: reserve 1.1 LP; the plan sets 1.6 LP
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
 .PARAMETER LockTimeout

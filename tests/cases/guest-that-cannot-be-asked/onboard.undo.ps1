@@ -8,6 +8,8 @@
     Time: some seconds a call. It waits 300 s at most at the end, where a guest restarts just then.
     Only these calls change something (and how often): Set-VM 1, Set-VMProcessor 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
     Not undone: vision: it starts anew: what its programs had in memory is lost
+    Not set by rarms: partition/vision: automatic start if it ran; the plan sets yes
+    Not set by rarms: partition/vision: stop action save; the plan sets shut down
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
 .PARAMETER LockTimeout

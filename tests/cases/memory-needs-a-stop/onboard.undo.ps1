@@ -8,6 +8,7 @@
     Time: some seconds a call. It waits 120 s at most while guests stop, one after another; 300 s at most at the end, where a guest restarts just then.
     Only these calls change something (and how often): Set-VMMemory 1, Start-VM 1, Stop-Partition 1.
     Not undone: speech: it starts anew: what its programs had in memory is lost
+    Not set by rarms: partition/speech: dynamic memory yes; the plan sets no
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
 .PARAMETER LockTimeout

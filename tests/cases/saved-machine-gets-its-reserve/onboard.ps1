@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo a785512a897561a52f3201a7c6031d74ca6f86d106a2ed6f190c6df1331693be, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest 32f04b96adf3, rarms 0.1.0. SHA-256: the undo a70270aea7310c3f6cb8930a4aef90e2c86a4d56269ef968afeacd2bdf276187, Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Plan = 'cf8e4e2ad1ca'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'a785512a897561a52f3201a7c6031d74ca6f86d106a2ed6f190c6df1331693be'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'a70270aea7310c3f6cb8930a4aef90e2c86a4d56269ef968afeacd2bdf276187'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -8,6 +8,7 @@
     Time: some seconds a call. It waits 120 s at most while guests stop, one after another; 300 s at most at the end, where a guest restarts just then.
     Only these calls change something (and how often): Set-VMProcessor 1, Stop-Partition 1, Write-Mark 1.
     Not undone: vision: it is turned off, not saved again
+    Not set by rarms: partition/vision: running no; the plan sets yes
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
 .PARAMETER LockTimeout

@@ -8,6 +8,9 @@
     task/MotionControl  set Affinity 0, Background Only False, BackgroundPriority 8, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium; record that it is ours, and what was there
     Time: some seconds a call. It waits for no guest.
     Only these calls change something (and how often): Write-TaskRecord 2, Write-TaskValue 16.
+    Not set by rarms: task/MotionControl: Background Only False (sz); the plan sets True (sz)
+    Not set by rarms: task/MotionControl: BackgroundPriority 8 (dword); the plan sets 7 (dword)
+    Not set by rarms: task/MotionControl: Priority 7 (sz); the plan sets 7 (dword)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
 .PARAMETER LockTimeout

@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import pytest
 
 from rarms_iac.applying.run_report import ReportedStep, RunBegun, RunEnding, RunReport, RunReporter
 from rarms_iac.applying.run_script import ScriptJob, finish_job, run_job
 from rarms_iac.applying.run_steps import RunControl
+from rarms_iac.applying.undo import undo_findings, why_not_kept
 from rarms_iac.model.journal import RunKind, ScriptRun, ScriptStarted, StepRecorded, StepStatus
 from rarms_iac.model.state import State
 from rarms_iac.powershell.render import render_apply
@@ -26,6 +28,7 @@ from rarms_iac.providers.interface import (
 from tests.builders_plan import facts
 from tests.unit.powershell.plans import rendered_plan
 
+CASES = Path(__file__).parents[2] / "cases"
 ORDER = ScriptJob(
     run=RunKind.APPLY, plan="0123456789ab", script=ScriptBundle(runs="x.ps1", files={"x.ps1": ""}), earlier={}
 )
@@ -202,3 +205,26 @@ def test_finishing_counts_what_an_earlier_run_changed() -> None:
     assert (
         finish_job("cell", replace(journal, started=replace(started, run=RunKind.UNDO))).script.runs == "cell.undo.ps1"
     )
+
+
+def test_undo_script_names_foreign_values() -> None:
+    """A host's script was written when the plan was made: its head has them, and it can leave out no step."""
+    script = (CASES / "changed-by-hand" / "onboard.undo.ps1").read_text(encoding="ascii")
+    started = ScriptStarted(
+        run=RunKind.APPLY,
+        plan="a",
+        application="robot",
+        started_by="me",
+        started_at="2026-11-20 09:00:00 UTC",
+        script=script,
+        undo=script,
+        serials={},
+        touched=(),
+    )
+    host, journal = Scripted([], WELL), ScriptRun(started=started)
+
+    (found,) = undo_findings(host, journal)
+
+    assert found.code == "RARMS402"
+    assert "not set by rarms: partition/vision: reserve 1.1 LP; the plan sets 1.6 LP." in found.detail
+    assert why_not_kept(host, journal) == "the script of the host undoes the whole apply"
