@@ -130,7 +130,7 @@ class ExperimentListener(RobotReports):
         if self.came_bytes > MOST_BYTES:
             raise NotDecodable("text", f"logs of more than {MOST_BYTES:,} bytes came")
         self.known[path] = before[:kept] + came
-        add_measurements(self.hosts.folder, platform, {path: self.known[path]})
+        add_measurements(self.hosts.folder, path.partition("/")[0], {path: self.known[path]})
 
     def _is_own_log(self, path: str) -> bool:
         """Whether the host's components can have this log, so that a robot cannot write others, or any number."""
