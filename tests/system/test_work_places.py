@@ -11,10 +11,12 @@ from rarms_iac.model.environment_setup import P1
 from rarms_iac.model.run import Field, SampleCount, Samples
 from rarms_iac.model.setting import OutsideWork, SettingEvidence
 from rarms_iac.model.system import Component
+from rarms_iac.providers.cgroups.effects import LinuxEffects
+from rarms_iac.providers.interface import HostFailed
 from rarms_iac.providers.measuring import PartitionWork, Work
 from tests.builders import a_component, a_run
 from tests.contracts.benches import forget_groups
-from tests.contracts.test_measuring_contract import linux, ready
+from tests.contracts.test_measuring_contract import linux, ready, some_work
 from tests.needs import require
 
 LINES = Samples(source="json_lines", response_time=Field(name="ms"))
@@ -42,6 +44,14 @@ eaten = []
 while True:
     eaten.append(bytearray(8 << 20))
     time.sleep(0.001)
+"""
+
+
+BRISK = """\
+import time
+while True:
+    print('{"ms": 5}', flush=True)
+    time.sleep(0.005)
 """
 
 
@@ -114,3 +124,29 @@ def test_memory_kills_are_counted(folder: Path) -> None:
     found = evidence_of(folder, sys.executable, "-c", HUNGRY, samples=3)
 
     assert found.out_of_memory["eyes"] >= 1
+
+
+@pytest.mark.needs("control-groups")
+@pytest.mark.alone
+@pytest.mark.parametrize("file", ["cpu.stat", "cgroup.procs"])
+def test_odd_counters_are_the_hosts_failure(folder: Path, monkeypatch: pytest.MonkeyPatch, file: str) -> None:
+    real, odd = LinuxEffects.read, [False]
+
+    def read(effects: LinuxEffects, path: Path) -> str:
+        return "usage_usec abc\nthrottled_time abc" if odd[0] and path.name == file else real(effects, path)
+
+    monkeypatch.setattr(LinuxEffects, "read", read)
+    eyes = a_component("eyes", run=a_run(command=(sys.executable, "-c", BRISK), samples=LINES))
+    host = linux(folder)
+
+    def use() -> None:
+        with host.run(some_work(eyes, eyes=SampleCount(samples=500))) as running:
+            for _ in running.samples():
+                odd[0] = True
+                running.used_processors(P1)
+                running.evidence()
+
+    with ready(host):
+        with pytest.raises(HostFailed, match=file):
+            use()
+        odd[0] = False
