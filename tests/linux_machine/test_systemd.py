@@ -1,11 +1,16 @@
 """Linux hosts in an emulated machine with systemd: the operator's way, and a restart of the machine; see machine.py."""
 
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.linux_machine.machine import run_in_machine
+from rarms_iac.app import install
+from rarms_iac.app.install_there import RobotPlaces
+from tests.linux_machine.machine import CommandResult, run_in_machine
 from tests.system.test_linux_walk import MANIFEST
+from tests.unit.cli.running import rarms
 
 pytestmark = pytest.mark.needs("linux-machine", "systemd", "long")
 
@@ -13,35 +18,71 @@ WALK = (
     ".venv/bin/python -m pytest -p no:cacheprovider -p no:xdist -p no:cov -q --durations=5 "
     "--basetemp=/tmp/pytest-in-machine tests/system/test_linux_walk.py"
 )
-START_BY_HAND = "speech: { components: [speech], start: manual }"
-"""A partition that a start of the machine leaves off."""
+PARTITIONS = """\
+  navigation: { components: [navigation] }
+  speech: { components: [speech], start: manual }
+"""
+"""A start of the machine leaves the second one off."""
+
+COMPONENT = "  navigation: { criticality: 3, memory: 64 MiB, cpu: { reserve: 10 % } }\npartitions:"
+
+INSTALL = """\
+set -e
+mkdir -p /opt/rarms
+mount --bind INSTALLED /opt/rarms
+"""
 
 APPLY = f"""\
-set -e
+{INSTALL}
 mkdir -p /run/robot
 cat >/run/robot/rarms.yaml <<'END'
-{MANIFEST.format(slice="rarms")}  {START_BY_HAND}
+{MANIFEST.format(slice="rarms").replace("partitions:", COMPONENT)}{PARTITIONS}
 END
-.venv/bin/rarms apply -f /run/robot --auto-approve
-.venv/bin/rarms start -f /run/robot --auto-approve speech
+.venv/bin/rarms install -f /run/robot
+systemctl is-enabled rarms-boot.service
+/opt/rarms/current/bin/rarms apply -f /run/robot --auto-approve
+/opt/rarms/current/bin/rarms start -f /run/robot --auto-approve speech
 grep . /sys/fs/cgroup/rarms.slice/*/cpu.weight
 cp /run/robot/rarms.yaml /etc/systemd
+rm /etc/systemd/system/multi-user.target.wants/rarms-navigation.slice # the boot unit of rarms starts it
 tar -cf /run/job/disk.tar -C / etc/systemd var/lib/rarms
 """
 
-AFTER_RESTART = """\
+AFTER_RESTART = f"""\
 ls -d /sys/fs/cgroup/rarms.slice && exit 51
+{INSTALL}
 systemctl start --no-block multi-user.target
 for _ in $(seq 60); do
     sleep 1
     [ ! -e /sys/fs/cgroup/rarms.slice/rarms-face_detection.slice/memory.max ] || break
 done
+for _ in $(seq 120); do
+    [ "$(systemctl show -p ExecMainExitTimestampMonotonic --value rarms-boot.service)" = 0 ] || break
+    sleep 1
+done
+systemctl show -p Result rarms-boot.service
+journalctl --no-pager -u rarms-boot.service || true
 systemctl cancel # what else this computer starts is not needed
 cd /sys/fs/cgroup/rarms.slice || exit 52
 grep . cpu.max */cpu.weight */cpu.max */memory.max
 cd -
-.venv/bin/rarms plan -f /etc/systemd
+/opt/rarms/current/bin/rarms plan -f /etc/systemd
 """
+
+
+@pytest.fixture
+def installed(tmp_path: Path) -> Iterator[Path]:
+    """The folder of all versions of a robot, of which the machine sees a copy; it has this version."""
+    manifest = MANIFEST.format(slice="rarms")
+    (tmp_path / "rarms.yaml").write_text(manifest, encoding="utf-8")
+    with tempfile.TemporaryDirectory(prefix="rarms-test-", dir="/opt") as folder, pytest.MonkeyPatch.context() as patch:
+        root = Path(folder)
+        names = ("versions", "state", "units", "systemd", "cron")
+        patch.setattr(install, "PLACES", RobotPlaces(**{name: str(root / name) for name in names}))
+        ended = rarms("install", "-f", str(tmp_path), "--wheels", str(tmp_path / "wheels"))
+        assert ended.code == 0, ended.err
+        assert "neither systemd nor cron is there" in " ".join(ended.out.split())
+        yield root / "versions"
 
 
 def test_below_systemd_partitions_are_units_for_rarms_and_for_its_script(tmp_path: Path) -> None:
@@ -51,14 +92,22 @@ def test_below_systemd_partitions_are_units_for_rarms_and_for_its_script(tmp_pat
     assert " passed" in result.output
 
 
-def test_a_restart_of_the_machine_keeps_partitions_but_those_that_start_by_hand(tmp_path: Path) -> None:
-    applied = run_in_machine(APPLY, timeout_s=600, disk=tmp_path / "disk.tar")
+@pytest.mark.needs("network", "root")
+def test_a_restart_keeps_partitions_but_those_that_start_by_hand(tmp_path: Path, installed: Path) -> None:
+    def in_machine(script: str) -> CommandResult:
+        script = script.replace("INSTALLED", str(installed))
+        return run_in_machine(script, timeout_s=900, disk=tmp_path / "disk.tar")
+
+    applied = in_machine(APPLY)
     assert applied.exit_code == 0, applied.output
+    assert "enabled" in applied.output
     assert "rarms-speech.slice/cpu.weight:" in applied.output
 
-    restarted = run_in_machine(AFTER_RESTART, timeout_s=600, disk=tmp_path / "disk.tar")
+    restarted = in_machine(AFTER_RESTART)
 
     assert restarted.exit_code == 0, restarted.output
     kernel = "cpu.max:36000 20000", "rarms-face_detection.slice/cpu.weight:80", "rarms-face_detection.slice/cpu.max:"
     assert all(line in restarted.output for line in kernel), restarted.output
+    assert "Result=success" in restarted.output
+    assert "rarms-navigation.slice/cpu.weight:" in restarted.output
     assert "rarms-speech.slice" not in restarted.output
