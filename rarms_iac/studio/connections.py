@@ -6,6 +6,7 @@ yet end first, and none waits for its first request for long. What the guard ref
 
 import asyncio
 import socket
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -79,16 +80,19 @@ def bind(port: int) -> socket.socket:
         port: 0: any that is free.
 
     Returns:
-        A socket that is bound, and not listening yet.
+        A socket that listens.
 
     Raises:
         RequestError: it is taken.
     """
     bound = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    if hasattr(socket, "SO_EXCLUSIVEADDRUSE"):  # Windows: without it another process could take the same port
+    if sys.platform == "win32":  # without it another process could take the same port
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
+    else:  # without it a port stays taken for a minute after its last connection; on Windows it means something else
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         bound.bind((LOOPBACK, port))
+        bound.listen(MOST_ACCEPTED)  # now: two sockets may be bound to a port as long as neither listens
     except OSError as error:
         bound.close()
         raise RequestError(f"Port {port} cannot be taken: {reason_of(error)}. Choose another with --port.") from error
