@@ -163,7 +163,9 @@ def problem_of(
 def system_around(problem: Problem, hosts: Collection[str]) -> System:
     """Return the part of a manifest that shares hosts with these, directly or through another partition.
 
-    What is left out neither takes room there nor can make room there.
+    What is left out neither takes room there nor can make room there. Where the partitions that cannot be on these
+    hosts do not fit the other hosts, those have no room for anything else: then only these hosts are in the part, and
+    all partitions that may be on them.
 
     Args:
         hosts: Names of hosts of the problem; all of them are in the part.
@@ -175,6 +177,9 @@ def system_around(problem: Problem, hosts: Collection[str]) -> System:
     reached = set(hosts)
     while more := set().union(*(names for names in homes.values() if names & reached)) - reached:
         reached |= more
+    elsewhere = [item for item in problem.items if homes[item.name] & reached and not homes[item.name] & set(hosts)]
+    if not can_pack(elsewhere, [each for each in problem.bins if each.name in reached.difference(hosts)]):
+        reached = set(hosts)
     system, part = problem.system, [group for group in problem.groups if homes[group.name] & reached]
     members = {member.name for group in part for member in group.members}
     names = {group.name for group in part}

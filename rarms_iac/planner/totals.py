@@ -56,17 +56,27 @@ def totals_by_host(
 
 
 def _placement_of(problem: Problem) -> tuple[PlacedPartition, ...]:
-    """Return the layout; without one, each partition of known size on one host, so that what must be there counts.
-
-    A partition with a choice takes what those without one leave; if no host has room for it, it counts on the first.
-    """
+    """Return the layout; without one, each partition of known size on one host, so that what must be there counts."""
     answer = solve(problem)
     if isinstance(answer, Layout):
         return answer.partitions
+    return tuple(problem.partition_on(name, host) for name, host in sorted(hosts_without_layout(problem).items()))
+
+
+def hosts_without_layout(problem: Problem) -> Mapping[str, str]:
+    """Return the host that each partition counts on where there is no layout.
+
+    A partition with a choice takes what those without one leave; if no host has room for it, it counts on the first.
+
+    Args:
+        problem: Partitions of unknown size are left out.
+
+    Returns:
+        The name of the host by that of the partition.
+    """
     items = sorted((item for item in problem.items if item.claims), key=lambda item: item.name)
     host_of = {item.name: min(item.claims) for item in items}
     forced = [item for item in items if len(item.claims) == 1]
     taken = claims_by_host(forced, problem.bins, host_of)
     bins = [replace(host, foreign_claims=tuple(taken[host.name])) for host in problem.bins]
-    host_of |= partial_first_fit([item for item in items if item not in forced], bins)
-    return tuple(problem.partition_on(name, host) for name, host in sorted(host_of.items()))
+    return host_of | dict(partial_first_fit([item for item in items if item not in forced], bins))

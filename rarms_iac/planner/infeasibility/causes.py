@@ -32,6 +32,7 @@ from rarms_iac.planner.infeasibility.ways_out import ways_out
 from rarms_iac.planner.packing.pack import can_pack, find_packing
 from rarms_iac.planner.packing.values import Bin, Item, free_on, is_move, least_cost, least_memory
 from rarms_iac.planner.problem import HostView, Problem, problem_of
+from rarms_iac.planner.totals import hosts_without_layout
 
 MOST_NAMES = 12
 """Names in a sentence; more are counted."""
@@ -271,12 +272,13 @@ def _sum_exceeds(
 
 
 def _all_together(conflict: Conflict, problem: Problem, need: Callable[[Item], int], show: Callable[[int], str]) -> str:
-    """The sum with the other partitions that have only these hosts; empty where there are none.
+    """The sum with the other partitions that count on these hosts; empty where there are none.
 
     Ways out count them, and so do the totals of `rarms measure`; a conflict leaves them out.
     """
     hosts, conflicting = {host.name for host in conflict.bins}, {item.name for item in conflict.items}
-    others = [item for item in problem.items if item.name not in conflicting and item.claims.keys() <= hosts]
+    host_of = hosts_without_layout(problem)
+    others = [item for item in problem.items if item.name not in conflicting and host_of.get(item.name) in hosts]
     if not others:
         return ""
     names = sorted((item.name for item in others), key=natural_order)

@@ -230,6 +230,22 @@ def test_tuning_a_host_counts_what_can_be_there(tmp_path: Path) -> None:
     assert fits.out.endswith("a: nothing to do, 0.45 LP are reserved; the capacity is 0.5 LP.\n")
 
 
+def test_a_full_other_host_does_not_keep_a_host_from_being_tuned(tmp_path: Path) -> None:
+    """Component q may run on both hosts; b has no room for r and s, and so none for q."""
+    with chdir(tmp_path):
+        write(TWO_HOSTS + "  s: { criticality: 9, memory: 64 MiB, cpu: { reserve: 0.8 LP }, hosts: [b] }\n")
+        leave_logs(tmp_path, {"p": 29, "q": 25, "r": 65})
+        measured = subject_of("a")
+        fits = rarms("tune", "--host", "a")
+        plan = rarms("plan")
+
+    assert (measured.capacity, measured.fixed, sum(coi.cost for coi in measured.cois)) == (50, 0, 54)
+    assert (fits.code, "a: successful, 0.54 LP became" in fits.out) == (0, True), fits.out
+    assert (plan.code, "r 1.3 LP and s 0.8 LP need 2.1 LP; b has 2 LP" in " ".join(plan.err.split())) == (4, True), (
+        plan.err
+    )
+
+
 def test_who_only_has_a_log_for_a_full_host_counts_there(tmp_path: Path) -> None:
     """Component q names no hosts: only its data log binds it to a."""
     with chdir(tmp_path):

@@ -1,6 +1,7 @@
 """A refusal says who cannot share which host, names no more than it must, and says how sure that is."""
 
 from dataclasses import replace
+from fractions import Fraction
 
 import pytest
 
@@ -13,6 +14,7 @@ from rarms_iac.planner.infeasibility.budget import NODES_FOR_CHANGES, NODES_OF_A
 from rarms_iac.planner.layout import Planning, causes_as_findings, plan_layout
 from rarms_iac.planner.problem import HostView
 from rarms_iac.planner.reservations import FixedReservations
+from rarms_iac.planner.totals import planned_totals
 from tests.builders import a_component, a_host, a_system
 from tests.planning import PLACES
 
@@ -81,6 +83,18 @@ def test_where_others_need_the_same_host_all_are_summed_up_as_well() -> None:
 
     sums = "a 1.2 LP and b 1 LP need 2.2 LP; onboard has 2 LP to promise. With c, it is 2.4 LP in all."
     assert [finding.detail for finding in planning.findings] == [sums]
+
+
+def test_who_has_a_choice_and_overfills_a_host_is_named_with_the_total_of_measure() -> None:
+    parts = [("a", "60 %", "left"), ("b", "50 %", "left"), ("c", "60 %", "right")]
+    bound = [replace(a_component(name, reserve=reserve), hosts=(host,)) for name, reserve, host in parts]
+    hosts = [a_host(name, logical_processors=2, memory="16 GiB") for name in ("left", "right")]
+    system = a_system(hosts=hosts, components=[*bound, a_component("t", reserve="50 %")])
+
+    (finding,) = planned(system).findings
+
+    assert finding.detail == "a 1.2 LP and b 1 LP need 2.2 LP; left has 2 LP to promise. With t, it is 3.2 LP in all."
+    assert planned_totals(system, FixedReservations(), {}).hosts["left"].reserved_lp == Fraction("3.2")
 
 
 @pytest.mark.parametrize(
