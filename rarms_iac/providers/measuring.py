@@ -178,11 +178,12 @@ class WorkHost(ReadableHost, Protocol):
         and not how it goes on.
         """
 
-    def obstacle(self, subject: Component | Interference) -> Obstacle | None:
+    def obstacle(self, subject: Component | Interference, *, in_its_partition: bool = False) -> Obstacle | None:
         """Say why this host cannot run a component or a load; asked before anything is changed for it.
 
         Args:
             subject: as the manifest describes it.
+            in_its_partition: whether it is to run in the partition that was applied for it, not in a test partition.
 
         Returns:
             None: nothing is known that would keep it from running.

@@ -98,6 +98,10 @@ class Fleet:
         """Play these tasks on all robots with ansible-playbook."""
         book = [{"hosts": "all", "gather_facts": False, **play, "tasks": list(tasks)}]
         (self.folder / "site.yml").write_text(json.dumps(book), encoding="utf-8")
+        return self.play_site(options)
+
+    def play_site(self, options: tuple[str, ...]) -> Played:
+        """Play the playbook of the folder."""
         results = self.folder / "results.jsonl"
         results.unlink(missing_ok=True)
         words = [str(ANSIBLE / "ansible-playbook"), "-i", "robots.fleet.yml", "site.yml", "-f", "4", *options]
@@ -318,6 +322,26 @@ def test_an_answer_without_end_fails_its_own_robot(tmp_path: Path) -> None:
 
     assert "answered with more than 67,108,864 characters" in played.results["r-1"]["msg"]
     assert played.changed == ["r-2"]
+
+
+def test_the_shipped_sample_runs_whole(tmp_path: Path) -> None:
+    shutil.copytree(CHECKOUT / "manifests" / "fleet", tmp_path / "fleet")
+    (tmp_path / "fleet" / "ansible.cfg").touch()
+    fleet = Fleet(folder=tmp_path / "fleet")
+
+    summaries = []
+    for state in ("measured", "applied", "proven"):
+        played = fleet.play_site(("-e", f"state={state}"))
+        assert (played.code, played.with_status("failed")) == (0, []), played.out
+        summaries.append([played.results[robot]["msg"] for robot in ("robot-1", "robot-7")])
+
+    applied = [
+        "robot-1: 2 partitions, 1.3 LP reserved, 0.3 LP free",
+        "robot-7: 4 partitions, 3.0 LP reserved, 0.6 LP free",
+    ]
+    assert list((fleet.folder / "measurements").glob("*/*/busy-loop.jsonl")), "its components were measured"
+    assert summaries[1] == [f"{line}; not proven" for line in applied]
+    assert summaries[2] == [f"{applied[0]}; 2 of 2 thresholds proven", f"{applied[1]}; 4 of 4 thresholds proven"]
 
 
 def test_another_robots_plan_is_refused_before_an_unfinished_run_is_ended(fleet: Fleet) -> None:

@@ -198,7 +198,7 @@ def _prove_all(
     proofs: list[LayoutProof] = []
     thresholds = sum(len(component.apt) for layout in layouts.values() for component in layout.judged)
     for name, layout in layouts.items():
-        conditions = _conditions(session, states[name], loads, thresholds)
+        conditions = _conditions(session, states[name], layout, loads, thresholds)
         _announce(session, name, layout, conditions)
         left_ms = float(session.hosts.system.policy.measuring.proof)
         for number, each in enumerate(conditions):
@@ -337,15 +337,21 @@ def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:
 
 
 def _conditions(
-    session: MeasuringSession, state: State, loads: Sequence[str], thresholds: int
+    session: MeasuringSession, state: State, layout: AppliedLayout, loads: Sequence[str], thresholds: int
 ) -> tuple[ProofConditions, ...]:
     """What the layout of a host is run under, one after the other.
 
     Raises:
-        UseCaseError: There is no room for a load, or the host cannot run it (negative).
+        UseCaseError: There is no room for a load, or the host cannot run it or a component (negative).
     """
     system, host = session.hosts.system, session.held_hosts[state.facts.name]
-    refuse_what_cannot_run(session, host, loads={load: system.interference[load] for load in loads})
+    refuse_what_cannot_run(
+        session,
+        host,
+        components={component.name: component for component in layout.components},
+        loads={load: system.interference[load] for load in loads},
+        in_their_partitions=True,
+    )
     room = host_resources(system.hosts[host.name], state, system.application.name)
     runs = max(1, len(loads))
     conditions = ProofConditions(

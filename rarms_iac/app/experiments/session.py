@@ -98,6 +98,7 @@ def refuse_what_cannot_run(
     *,
     components: Mapping[str, Component] = MappingProxyType({}),
     loads: Mapping[str, Interference] = MappingProxyType({}),
+    in_their_partitions: bool = False,
 ) -> None:
     """Refuse a component or a load that a host cannot run.
 
@@ -107,7 +108,8 @@ def refuse_what_cannot_run(
         session: Of the command.
         host: Where they are to run.
         components: By name.
-        loads: By name.
+        loads: By name; they run in test partitions.
+        in_their_partitions: Whether the components are to run in those that were applied for them.
 
     Raises:
         UseCaseError: There is such a component or load (negative).
@@ -115,7 +117,8 @@ def refuse_what_cannot_run(
     manifest = session.hosts.manifest
     named = [("components", name, component) for name, component in components.items()]
     for section, name, subject in [*named, *(("interference", name, load) for name, load in loads.items())]:
-        if obstacle := host.obstacle(subject):
+        in_its_partition = in_their_partitions and section == "components"
+        if obstacle := host.obstacle(subject, in_its_partition=in_its_partition):
             finding = measuring_findings.NOTHING_TO_RUN.at(
                 manifest.places.key(section, name),
                 f"{host.name} cannot run {name}: {obstacle.reason}.",

@@ -97,7 +97,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
     def scheduler_memory_ms(self) -> float:
         return MEMORY_MS
 
-    def obstacle(self, subject: Component | Interference) -> Obstacle | None:
+    def obstacle(self, subject: Component | Interference, *, in_its_partition: bool = False) -> Obstacle | None:  # noqa: ARG002 - the protocol's
         try:
             if not isinstance(subject, Component):
                 check_load(INTERFERENCE, subject, self._context)

@@ -111,7 +111,9 @@ class HypervMeasuringHost(LiveHypervHost):
         self._waits = WaitLimits(lock_ms=timeout_ms)
         yield
 
-    def obstacle(self, subject: Component | Interference) -> Obstacle | None:
+    def obstacle(self, subject: Component | Interference, *, in_its_partition: bool = False) -> Obstacle | None:
+        if in_its_partition:
+            return self._obstacle_in_guest(subject)
         if not self._settings.image:
             return Obstacle("its test partitions have no disk", "Name that of a Windows: `hyperv: { image: ... }`.")
         if isinstance(subject, Component) and subject.task is not None:
@@ -304,7 +306,7 @@ class HypervMeasuringHost(LiveHypervHost):
             loads = () if part.load is None else (part.load,)
             is_test_partition = part.partition in {shape.name for shape in shapes}
             for subject in (*part.components, *loads):
-                if obstacle := self.obstacle(subject) if is_test_partition else self._obstacle_in_guest(subject):
+                if obstacle := self.obstacle(subject, in_its_partition=not is_test_partition):
                     name = subject.name if isinstance(subject, Component) else "the load"
                     raise HostRefused(self.name, f"{name} cannot run: {obstacle.reason}", obstacle.advice)
             works += (self._component_work(part.partition, credential, component) for component in part.components)

@@ -117,7 +117,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         """A reserve is guaranteed over this window, and unused claim is kept for it."""
         return WINDOW_MS
 
-    def obstacle(self, subject: Component | Interference) -> Obstacle | None:
+    def obstacle(self, subject: Component | Interference, *, in_its_partition: bool = False) -> Obstacle | None:  # noqa: ARG002 - the protocol's
         if not isinstance(subject, Component) or subject.simulation is not None:
             return None
         return Obstacle(

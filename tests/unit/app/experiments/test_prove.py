@@ -453,3 +453,13 @@ def test_where_starts_differ_there_are_more_of_them_and_none_is_longer(tmp_path:
     assert verdict["verdict"] == "missed", "its mean is 5.1 ms in most phases, and up to 15 in some"
     assert proof["starts"] > 100
     assert estimate["samples"] / proof["starts"] < 10, "starts of an eighth of all would become longer and longer"
+
+
+def test_a_component_that_cannot_run_is_named_with_its_line(here: Path) -> None:
+    write(here, MANIFEST.replace("    simulation: { work: 20 ms, varies: 10 % }\n", ""))
+
+    ran = rarms("prove", "--load-host")
+
+    assert ran.code == 4
+    assert "RARMS114" in ran.err
+    assert "components.vision" in ran.err
