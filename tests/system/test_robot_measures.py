@@ -72,7 +72,7 @@ def robot(server: Remote, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> It
 
 
 def test_measure_plan_apply_prove_over_ssh(robot: Robot) -> None:
-    ran = robot.run("run", "eyes", "--samples", "20")
+    ran = robot.run("run", "eyes", "--host", "here", "--samples", "20")
     assert ran.code == 0, ran.err
     measured = robot.run(*MEASURE)
     assert measured.code == 0, measured.err

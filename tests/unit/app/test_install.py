@@ -175,6 +175,8 @@ def test_a_full_disk_changes_nothing(robot: Robot) -> None:
 
     assert "1000000000000 MB are needed" in refused.value.message
     assert robot.works() == "1.0"
+    robot.install("2.0")
+    assert robot.works() == "2.0", "the command that was recommended"
 
 
 def test_a_host_that_a_run_holds_is_left_alone(robot: Robot) -> None:

@@ -8,8 +8,6 @@ import ast
 import json
 import re
 import shlex
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import chdir
 from dataclasses import KW_ONLY, dataclass
@@ -22,7 +20,8 @@ import pytest
 import rarms_iac
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.model import commands
-from tests.crashing import KILLED
+from rarms_iac.storage import disk
+from tests.crashing import Crash, CrashingDisk, When
 from tests.files import copy_files
 from tests.measuring import leave_logs, rewrite_log, with_weak_load
 from tests.needs import CHECKOUT
@@ -31,7 +30,7 @@ from tests.unit.cli.running import rarms
 MANIFEST = """\
 schema: rarms/v1
 application: { name: robot }
-policy: { interference: busy-loop }
+policy: { interference: busy-loop, measuring: { setting: 3 s } }
 hosts:
   onboard: { logical_processors: 2, memory: 4 GiB }
 components:
@@ -64,7 +63,8 @@ PAIR = f"""{MEASURED[: MEASURED.index("  speech")]}\
 THREE = PAIR.replace("reserve: measured", "reserve: 95 %", 1) + PAIR[PAIR.index("  speech") :].replace(
     "speech", "video"
 )
-LATE = MEASURED.replace("mean_response_time", "p95_response_time").replace("50 ms", "90 ms").replace("60 }", "400 }")
+LATE = MEASURED.replace("mean_response_time", "p90_response_time").replace("50 ms", "90 ms").replace("60 }", "100 }")
+LATE = LATE.replace("setting: 3 s", "setting: 20 s")
 PROGRAM = ALONE.replace("command: [vision]", "command: [python3, -c, pass]").replace("samples: 60", "samples: 2")
 PROGRAM = PROGRAM[: PROGRAM.index("    simulation")]
 TWO_HOSTS = """\
@@ -120,12 +120,11 @@ def move() -> None:
 
 
 def killed(command: str, at: int) -> Step:
-    """What runs a command as a process that ends without clean-up at its effect of this number."""
+    """What runs a command that ends without clean-up at its effect of this number."""
 
     def run() -> None:
-        words = [sys.executable, "-m", "tests.crashing", str(at), "after", *command.split(), "-f", str(Path.cwd())]
-        ended = subprocess.run(words, cwd=CHECKOUT, capture_output=True, encoding="utf-8", timeout=120)
-        assert ended.returncode == KILLED, ended.stderr
+        with disk.use(CrashingDisk(at, When.AFTER)), pytest.raises(Crash):
+            rarms(*command.split())
 
     return run
 
@@ -248,6 +247,10 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
             ("apply", "undo", "apply --abandon"),
         ),
         Ask("status", "finishes the run on", "apply"),
+    ),
+    "an undo was killed": (
+        given(MANIFEST, "apply", killed("undo --auto-approve", at=12)),
+        Ask("plan", "Otherwise run `rarms undo` to finish it", ("undo", "apply --abandon")),
     ),
     "a host moved while a run was unfinished": (
         given(
@@ -377,6 +380,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     "fixed reserves exceed the host": (
         given(MANIFEST.replace("45 %", "90 %")),
         Ask("validate", "`rarms plan` tries which change would be enough", "plan", may_answer=NO),
+        Ask("graph", "Search for the causes, and for changes that help: ", "plan", may_answer=NO),
     ),
     "a pair would fit": (
         given(PAIR, logs(vision=60, speech=60)),
@@ -386,7 +390,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         given(THREE, logs(speech=60, video=60)),
         Ask(
             "tune --strategy paper",
-            ("`rarms plan` tells more", "Go on: "),
+            ("See the causes: ", "Go on: "),
             ("tune --strategy paper --repeat", "tune", "plan"),
             may_answer=NO,
         ),
@@ -418,7 +422,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         Ask("explain drive", "`rarms plan` shows its values", "plan", in_view=True),
     ),
     "late jobs may be later beside other partitions": (
-        given(LATE, "measure vision"),
+        given(LATE, "measure vision --from 60% --to 60%"),
         Ask("plan", "whether it holds", "prove", first=("apply",)),
     ),
     "a threshold depends on its neighbours": (
@@ -474,15 +478,24 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         ),
         Ask("plan", "Measure it once more with the host to itself", "measure vision --again", first=("stop",)),
     ),
+    "it was measured on another machine": (
+        given(MEASURED, logs(vision=45), edit("logical_processors: 2", "logical_processors: 4")),
+        Ask("plan", "Is this another machine? ", "measure vision --again"),
+    ),
     "a data log is damaged": (
         given(MEASURED, logs(vision=45), write('{"a": 1}\n{"b": 1}\n', LOG)),
-        Ask("plan", "Bring it back from git, or remove it", "measure vision", first=(Path(LOG).unlink,)),
+        Ask("plan", "remove it and measure again: ", "measure vision", first=(Path(LOG).unlink,)),
     ),
     "one of several loads is measured": (
-        given(MEASURED, logs(vision=45), edit("busy-loop }", "[busy-loop, bursts-20] }")),
+        given(MEASURED, logs(vision=45), edit("busy-loop,", "[busy-loop, bursts-20],")),
         Ask("plan", "Measure the other loads: ", "measure vision"),
         Ask("status", "that are not measured yet", "measure"),
-        Ask("measure --interference busy-loop", "Measure what is missing: ", "measure", in_view=True),
+        Ask(
+            "measure --interference busy-loop --from 50% --to 50%",
+            "Measure what is missing: ",
+            "measure",
+            in_view=True,
+        ),
     ),
     "a log has no setting": (
         given(MEASURED, logs(vision=45), empty_log),
@@ -532,9 +545,17 @@ OTHER_TESTS = {
     "cpuset.cpus of its group was changed by hand": "tests/system/test_linux_advice.py",
     "`rarms apply` starts what is off": "tests/system/test_linux_advice.py",  # after a restart
     "{left_out} {more}: `rarms plan` shows all": "tests/system/test_pull_requests.py",
-    "It fits where other hosts take part: ": "tests/unit/app/experiments/test_tune.py",
-    "Or let the default strategy try other combinations: ": "tests/unit/app/experiments/test_tuning_subject.py",
     "`rarms tune` goes on with combining": "tests/system/test_interactive_session.py",
+    "then run `rarms install --host": "tests/unit/app/test_install.py",
+    "then run {again}.": "tests/unit/app/test_install.py",
+    "Nothing that is in use was changed. Run {again} again.": "tests/unit/app/test_install.py",
+    "End it: ": "tests/unit/app/test_install.py",
+    "Remove them first: ": "tests/unit/app/test_install.py",
+    "{boot}": "tests/unit/app/test_install.py",
+    "Next: `rarms doctor`": "tests/system/test_robot.py",
+    "Install this version there: ": "tests/system/test_install.py",
+    "Name one of them: ": "tests/system/test_robot_measures.py",
+    "If the host is reached over ssh, run ": "tests/unit/cli/test_other_version.py",
     # On Linux, or at another moment, what a situation says:
     "See what is missing with `rarms plan`, and bring it": "nothing is applied",
     "Try it alone: `rarms run COMPONENT`": "a component cannot run on its host",
@@ -545,10 +566,15 @@ OTHER_TESTS = {
     "If it was changing a host, run": "an apply was killed",
     "`rarms measure` may find that less is enough": "tests/unit/planner/infeasibility/test_ways_out.py",
     "A setting ends at `run.until` at the latest": "nothing is measured",
+    "Run it alone and correct it: ": "a component cannot run on its host",
+    "raise the reserves until `rarms prove` passes": "it is applied",
+    "`rarms apply --abandon` to leave the host as it is.": "an apply was killed",
+    "to finish it, `rarms undo` to take it back": "an apply was killed",
 }
 """The test, the file of tests or the situation that runs what a message recommends, by words of the message."""
 
 NOT_RECOMMENDED = (
+    "Measuring, proving and `rarms run` need it.",
     "so `rarms apply` will refuse it: set RARMS_PLAN_KEY",
     "`rarms apply` does the plan's steps itself",
     "no run of `rarms tune` that is on record here wrote it",
@@ -688,7 +714,7 @@ def answer_to(ask: Ask, folder: Path) -> tuple[str, tuple[str, ...]]:
         ran = rarms(*words, "--json", stdin="no\n", at_a_terminal=ask.at_a_terminal)
         shown = rarms(*words, *(["--text"] if words[0] == "report" else [])).out if ask.in_view else ""
     says = " ".join(re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", ran.out + ran.err + shown).split())
-    return says, tuple(dict.fromkeys(commands_in(documents_in(ran.out))))
+    return says, tuple(dict.fromkeys([*commands_in(documents_in(ran.out)), *recommended(shown)]))
 
 
 def documents_in(text: str) -> list[object]:
