@@ -17,6 +17,7 @@ from rarms_iac.app.install_wheels import Wheel
 from rarms_iac.providers.channel import ProgramChannel
 from rarms_iac.providers.interface import HostFailed, HostLocked, HostRefused
 from rarms_iac.storage.lock import hold
+from rarms_iac.storage.shipped import shipped_module
 from tests.effort import Attempt, every_few, tried
 from tests.standin.robot_wheels import wheels_of
 
@@ -61,8 +62,9 @@ class Robot:
 
     def works(self, name: str = "current") -> str:
         """The version that a link leads to, as its program says."""
-        program = [self.versions / name / "bin" / "python", "-I", "-m", "rarms_iac"]
-        return subprocess.run(program, capture_output=True, text=True, check=True, env={}).stdout.strip()
+        python = str(self.versions / name / "bin" / "python")
+        words = [python, "-I", "-m", "rarms_iac"]
+        return subprocess.run(words, capture_output=True, text=True, check=True, env={}).stdout.strip()
 
     def begin(self, version: str, plan: str = "p-1") -> Path:
         """Leave a run that this version began and did not finish."""
@@ -84,8 +86,9 @@ def robot(monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
 
 
 def test_a_newer_version_keeps_the_one_before(robot: Robot) -> None:
-    for version in ("1.0", "2.0", "3.0"):
-        done = robot.install(version)
+    for version in ("1.0", "2.0"):
+        robot.install(version)
+    done = robot.install("3.0")
 
     assert done.removed == ("1.0",)
     assert (robot.works(), robot.works("2.0")) == ("3.0", "2.0")
@@ -124,7 +127,7 @@ def test_a_kill_at_any_effect_leaves_a_version_that_works(robot: Robot, monkeypa
     robot.install("1.0")
     saved = robot.versions.with_name("saved")
     shutil.copytree(robot.versions, saved, symlinks=True)
-    program = install.shipped_module("app/install_there.py")
+    program = shipped_module("app/install_there.py")
 
     def install_killed(number: int) -> str:
         """Install 2.0 beside 1.0, up to the effect of this number; 0: to the end."""

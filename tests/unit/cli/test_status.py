@@ -4,6 +4,7 @@ import json
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -350,6 +351,7 @@ def test_after_a_proof_with_too_few_samples_as_many_as_may_tell_are_next() -> No
 def test_test_partitions_of_a_killed_measurement_stand_apart() -> None:
     Path("rarms.yaml").write_text(MANIFEST + MEASURED, encoding="utf-8")
     words = ("measure", "planner", "--from", "50%", "--to", "50%", "--samples", "20")
+    host: dict[str, Any] = {}
     for at in range(80, 200, 10):
         with disk.use(CrashingDisk(at)), suppress(Crash):
             rarms(*words)

@@ -85,7 +85,7 @@ def test_a_member_that_is_met_reserves_nothing_while_another_is_open() -> None:
 
 
 def test_what_is_missing_is_said_with_the_numbers_that_are_there() -> None:
-    logs = [a_log(MET), missing("bursts-20"), missing("bursts-100")]
+    logs: list[LogOfLoad] = [a_log(MET), missing("bursts-20"), missing("bursts-100")]
 
     answer = why_unknown(("vision",), decide([VISION], logs), logs)
 

@@ -11,8 +11,9 @@ import pytest
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
-from rarms_iac.providers.cgroups.processes import consumed_ms, orphans, read_process
+from rarms_iac.providers.cgroups.processes import consumed_ms, orphans
 from rarms_iac.running.component import ComponentRun
+from rarms_iac.running.kernel_files import read_process
 from rarms_iac.running.start import StartContext
 from tests.builders import a_host
 from tests.contracts.benches import forget_groups, groups_of
