@@ -216,10 +216,10 @@ def hosts_to_change(hosts: Hosts, request: InstallRequest) -> tuple[str, ...]:
 
 
 def _still_open(host: str, run: BegunRun) -> Diagnostic:
-    reason = f"it said: {_last_line(run.said)}" if run.said else "it is not there."
+    reason = _last_line(run.said) if run.said else f"rarms {run.version} is not installed there."
     return STILL_OPEN.of_host(
         host,
-        f"{host}: rarms {run.version} began the run of plan {run.plan} and did not finish it; {reason}",
+        f"{host}: rarms {run.version} began the run of plan {run.plan} and did not finish it: {reason}",
         prose(
             f"Remove the reason, or install rarms {run.version} there, then run ",
             command("install", host=host),
@@ -230,7 +230,7 @@ def _still_open(host: str, run: BegunRun) -> Diagnostic:
         plan=run.plan,
         began=run.version,
         version=__version__,
-        reason=run.said,
+        reason=reason,
     )
 
 
