@@ -10,10 +10,41 @@ let page = start();
 let version = null; // the last that the server told of
 let refreshing = false;
 let isRunning = false; // as the server told last
+let news = null; // the stream of the server's news
+let asking = 0; // requests that wait for their answer
+
+// A browser has six connections to a server, for all its tabs together, and a stream keeps one. So a hidden tab has no
+// stream, and a request takes the place of its own tab's.
+const listen = () => {
+  if (news || asking > 0 || document.hidden) return;
+  news = new EventSource("events");
+  news.addEventListener("open", () => (element("connection").hidden = true));
+  news.addEventListener("error", showLoss);
+  news.addEventListener("work", (event) => showWork(JSON.parse(event.data)));
+  news.addEventListener("files", (event) => {
+    if (event.data !== element("main").dataset.version) follow(event.data);
+  });
+};
+
+const unlisten = () => {
+  news?.close();
+  news = null;
+};
+
+const ask = async (address, options = {}) => {
+  asking += 1;
+  unlisten();
+  try {
+    return await fetch(address, options);
+  } finally {
+    asking -= 1;
+    listen();
+  }
+};
 
 const send = async (address, body) => {
   element("work-message").textContent = "";
-  const response = await fetch(address, {
+  const response = await ask(address, {
     method: "POST",
     headers: { "Content-Type": "application/json" },
     body: JSON.stringify(body),
@@ -160,7 +191,7 @@ const keepFocus = (focused, section) => {
 };
 
 const refresh = async () => {
-  const response = await fetch(".");
+  const response = await ask(".");
   if (!response.ok) throw new Error(String(response.status));
   const fresh = new DOMParser().parseFromString(await response.text(), "text/html");
   const latest = followed(fresh);
@@ -210,13 +241,8 @@ const follow = async (latest) => {
   }
 };
 
-const events = new EventSource("events");
-events.addEventListener("open", () => (element("connection").hidden = true));
-events.addEventListener("error", showLoss);
-events.addEventListener("work", (event) => showWork(JSON.parse(event.data)));
-events.addEventListener("files", (event) => {
-  if (event.data !== element("main").dataset.version) follow(event.data);
-});
+document.addEventListener("visibilitychange", () => (document.hidden ? unlisten() : listen()));
+listen();
 
 // --- clicks
 

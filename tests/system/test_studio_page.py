@@ -205,6 +205,7 @@ def test_a_session_from_an_empty_folder_to_a_proven_plan(browser: "WebDriver", t
         waits_for(browser, "return document.getElementById('work-status').textContent === 'ended.'")
         assert "1 of " in shown(browser, "work-rows")
         waits_for(browser, "return document.getElementById('hosts').textContent.includes('running')")
+        waits_for(browser, "return main.dataset.version.startsWith(work.dataset.state)")  # its buttons work again
 
         press(browser, "prove")
         assert waits_for_end(browser, "rarms prove") == "ended with problems."
@@ -421,6 +422,28 @@ def opens(page: "WebDriver", served: Studio) -> None:
     messages(page, "browser")  # what an earlier test left is read, and not counted
     page.get(served.address)
     waits_for(page, ALIVE)
+
+
+def test_seven_pages_work_and_the_last_one_stops(browser: "WebDriver", slow: Path) -> None:
+    """A browser has six connections to a server. Windows side by side are all visible; the first tab is not."""
+    first = browser.current_window_handle
+    with studio(slow) as served:
+        opens(browser, served)
+        press(browser, "measure")
+        try:
+            for kind in ("tab", *["window"] * 5):
+                browser.switch_to.new_window(kind)
+                browser.get(served.page)
+                waits_for(browser, "return document.getElementById('work-status').textContent === 'runs.'")
+            browser.find_element("id", "work-stop").click()
+            for window in reversed(browser.window_handles):
+                browser.switch_to.window(window)
+                assert waits_for_end(browser, "rarms measure") == "was stopped."
+        finally:
+            for window in set(browser.window_handles) - {first}:
+                browser.switch_to.window(window)
+                browser.close()
+            browser.switch_to.window(first)
 
 
 @pytest.mark.thorough
