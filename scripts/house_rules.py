@@ -22,8 +22,8 @@ MAY_READ = {
     "storage/lock.py": "a lock is an open file",
     "storage/shipped.py": "what rarms ships, as it was installed",
     "providers/cgroups/effects.py": "files of the kernel",
-    "providers/cgroups/processes.py": "files of the kernel",
     "running/supervisor_process.py": "files of the kernel",
+    "running/kernel_files.py": "files of the kernel",
 }
 """Who opens files, and why: there is one reader, two writers, and files of the kernel in their provider."""
 

@@ -28,7 +28,7 @@ def describe_idle(load: str, evidence: SettingEvidence, host: Host) -> str:
     """
     shared = shared_processors(host, host.logical_processors)
     whole_ms = evidence.elapsed_ms * float(shared)
-    left = f"{load} left {idle_share(evidence, shared):.0%} of {show_processors(shared)}."
+    idle = f"{load} left {idle_share(evidence, shared):.0%} of {show_processors(shared)}."
     had = [
         f"{work.name}{f' in {work.group}' if work.group else ''} had {work.cpu_ms / whole_ms:.0%}"
         for work in evidence.others
@@ -41,7 +41,7 @@ def describe_idle(load: str, evidence: SettingEvidence, host: Host) -> str:
     ]
     reasons = [f"Of {show_processors(shared)}, {in_a_row(had)}."] if had else []
     reasons += [f"{reason[0].upper()}{reason[1:]}." for reason in limits]
-    return " ".join((left, *(reasons or ["No other process and no limit had it: the load waited."])))
+    return " ".join((idle, *(reasons or ["No other process and no limit had it: the load waited."])))
 
 
 def idle_facts(evidence: SettingEvidence, host: Host) -> Facts:

@@ -101,12 +101,12 @@ def findings_of(
             assert_never(conclusion)
 
 
-def failed_samples(failed: TooManyFailures, where: str, places: Places, **values: float) -> Diagnostic:
+def failed_samples(failed: TooManyFailures, setting: str, places: Places, **values: float) -> Diagnostic:
     """Make the finding that more samples failed than a component allows.
 
     Args:
         failed: The verdict.
-        where: The setting or the layout, in words.
+        setting: The setting or the layout, in words.
         places: Lines of the manifest.
         values: More facts.
     """
@@ -116,7 +116,7 @@ def failed_samples(failed: TooManyFailures, where: str, places: Places, **values
     allow = f"Or allow that: `run: {{ failures: {count} }}`."
     return FAILED_SAMPLES.at(
         places.key("components", component),
-        f"{component} {where}: {counted(count, 'sample')} failed, and `run.failures` allows {failed.allowed}: "
+        f"{component} {setting}: {counted(count, 'sample')} failed, and `run.failures` allows {failed.allowed}: "
         f"{reasons}.{why_out_of_memory(failed)}",
         MORE_MEMORY if failed.out_of_memory else prose(run_alone, allow),
         address=f"component/{component}",

@@ -48,12 +48,12 @@ def work_outside(
     found = _joined(outside)
     if not found:
         return
-    left = [work for work in found if work.component]
+    escaped = [work for work in found if work.component]
     others = [work for work in found if not work.component]
     sentences = []
-    if left:
-        sentences.append(f"Processes of {in_a_row(sorted({work.component for work in left}))} left their group: ")
-        sentences[-1] += f"{'; '.join(map(_described, left))}."
+    if escaped:
+        sentences.append(f"Processes of {in_a_row(sorted({work.component for work in escaped}))} left their group: ")
+        sentences[-1] += f"{'; '.join(map(_described, escaped))}."
     if others:
         sentences.append(
             f"While {in_a_row(members)} ran, processes outside used more processor time: "
@@ -74,7 +74,11 @@ def work_outside(
 
 
 def why_out_of_memory(failed: TooManyFailures) -> str:
-    """Say that the kernel killed processes of a failed component; empty: it killed none."""
+    """Say that the kernel killed processes of a failed component.
+
+    Returns:
+        A sentence after a space; empty: it killed none.
+    """
     return f" {_kills(failed.out_of_memory)}" if failed.out_of_memory else ""
 
 

@@ -14,7 +14,7 @@ ALL_PARTITIONS = ""
 class OutsideWork:
     """Processes that used processor time in a setting and were in none of its partitions."""
 
-    name: str  # of their program; "ended": processes that nobody saw
+    name: str  # of their program; "ended": processes that no look saw
     group: str  # their control group, as a path; empty: unknown
     cpu_ms: float
     processes: int = 1

@@ -9,7 +9,6 @@ import os
 import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Lock
@@ -115,7 +114,7 @@ class WorkPlaces:
         usual = usual_rates(self._before, self._looked_at)
         home = self._paths.get(os.getpid(), group_path(kernel_text(PROC / "self/cgroup")))
         sides = _Sides(last=self._last, places={place.supervisor: place for place in places if place.supervisor})
-        left: list[OutsideWork] = []
+        escaped: list[OutsideWork] = []
         others: list[OutsideWork] = []
         inside: dict[str | Path, float] = dict.fromkeys(map(_unit, places), 0.0)
         for process, ticks in used.items():
@@ -131,15 +130,15 @@ class WorkPlaces:
                 if process in self._inside or (not place.groups and work.group in {home, ""}):
                     inside[_unit(place)] += ms
                 elif process in self._paths:
-                    left.append(replace(work, component=place.component))
+                    escaped.append(replace(work, component=place.component))
             elif process not in self._inside:
                 above = ms - usual.get((process, self._last[process].began), 0.0) * elapsed_ms
                 others += [replace(work, cpu_ms=above)] if above > 0 else []
         measured = {unit: self._used_ms.get(unit, ms) if isinstance(unit, Path) else ms for unit, ms in inside.items()}
-        left += _ended_elsewhere(places, inside, measured, LEAST_SHARE * elapsed_ms)
-        total = sum(work.cpu_ms for work in (*left, *others))
+        escaped += _ended_elsewhere(places, inside, measured, LEAST_SHARE * elapsed_ms)
+        total = sum(work.cpu_ms for work in (*escaped, *others))
         matters = total >= LEAST_SHARE * elapsed_ms and total > min(measured.values(), default=0.0)
-        return listed((*left, *(others if matters else ())))
+        return listed((*escaped, *(others if matters else ())))
 
     def others(self, elapsed_ms: float, counted_ms: float) -> tuple[OutsideWork, ...]:
         """Return all that used processors in none of the groups, largest first, rarms itself included.
@@ -205,8 +204,8 @@ def used_ticks(before: Look, last: Look, alive: frozenset[int]) -> Mapping[int, 
         alive: The processes that were there at the end.
 
     Returns:
-        By process. The time of a process that ended is in its parent's `children` as far as nobody saw it: what was
-        seen of it before is taken off there.
+        By process. The time of a process that ended is in its parent's `children` as far as no look saw it: what a
+        look saw before is taken off there.
     """
     counted: dict[int, int] = {}  # by process that is there: what it has of children whose time is known
     for process, stat in last.items():
@@ -263,8 +262,7 @@ def members(groups: Iterable[Path]) -> Iterator[int]:
         for folder, _, files in os.walk(group):
             if "cgroup.procs" in files:
                 file = Path(folder) / "cgroup.procs"
-                with suppress(OSError):
-                    yield from (whole_number(file, word) for word in file.read_text(encoding="ascii").split())
+                yield from (whole_number(file, word) for word in kernel_text(file).split())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -132,8 +132,8 @@ class LinuxHostProvider(JournaledHost):
         Raises:
             HostRefused: rarms did not make it.
         """
-        kept = any(name.endswith(".json") for name in self._effects.files(self._folder))
-        if not tree.is_there or kept or self._effects.has_file(self._journal_path):
+        has_definitions = any(name.endswith(".json") for name in self._effects.files(self._folder))
+        if not tree.is_there or has_definitions or self._effects.has_file(self._journal_path):
             return
         raise HostRefused(
             self.name,

@@ -1,4 +1,4 @@
-"""A component that uses no processor, whatever it reserves, does its work elsewhere or only waits."""
+"""A component that uses no processor at any reservation works elsewhere, or only waits."""
 
 import pytest
 
