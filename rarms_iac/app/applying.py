@@ -22,7 +22,7 @@ from rarms_iac.applying.run_steps import RunControl
 from rarms_iac.applying.undo import (
     abandon,
     can_be_undone,
-    kept_addresses,
+    repaired_addresses,
     steps_undone,
     undo,
     undo_findings,
@@ -354,7 +354,7 @@ class UndoPreview:
     steps: tuple[UndoneStep, ...]  # in their order
     findings: tuple[Diagnostic, ...]  # what cannot be undone, and foreign values that are set again
     foreign: tuple[str, ...]  # addresses whose foreign values the apply replaced
-    kept: bool  # these stay as the apply left them
+    keeps: bool  # these stay as the apply left them
 
 
 def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
@@ -423,22 +423,22 @@ def preview(applies: Sequence[LastApply], *, keep: bool = False) -> Iterator[Und
     """
     for last in applies:
         if last.journal is not None:
-            foreign = kept_addresses(last.journal)
-            kept = foreign if keep else frozenset()
+            foreign = repaired_addresses(last.journal)
+            spared = foreign if keep else frozenset()
             yield UndoPreview(
                 host=last.host.name,
                 started=last.journal.started,
-                steps=steps_undone(last.journal, kept),
-                findings=undo_findings(last.host, last.journal, kept),
+                steps=steps_undone(last.journal, spared),
+                findings=undo_findings(last.host, last.journal, spared),
                 foreign=tuple(sorted(map(str, foreign))),
-                kept=keep,
+                keeps=keep,
             )
 
 
 def can_keep(applies: Sequence[LastApply]) -> bool:
     """Whether there are foreign values, and an undo can leave the manifest's in their place."""
     runs = [(last.host, last.journal) for last in applies if last.journal is not None]
-    return any(kept_addresses(run) for _, run in runs) and not any(why_not_kept(host, run) for host, run in runs)
+    return any(repaired_addresses(run) for _, run in runs) and not any(why_not_kept(host, run) for host, run in runs)
 
 
 def refuse_keeping(applies: Sequence[LastApply]) -> None:

@@ -58,7 +58,7 @@ def undo(host: LiveHost, origin: RunOrigin, control: RunControl = UNATTENDED_RUN
         host: which one.
         origin: of this run.
         control: hears of each step.
-        keep: leave what `kept_addresses` names as it was applied; `why_not_kept` was asked before.
+        keep: leave what `repaired_addresses` names as it was applied; `why_not_kept` was asked before.
     """
     try:
         match host:
@@ -74,13 +74,13 @@ def undo(host: LiveHost, origin: RunOrigin, control: RunControl = UNATTENDED_RUN
                 journal = run_to_undo(last)
                 if last is None or not isinstance(journal, Journal) or not can_be_undone(journal):
                     return _nothing_to_undo(host, journal)
-                kept = kept_addresses(journal) if keep else frozenset()
-                if kept and not steps_undone(journal, kept):
-                    why = f"all that the last apply changed is kept: {in_a_row(sorted(map(str, kept)))}"
+                spared = repaired_addresses(journal) if keep else frozenset()
+                if spared and not steps_undone(journal, spared):
+                    why = f"all that the last apply changed is kept: {in_a_row(sorted(map(str, spared)))}"
                     return RunReport(ending=RunEnding.NOTHING, findings=(refusals.nothing_to_undo(host.name, why),))
                 if refused := without_rights(host):
                     return refused
-                return _walk_back(host, journal, undo_run(journal, origin, last, kept), control, kept)
+                return _walk_back(host, journal, undo_run(journal, origin, last, spared), control, spared)
             case ScriptedHost():
                 run = host.journal()
                 if run is None or not can_be_undone(run):
@@ -110,7 +110,7 @@ def without_rights(host: LiveHost) -> RunReport | None:
 
 
 def _walk_back(
-    host: StepwiseHost, journal: Journal, started: RunStarted, control: RunControl, kept: frozenset[Address]
+    host: StepwiseHost, journal: Journal, started: RunStarted, control: RunControl, spared: frozenset[Address]
 ) -> RunReport:
     if (other := refusals.begun_by_another_version(host.name, journal)) is not None:
         return RunReport(ending=RunEnding.REFUSED, findings=(other,))
@@ -118,7 +118,7 @@ def _walk_back(
         return run_steps(host, journal, control)
     host.start_run(started)
     report = run_steps(host, Journal(started=started), control)
-    return replace(report, findings=(*report.findings, *undo_findings(host, journal, kept)))
+    return replace(report, findings=(*report.findings, *undo_findings(host, journal, spared)))
 
 
 def abandon(host: LiveHost, waits: WaitLimits = NO_WAITING) -> RunReport:
@@ -146,12 +146,12 @@ def abandon(host: LiveHost, waits: WaitLimits = NO_WAITING) -> RunReport:
         return failed_run(error)
 
 
-def steps_undone(journal: Journal | ScriptRun, kept: frozenset[Address] = frozenset()) -> tuple[UndoneStep, ...]:
+def steps_undone(journal: Journal | ScriptRun, spared: frozenset[Address] = frozenset()) -> tuple[UndoneStep, ...]:
     """List what an undo would do, in its order, and what it cannot, for a person.
 
     Args:
         journal: the last run; of an undo that was interrupted, the steps that are left.
-        kept: what is left as it was applied.
+        spared: what is left as it was applied.
     """
     match journal:
         case Journal() if journal.started.run is RunKind.UNDO:
@@ -169,7 +169,7 @@ def steps_undone(journal: Journal | ScriptRun, kept: frozenset[Address] = frozen
                     title=reversal(step, changes).title if step.undo.operation else step.title,
                     level=step.undo.level,
                 )
-                for _, step in steps_to_undo(journal, kept)
+                for _, step in steps_to_undo(journal, spared)
                 if step.undo.operation is not None
                 or step.undo.level is not UndoLevel.FULL  # else it goes with its machine
             )
@@ -177,7 +177,7 @@ def steps_undone(journal: Journal | ScriptRun, kept: frozenset[Address] = frozen
             return steps_undone_by_script(journal)
 
 
-def steps_to_undo(journal: Journal, kept: frozenset[Address] = frozenset()) -> tuple[tuple[int, Step], ...]:
+def steps_to_undo(journal: Journal, spared: frozenset[Address] = frozenset()) -> tuple[tuple[int, Step], ...]:
     """The steps that the run may have done, with their numbers, the last one first, but for those of what is kept.
 
     What was done to a machine before it was removed went with it: only the removal itself is told.
@@ -186,7 +186,7 @@ def steps_to_undo(journal: Journal, kept: frozenset[Address] = frozenset()) -> t
     gone: set[str] = set()
     steps: list[tuple[int, Step]] = []
     for number, step in reversed(list(enumerate(journal.started.steps))):
-        if number not in touched or step.address.partition in gone or _resource_of(step) in kept:
+        if number not in touched or step.address.partition in gone or _resource_of(step) in spared:
             continue
         steps.append((number, step))
         if is_removal(step):
@@ -201,24 +201,24 @@ def is_removal(step: Step) -> bool:
 
 
 def undo_findings(
-    host: LiveHost, journal: Journal | ScriptRun, kept: frozenset[Address] = frozenset()
+    host: LiveHost, journal: Journal | ScriptRun, spared: frozenset[Address] = frozenset()
 ) -> tuple[Diagnostic, ...]:
     """Warn of each step of the run that cannot be undone wholly, and of each foreign value that the undo sets again.
 
     Args:
         host: which one.
         journal: the last run there.
-        kept: what is left as it was applied.
+        spared: what is left as it was applied.
     """
     match journal:
         case Journal():
             can_keep = not why_not_kept(host, journal)
             partial = [
                 refusals.undo_partial(host.name, step)
-                for _, step in steps_to_undo(journal, kept)
+                for _, step in steps_to_undo(journal, spared)
                 if journal.started.run is RunKind.APPLY and step.undo.level is not UndoLevel.FULL
             ]
-            values = (value for value in _foreign_values(journal) if value.address not in kept)
+            values = (value for value in _foreign_values(journal) if value.address not in spared)
             return (*partial, *(refusals.undo_foreign(host.name, value, can_keep=can_keep) for value in values))
         case ScriptRun():
             script = journal.started.undo
@@ -228,26 +228,26 @@ def undo_findings(
             )
 
 
-def kept_addresses(journal: Journal | ScriptRun) -> frozenset[Address]:
+def repaired_addresses(journal: Journal | ScriptRun) -> frozenset[Address]:
     """The partitions and task classes whose foreign values the run replaced: `--keep` leaves them as applied."""
     is_apply = isinstance(journal, Journal) and journal.started.run is RunKind.APPLY
     return frozenset(value.address for value in _foreign_values(journal)) if is_apply else frozenset()
 
 
 def why_not_kept(host: LiveHost, journal: Journal | ScriptRun) -> str:
-    """Say why an undo of this run cannot leave `kept_addresses` as they are; empty: it can."""
+    """Say why an undo of this run cannot leave `repaired_addresses` as they are; empty: it can."""
     if isinstance(host, ScriptedHost) or not isinstance(journal, Journal):
         return "the script of the host undoes the whole apply"
     if journal.started.run is RunKind.UNDO:
         return "the undo has begun"
-    kept = kept_addresses(journal)
+    spared = repaired_addresses(journal)
     claims: dict[Address, tuple[Claim, Claim]] = {}  # before the apply, and after it
     for step in journal.started.steps:
         first, _ = claims.get(_resource_of(step), (step.claim_before, step.claim_after))
         claims[_resource_of(step)] = first, step.claim_after
-    grown = [address for address in kept if address in claims and claims[address][0].is_less_than(claims[address][1])]
+    grown = [address for address in spared if address in claims and claims[address][0].is_less_than(claims[address][1])]
     growing = [
-        address for address, (before, after) in claims.items() if address not in kept and after.is_less_than(before)
+        address for address, (before, after) in claims.items() if address not in spared and after.is_less_than(before)
     ]
     if grown and growing:
         return f"{min(map(str, growing))} may need what {min(map(str, grown))} would keep"
@@ -268,18 +268,20 @@ def _resource_of(step: Step) -> Address:
     return replace(step.address, disk="")
 
 
-def undo_run(journal: Journal, origin: RunOrigin, last: Journal, kept: frozenset[Address] = frozenset()) -> RunStarted:
+def undo_run(
+    journal: Journal, origin: RunOrigin, last: Journal, spared: frozenset[Address] = frozenset()
+) -> RunStarted:
     """The run that takes the journal's steps back. It raises the serial: what was planned before it is stale.
 
     Args:
         journal: the run that is taken back.
         origin: of the undo.
         last: the last run on the host.
-        kept: what is left as it was applied.
+        spared: what is left as it was applied.
     """
     started = journal.started
     changes = started.host_plan.changes_by_address
-    taken = (step for _, step in steps_to_undo(journal, kept) if step.undo.operation is not None)
+    taken = (step for _, step in steps_to_undo(journal, spared) if step.undo.operation is not None)
     steps = tuple(reversal(step, changes) for step in taken)
     return replace(
         started,

@@ -43,7 +43,7 @@ def undo_text(undo: UndoPreview) -> "RenderableType":
     started = undo.started
     begun_by = "applied" if started.run is RunKind.APPLY else "begun"
     lines = [paragraph(_describe_undone(step), indent=2, more=2) for step in undo.steps]
-    if undo.kept:
+    if undo.keeps:
         lines += [f"  {address}: stays as it was applied" for address in undo.foreign]
     return stack(
         paragraph(

@@ -205,7 +205,7 @@ def test_an_undo_says_what_comes_back_and_what_stays() -> None:
         UndoneStep(address="partition/old", title="remove the machine", level=UndoLevel.NONE),
     ]
 
-    shown = UndoPreview(host="onboard", started=a_start(), steps=tuple(steps), findings=(), foreign=(), kept=False)
+    shown = UndoPreview(host="onboard", started=a_start(), steps=tuple(steps), findings=(), foreign=(), keeps=False)
 
     assert render(undo_text(shown)).splitlines()[-2:] == [
         "  partition/vision: reserve 40 -> 70 %",
