@@ -83,6 +83,10 @@ def test_measure_plan_apply_prove_over_ssh(robot: Robot) -> None:
     assert len(log.recorded) >= experiment["new"] == 2
     assert not (robot.there / "measurements").exists()
 
+    for folder in (robot.here, robot.there):
+        (folder / "jobs.py").write_text(f"{JOBS}# another\n", encoding="utf-8")
+    other: Any = json.loads(robot.run(*MEASURE).out)
+    assert [each["new"] for each in other["experiments"]] == [2], "the log of another program is begun anew"
     again: Any = json.loads(robot.run(*MEASURE).out)
     assert [each["new"] for each in again["experiments"]] == [0]
     assert robot.run("apply", "--auto-approve").code == 0
