@@ -36,7 +36,7 @@ def write_edits(edits: Sequence[FileEdit]) -> None:
     """
     changed = [edit for edit in edits if edit.after != edit.before]
     for edit in changed:
-        if _read(edit.file) != edit.before:
+        if text_of(edit.file) != edit.before:
             raise RequestError(f"{edit.file} was changed meanwhile: nothing was written. Do it again.")
     for edit in changed:
         write_file(edit.file, edit.after.encode("utf-8"))
@@ -123,10 +123,14 @@ def _file(manifest: Manifest, name: str) -> str:
 
 def _text(texts: dict[str, str], before: dict[str, str], file: str) -> str:
     if file not in texts:
-        before[file] = texts[file] = _read(file)
+        before[file] = texts[file] = text_of(file)
     return texts[file]
 
 
-def _read(file: str) -> str:
-    """The text with its own line ends; that it is a manifest was found when it was loaded."""
+def text_of(file: str) -> str:
+    """Return the text of a manifest's file with its own line ends.
+
+    Args:
+        file: That was loaded.
+    """
     return read_file(file, MAX_BYTES).decode("utf-8")

@@ -81,6 +81,9 @@ def entry_command(version: str = __version__) -> str:
     )
 
 
+Ask = Callable[[], bool]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostProblem:
     """A `HostError` as it travels."""
@@ -349,21 +352,23 @@ class _Ended:
         return self._code
 
 
-def calls_sent_by(interface: type[Any], target: str, send: Callable[[ReporterCall, Json], None]) -> Any:
+def calls_sent_by(interface: type[Any], target: str, send: Callable[[ReporterCall, Json], None], ask: Ask) -> Any:
     """Return a reporter whose calls travel to the other side.
 
     Args:
-        interface: class of the reporter; its methods take values that the codec knows.
+        interface: class of the reporter; its methods take values that the codec knows, and a bool is all they return.
         target: what the other side calls it.
         send: takes each call with its arguments.
+        ask: returns the answer to the question that was sent last.
     """
 
-    def forward(method: str) -> Callable[..., None]:
-        hints = _argument_hints(interface, method)
+    def forward(method: str) -> Callable[..., bool | None]:
+        hints, is_question = _argument_hints(interface, method), _is_question(interface, method)
 
-        def call(_self: object, *arguments: object) -> None:
+        def call(_self: object, *arguments: object) -> bool | None:
             data: Json = [encode(value, hint) for value, hint in zip(arguments, hints, strict=True)]
             send(ReporterCall(target=target, method=method), data)
+            return ask() if is_question else None
 
         return call
 
@@ -371,8 +376,8 @@ def calls_sent_by(interface: type[Any], target: str, send: Callable[[ReporterCal
     return type(f"Sent{interface.__name__}", (interface,), methods)()
 
 
-def perform_call(reporter: Any, interface: type[Any], method: str, arguments: Json) -> None:
-    """Make a call of the other side here.
+def perform_call(reporter: Any, interface: type[Any], method: str, arguments: Json) -> bool | None:
+    """Make a call of the other side here, and return the answer if it is a question.
 
     Args:
         reporter: of this side.
@@ -388,11 +393,16 @@ def perform_call(reporter: Any, interface: type[Any], method: str, arguments: Js
     hints = _argument_hints(interface, method)
     if not isinstance(arguments, list) or len(arguments) != len(hints):
         raise NotDecodable("arguments", f"{interface.__name__}.{method} takes {len(hints)}")
-    getattr(reporter, method)(*(decode_union(hint, each) for hint, each in zip(hints, arguments, strict=True)))
+    answer = getattr(reporter, method)(*(decode_union(hint, each) for hint, each in zip(hints, arguments, strict=True)))
+    return bool(answer) if _is_question(interface, method) else None
 
 
 def _methods_of(interface: type[Any]) -> tuple[str, ...]:
     return tuple(name for name, each in vars(interface).items() if callable(each) and not name.startswith("_"))
+
+
+def _is_question(interface: type[Any], method: str) -> bool:
+    return get_type_hints(getattr(interface, method)).get("return") is bool
 
 
 def _argument_hints(interface: type[Any], method: str) -> tuple[Any, ...]:

@@ -36,7 +36,7 @@ _SETTINGS_BYTES = 2**20
 
 
 MODULES = {"look": "look", "apply": "runs", "finish": "runs", "abandon": "runs", "undo": "runs"} | dict.fromkeys(
-    ("measure", "prove", "run"), "experiments"
+    ("measure", "tune", "prove", "run"), "experiments"
 )
 """The module whose `COMMANDS` have what the other side may ask for; each is imported when it is needed."""
 

@@ -25,4 +25,4 @@ class Caller:
         def send(call: ReporterCall, arguments: Json) -> None:
             self.send({"call": encode(call), "arguments": arguments})
 
-        return calls_sent_by(interface, target, send)
+        return calls_sent_by(interface, target, send, self.answers.get)

@@ -20,13 +20,23 @@ from rarms_iac.app.experiments.on_robot import (
     REPORTS,
     SAMPLES,
     SETTINGS,
+    TUNING,
     ExperimentJob,
     RobotReports,
     different_files,
     logs_below,
 )
 from rarms_iac.app.experiments.prove import ProveRequest, prove_layout
+from rarms_iac.app.experiments.tune import (
+    UNATTENDED_TUNING,
+    TunedThere,
+    TuneRequest,
+    TuningCalls,
+    TuningResult,
+    tune_here,
+)
 from rarms_iac.app.hosts import Hosts, select_hosts
+from rarms_iac.app.manifest_edits import text_of
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.run_component import RunRequest, SampleReporter, run_components
@@ -36,8 +46,8 @@ from rarms_iac.model.diagnostics import Diagnostic, Place, Sources
 from rarms_iac.model.host import Host
 from rarms_iac.model.journal import Journal
 from rarms_iac.model.state import State
+from rarms_iac.planner.combining.oracle import Answer, Coi, Members
 from rarms_iac.providers.interface import HostFailed, RobotListener
-from rarms_iac.providers.robot import ReporterCall
 from rarms_iac.robot.caller import Caller
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.datalog.merging import is_log
@@ -129,9 +139,7 @@ class _Workspace:
     def _consents(self, host: str, partitions: tuple[str, ...]) -> bool:
         if not self.caller.listens:
             return self.job.may_stop
-        call = encode(ReporterCall(target=REPORTS, method="consents"))
-        self.caller.send({"call": call, "arguments": [host, list(partitions)]})
-        return self.caller.answers.get()
+        return self.reports.consents(host, partitions)
 
     def send_logs(self) -> None:
         """Send what is new in the logs of the platform."""
@@ -167,6 +175,40 @@ def measure(host: Host, job: Json, caller: Caller) -> Json:
         return encode(replace(outcome, experiments=(), findings=workspace.named(outcome.findings)))
 
 
+@dataclass(frozen=True, slots=True)
+class _Tuning:
+    """A `TuningPrompt` that asks the other side."""
+
+    workspace: _Workspace
+    calls: TuningCalls
+
+    def allows(self, members: Members, *, settings: int, gain: int) -> bool:
+        return self.calls.allows(members, settings, gain)
+
+    def setting_answered(self, answer: Answer) -> None:
+        self.calls.setting_answered(answer)
+
+    def declined(self, members: Members) -> None:
+        self.calls.declined(members)
+
+    def combined(self, compound: Coi, before: int) -> None:
+        self.calls.combined(compound, before)
+
+    def confirms(self, found: TuningResult) -> bool:
+        return self.calls.confirms(replace(found, findings=self.workspace.named(found.findings)))
+
+
+def tune(host: Host, job: Json, caller: Caller) -> Json:
+    """Combine components; what changes in the manifest is changed in its copy here, and goes to the other side."""
+    with _workspace(host, job, caller) as (workspace, hosts, asked):
+        prompt = _Tuning(workspace, caller.sends(TuningCalls, TUNING)) if caller.listens else UNATTENDED_TUNING
+        result = tune_here(hosts, decode(TuneRequest, asked), workspace.control, prompt)
+        workspace.send_logs()
+        texts = {workspace.files[file]: text_of(file) for file in result.files}
+        named = replace(result, findings=workspace.named(result.findings), files=tuple(texts))
+        return encode(TunedThere(result=named, texts=texts))
+
+
 def prove(host: Host, job: Json, caller: Caller) -> Json:
     """Prove the applied layout."""
     with _workspace(host, job, caller) as (workspace, hosts, asked):
@@ -184,7 +226,7 @@ def run(host: Host, job: Json, caller: Caller) -> Json:
         return encode(replace(outcome, findings=workspace.named(outcome.findings)))
 
 
-COMMANDS = {"measure": measure, "prove": prove, "run": run}
+COMMANDS = {"measure": measure, "tune": tune, "prove": prove, "run": run}
 
 
 @contextmanager
@@ -236,7 +278,7 @@ def _hosts_of(job: ExperimentJob, host: Host, files: Sequence[str]) -> Hosts:
     source = ManifestSource(
         manifest=manifest, overlays=tuple(overlays), today=job.today, here=host.name, code=job.folder
     )
-    hosts = select_hosts(load_manifest(source), HostSelection(hosts=(host.name,)))
+    hosts = select_hosts(load_manifest(source), HostSelection(hosts=job.hosts))
     system = hosts.system
     here = Files(Path(), code=Path(job.folder)).named_by(system.components.values(), system.interference.values())
     if problems := different_files(host.name, job, here):

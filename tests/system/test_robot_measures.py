@@ -95,6 +95,29 @@ def test_measure_plan_apply_prove_over_ssh(robot: Robot) -> None:
     assert (robot.here / "measurements/here/eyes.configuration.jsonl").exists()
 
 
+@pytest.mark.thorough
+def test_tuning_over_ssh_writes_the_manifest_here(robot: Robot) -> None:
+    manifest = robot.here / "rarms.yaml"
+    text = manifest.read_text(encoding="utf-8").replace("reserve: 20 %", "reserve: measured").replace("100 ms", "1 s")
+    manifest.write_text(f"{text}# a comment\n", encoding="utf-8")
+    measured = robot.run("measure", *MEASURE[2:])
+    assert measured.code == 0, measured.err
+    text = text.replace("processor: 0 %", "processor: 45 %")  # so that both do not fit
+    manifest.write_text(f"{text}# a comment\n", encoding="utf-8")
+
+    tuned = robot.run("tune", "--strategy", "paper", "--samples", "30", "--json")
+
+    assert tuned.code == 0, tuned.err
+    result = json.loads(tuned.out)
+    assert result["run"]["ending"] == "successful", tuned.out
+    assert result["files"] == [str(manifest)]
+    after = manifest.read_text(encoding="utf-8")
+    assert "[eyes, ears]" in after
+    assert after.startswith(text[:200])
+    assert after.count("# a comment") == 1
+    assert (robot.here / "measurements/here/tuning.jsonl").exists()
+
+
 def test_another_file_there_is_named(robot: Robot) -> None:
     (robot.there / "jobs.py").write_text(f"{JOBS}# another\n", encoding="utf-8")
 

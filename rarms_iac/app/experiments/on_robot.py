@@ -14,6 +14,7 @@ from typing import Any
 from rarms_iac.app.control import Control
 from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.app.hosts import Hosts, host_errors, observe_host
+from rarms_iac.app.manifest_edits import text_of
 from rarms_iac.app.robot_measurements import add_measurements
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring.measuring_findings import CANNOT_MEASURE
@@ -23,7 +24,7 @@ from rarms_iac.model.series import Series
 from rarms_iac.model.state import State
 from rarms_iac.providers.interface import HostFailed
 from rarms_iac.providers.robot import LINE_LIMIT, perform_call
-from rarms_iac.storage.codec import Json, NotDecodable, decode_union, encode
+from rarms_iac.storage.codec import Json, NotDecodable, encode
 from rarms_iac.storage.datalog.merging import MOST_BYTES, is_log
 from rarms_iac.storage.datalog.named_files import Files
 from rarms_iac.storage.disk import MEASUREMENTS
@@ -31,7 +32,7 @@ from rarms_iac.storage.reading import read_file
 
 OTHER_FILE = Finding.error("RARMS411", "A file of a component differs on the robot")
 
-REPORTS, SETTINGS, SAMPLES = "reports", "settings", "samples"
+REPORTS, SETTINGS, SAMPLES, TUNING = "reports", "settings", "samples", "tuning"
 """The reporters of this side, as calls name them."""
 
 SamplesSoFar = Callable[[str, str | None, Mapping[str, Series]], None]
@@ -55,12 +56,17 @@ class ExperimentJob:
     folder: str  # of the components' files, there
     files: Mapping[str, str]  # digests of the components' files, here, by path below their folder
     logs: Mapping[str, str]  # by path below `measurements/`
+    hosts: tuple[str, ...]  # the chosen ones, with the robot
     others: Mapping[str, State]  # the other hosts of the manifest that could be reached from here
     may_stop: bool  # partitions may be stopped to measure; counts where no question can be asked
 
 
 class RobotReports:
     """Hears what a robot reports, beside its settings and samples."""
+
+    def consents(self, host: str, partitions: tuple[str, ...]) -> bool:  # noqa: ARG002 - a person is asked
+        """Tell whether these partitions of a host may be stopped to measure."""
+        return False
 
     def message(self, text: str) -> None:
         """Take whole sentences for a person."""
@@ -95,17 +101,15 @@ class ExperimentListener(RobotReports):
         return self.control.stop.should_stop()
 
     def on_call(self, target: str, method: str, arguments: Json) -> bool | None:
-        if (target, method) == (REPORTS, "consents"):
-            host, partitions = decode_union(tuple[str, tuple[str, ...]], arguments)
-            return self.control.consents(host, partitions)
         if target == REPORTS:
-            perform_call(self, RobotReports, method, arguments)
-        elif target in self.reporters:
+            return perform_call(self, RobotReports, method, arguments)
+        if target in self.reporters:
             interface, reporter = self.reporters[target]
-            perform_call(reporter, interface, method, arguments)
-        else:
-            raise NotDecodable("target", f"there is no {target[:40]}")
-        return None
+            return perform_call(reporter, interface, method, arguments)
+        raise NotDecodable("target", f"there is no {target[:40]}")
+
+    def consents(self, host: str, partitions: tuple[str, ...]) -> bool:
+        return self.control.consents(host, partitions)
 
     def message(self, text: str) -> None:
         self.control.reporter.message(text)
@@ -137,11 +141,10 @@ class ExperimentListener(RobotReports):
         system = self.hosts.system
         platform, *names = path.removesuffix(".jsonl").removesuffix(".configuration").split("/")
         members = names[0].split("+") if names else []
-        return (
-            is_log(path)
-            and platform == system.hosts[self.host].platform
-            and members == sorted(set(members) & set(system.components))
-            and set(names[1:]) <= set(system.interference)
+        if not is_log(path) or platform != system.hosts[self.host].platform:
+            return False
+        return names == ["tuning"] or (
+            members == sorted(set(members) & set(system.components)) and set(names[1:]) <= set(system.interference)
         )
 
 
@@ -160,7 +163,7 @@ def ask_robot(
     Args:
         hosts: those of the manifest.
         host: the robot's name in it.
-        command: `measure`, `prove` or `run`.
+        command: `measure`, `tune`, `prove` or `run`.
         request: of the command.
         listener: hears what the robot reports.
         components: names of those whose files must be the same there as here.
@@ -174,11 +177,12 @@ def ask_robot(
     system, control = hosts.system, listener.control
     members, against = [system.components[name] for name in components], [system.interference[name] for name in loads]
     job = ExperimentJob(
-        texts=tuple(ManifestText(file=file, text="\n".join(lines)) for file, lines in hosts.manifest.sources.items()),
+        texts=tuple(ManifestText(file=file, text=text_of(file)) for file in hosts.manifest.sources),
         today=hosts.manifest.source.today,
         folder=_folder_there(hosts, host),
         files=Files(hosts.folder).named_by(members, against),
         logs={path: content.decode("utf-8") for path, content in logs.items()},
+        hosts=hosts.chosen,
         others=_other_states(hosts, host),
         may_stop=host in hosts.channels and control.consents(host, ()),
     )

@@ -1,12 +1,13 @@
 """Tuning: components are combined into partitions, so that less is reserved."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.decision_logs import record_tuning
 from rarms_iac.app.experiments.measure import record_reservations
+from rarms_iac.app.experiments.on_robot import SETTINGS, TUNING, ExperimentListener, ask_robot, readable_answer
 from rarms_iac.app.experiments.session import MeasuringSession, hold_measuring_hosts, starting_again
 from rarms_iac.app.experiments.stopping import stopped_to_measure
 from rarms_iac.app.experiments.tuning_search import TuningConclusion, search_combinations
@@ -18,11 +19,12 @@ from rarms_iac.app.experiments.tuning_subject import (
     tuning_host,
 )
 from rarms_iac.app.hosts import Hosts, observe_hosts
-from rarms_iac.app.manifest_edits import FileEdit, edit_partitions, emptied_partitions, write_edits
+from rarms_iac.app.manifest_edits import FileEdit, edit_partitions, emptied_partitions, text_of, write_edits
 from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import now
 from rarms_iac.app.options import busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.app.use_case_errors import RequestError
+from rarms_iac.measuring.reporter import MeasuringReporter
 from rarms_iac.measuring.work_findings import MORE_MEMORY
 from rarms_iac.model.commands import PLAN, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places
@@ -33,12 +35,23 @@ from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import in_a_row, list_names
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.combining.candidates import candidates_of
-from rarms_iac.planner.combining.oracle import WHOLE, Always, Coi, Consent, PlannerReporter, SilentReporter, total
+from rarms_iac.planner.combining.oracle import (
+    WHOLE,
+    Always,
+    Answer,
+    Coi,
+    Consent,
+    Members,
+    PlannerReporter,
+    SilentReporter,
+    total,
+)
 from rarms_iac.planner.combining.paper import SUCCESSFUL, UNABLE, Inquiry
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.layout import describe_ways_out, plan_layout, relaxed_levels
 from rarms_iac.planner.packing.values import least_cost
 from rarms_iac.planner.problem import solve
+from rarms_iac.storage.codec import NotDecodable, decode
 from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun, TuningStrategy, UnprovedNeed
 
 
@@ -132,6 +145,79 @@ def tune_components(
     Raises:
         UseCaseError: No host can be measured on (failed); one is busy or held (refused); a reservation is not
             measured, or the hosts are of several platforms (negative).
+    """
+    there = next((name for name in hosts.chosen if hosts.can_run_on(name)), None)
+    if there is not None and hosts.robot(there) is not None:
+        return _tune_there(hosts, there, request, control, prompt)
+    return tune_here(hosts, request, control, prompt)
+
+
+@dataclass(frozen=True, slots=True)
+class TuningCalls:
+    """A `TuningPrompt` as its calls travel from a robot."""
+
+    prompt: TuningPrompt = UNATTENDED_TUNING
+
+    def allows(self, members: Members, settings: int, gain: int) -> bool:
+        """Ask as `TuningPrompt` does."""
+        return self.prompt.allows(members, settings=settings, gain=gain)
+
+    def setting_answered(self, answer: Answer) -> None:
+        """Report as `TuningPrompt` does."""
+        self.prompt.setting_answered(answer)
+
+    def declined(self, members: Members) -> None:
+        """Report as `TuningPrompt` does."""
+        self.prompt.declined(members)
+
+    def combined(self, compound: Coi, before: int) -> None:
+        """Report as `TuningPrompt` does."""
+        self.prompt.combined(compound, before)
+
+    def confirms(self, found: TuningResult) -> bool:
+        """Ask as `TuningPrompt` does."""
+        return self.prompt.confirms(found)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TunedThere:
+    """The answer of a robot that tuned."""
+
+    result: TuningResult
+    texts: Mapping[str, str]  # what it made of files of the manifest, by their names on this side
+
+
+def _tune_there(hosts: Hosts, host: str, request: TuneRequest, control: Control, prompt: TuningPrompt) -> TuningResult:
+    """Have a robot tune, and write into the manifest here what it wrote there."""
+    before = {file: text_of(file) for file in hosts.manifest.sources}
+    reporters = {SETTINGS: (MeasuringReporter, control.reporter.settings), TUNING: (TuningCalls, TuningCalls(prompt))}
+    listener = ExperimentListener(hosts=hosts, host=host, control=control, reporters=reporters)
+    system = hosts.system
+    answer = ask_robot(hosts, host, "tune", request, listener, components=system.components, loads=system.interference)
+    with readable_answer(host):
+        tuned = decode(TunedThere, answer)
+        if not set(tuned.texts) <= set(before):
+            raise NotDecodable("texts", "a file is not of the manifest")
+    write_edits([FileEdit(file=file, before=before[file], after=text) for file, text in tuned.texts.items()])
+    return tuned.result
+
+
+def tune_here(
+    hosts: Hosts, request: TuneRequest, control: Control = UNATTENDED, prompt: TuningPrompt = UNATTENDED_TUNING
+) -> TuningResult:
+    """Tune as `tune_components` does, on a host that this rarms measures on itself.
+
+    Args:
+        hosts: As of `tune_components`.
+        request: Likewise.
+        control: Likewise.
+        prompt: Likewise.
+
+    Returns:
+        As `tune_components`.
+
+    Raises:
+        UseCaseError: As of `tune_components`.
     """
     session = MeasuringSession(
         hosts=hosts,

@@ -291,7 +291,7 @@ def tuning_host(hosts: Hosts) -> Host:
             CANNOT_MEASURE.at(
                 None,
                 message,
-                "Tune on a Linux host itself, or on a simulated host of the same platform: --host.",
+                "Tune on a Linux host, or on a simulated host of the same platform: --host.",
                 values={"hosts": tuple(hosts.chosen)},
             )
         ],
