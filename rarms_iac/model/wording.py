@@ -98,7 +98,7 @@ def last_words(said: str, code: int | None = None) -> str:
 
 
 _IGNORED = frozenset("\u034f\u115f\u1160\u17b4\u17b5\u2800\u3164\uffa0")
-"""Characters that are letters or signs for Unicode, and that nobody sees."""
+"""Characters that are letters or signs for Unicode, and that a reader does not see."""
 
 
 def is_invisible(character: str) -> bool:
