@@ -98,10 +98,10 @@ def _with_invisible(found: Diagnostic, error: StructureError) -> Diagnostic:
     hidden = next(filter(is_invisible, text), None) if isinstance(text, str) else None
     if hidden is None:
         return found
-    return replace(found, detail=f"{found.detail} A{name_character(hidden)[1:]} stands {_where(text, hidden)}.")
+    return replace(found, detail=f"{found.detail} A{name_character(hidden)[1:]} stands {_position_of(text, hidden)}.")
 
 
-def _where(text: str, character: str) -> str:
+def _position_of(text: str, character: str) -> str:
     before, _, after = text.partition(character)
     if re.search(r"[0-9.]\s*$", before) and re.match(r"\s*[A-Za-z%/\u00b5\u03bc]", after):
         return "before the unit"
