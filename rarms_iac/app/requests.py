@@ -58,7 +58,7 @@ class ManifestSource(ManifestFile):
         "--overlay", metavar="FILE", help="A file laid over the manifest; repeatable, later wins.", default=()
     )
     today: date = field(default_factory=today_utc)
-    here: str = ""  # the host that is this machine, whatever its `connect` says; empty: those without `connect` are
+    here: str = ""  # the host that is this machine, with any `connect`; empty: those without `connect`
     code: str = ""  # the folder of the components' files; empty: the manifest's
 
 

@@ -146,8 +146,8 @@ class _Workspace:
         for path, content in logs_below(Path()).items():
             before = self.sent.get(path, b"")
             if content != before and path.partition("/")[0] == self.platform:
-                kept = len(before) if content.startswith(before) else 0
-                self.reports.log(path, kept, content[kept:].decode("utf-8"))
+                known_bytes = len(before) if content[: len(before)] == before else 0
+                self.reports.log(path, known_bytes, content[known_bytes:].decode("utf-8"))
                 self.sent[path] = content
 
     def named(self, diagnostics: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:

@@ -109,21 +109,27 @@ class ExperimentListener(RobotReports):
         raise NotDecodable("target", f"there is no {target[:40]}")
 
     def consents(self, host: str, partitions: tuple[str, ...]) -> bool:
+        """Ask the caller as `Control` says."""
         return self.control.consents(host, partitions)
 
     def message(self, text: str) -> None:
+        """Pass on the sentences."""
         self.control.reporter.message(text)
 
     def findings(self, diagnostics: tuple[Diagnostic, ...]) -> None:
+        """Pass on the findings."""
         self.control.reporter.findings(diagnostics, self.hosts.manifest.sources)
 
     def proving(self, host: str, load: str | None, series: Mapping[str, Series]) -> None:
+        """Pass on the samples."""
         self.samples(host, load, series)
 
     def measured(self, result: ExperimentResult) -> None:
+        """Keep the result, with the log's place here."""
         self.results.append(replace(result, log=(self.hosts.folder / result.log).as_posix()))
 
     def log(self, path: str, kept: int, text: str) -> None:
+        """Add what is new in a log to the log here."""
         if not self._is_own_log(path):
             raise NotDecodable("path", f"{path[:80]!r} is not a log of a component of {self.host}")
         before = self.known.get(path, b"")
