@@ -150,29 +150,28 @@ def listen(lines: BinaryIO, caller: Caller, ended: threading.Event, lost_s: floa
         ended: set once the command has ended.
         lost_s: seconds of silence after which a side that listens is gone.
     """
-    is_complete = False
-    heard = threading.Event()
+    heard, complete = threading.Event(), threading.Event()
     if caller.listens:
-        threading.Thread(target=_end_when_lost, args=(heard, ended, lost_s), daemon=True).start()
+        threading.Thread(target=_end_when_lost, args=(heard, complete, ended, lost_s), daemon=True).start()
     while (line := lines.readline(64)) and not ended.is_set():
         heard.set()
         match line.decode("ascii", "replace").strip():
             case text if text == STOP:
                 os.kill(os.getpid(), signal.SIGINT)
-                is_complete = True  # a connection that is closed after that asks for nothing more
+                complete.set()  # a connection that is closed after that asks for nothing more
             case text if text == ALL_SENT:
-                is_complete = True
+                complete.set()
             case text if text in {YES, NO}:
                 caller.answers.put(text == YES)
     caller.answers.put(False)
-    if not is_complete and not ended.is_set():
+    if not complete.is_set() and not ended.is_set():
         os.kill(os.getpid(), signal.SIGTERM)
 
 
-def _end_when_lost(heard: threading.Event, ended: threading.Event, lost_s: float) -> None:
+def _end_when_lost(heard: threading.Event, complete: threading.Event, ended: threading.Event, lost_s: float) -> None:
     while heard.wait(lost_s):
         heard.clear()
-    if not ended.is_set():
+    if not complete.is_set() and not ended.is_set():
         os.kill(os.getpid(), signal.SIGTERM)
 
 

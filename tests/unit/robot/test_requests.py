@@ -6,14 +6,18 @@ import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from queue import SimpleQueue
+from threading import Event, Thread
 from typing import Any
 
 import pytest
 
 from rarms_iac.app.use_case_errors import UseCaseError
+from rarms_iac.cli.ending import Interrupts
 from rarms_iac.model.version import __version__
 from rarms_iac.providers.robot import LINE_LIMIT, Request
-from rarms_iac.robot.__main__ import read_request, refuse_writable_code, set_environment
+from rarms_iac.robot.__main__ import listen, read_request, refuse_writable_code, set_environment
+from rarms_iac.robot.caller import Caller
 from rarms_iac.storage.codec import encode
 from tests.builders import a_host
 from tests.needs import require
@@ -79,6 +83,30 @@ def test_code_that_others_can_write_is_refused(folder_of_root: Path) -> None:
         assert f"others than root may write to {path}" in str(raised.value.findings[0].detail)
         path.chmod(before)
         os.chown(path, 0, 0)
+
+
+@pytest.mark.parametrize(("says", "is_stopped"), [(b"", True), (b"here\n", True), (b"all sent\n", False), (None, True)])
+def test_a_side_that_is_gone_stops_the_command(
+    says: bytes | None, *, is_stopped: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its input ends; None: it does not end, and nothing comes."""
+    stopped, ended = Event(), Event()
+    monkeypatch.setattr(os, "kill", lambda _process, _number: stopped.set())
+    reading, writing = os.pipe()
+    caller = Caller(lambda _answer: None, Interrupts(), listens=True, answers=SimpleQueue())
+    with os.fdopen(reading, "rb") as lines:
+        listener = Thread(target=listen, args=(lines, caller, ended, 60.0 if says == b"here\n" else 0.2))
+        listener.start()
+        if says is not None:
+            os.write(writing, says)
+            os.close(writing)
+            listener.join(10)
+            assert caller.answers.get(timeout=10) is False
+        assert stopped.wait(10 if is_stopped else 0.5) is is_stopped
+        ended.set()
+        if says is None:
+            os.close(writing)
+            listener.join(10)
 
 
 def test_variables_of_the_robot_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
