@@ -201,6 +201,9 @@ def hosts_to_change(hosts: Hosts, request: InstallRequest) -> tuple[str, ...]:
         hosts: as of `install`.
         request: as of `install`.
 
+    Returns:
+        Their names, in natural order.
+
     Raises:
         RequestError: a chosen host is not a Linux host.
         UseCaseError: a host cannot be reached, or lacks something (failed).
