@@ -164,14 +164,19 @@ def listen(lines: BinaryIO, caller: Caller, ended: threading.Event, lost_s: floa
             case text if text in {YES, NO}:
                 caller.answers.put(text == YES)
     caller.answers.put(False)
-    if not complete.is_set() and not ended.is_set():
-        os.kill(os.getpid(), signal.SIGTERM)
+    _end_once(complete, ended)
 
 
 def _end_when_lost(heard: threading.Event, complete: threading.Event, ended: threading.Event, lost_s: float) -> None:
     while heard.wait(lost_s):
         heard.clear()
+    _end_once(complete, ended)
+
+
+def _end_once(complete: threading.Event, ended: threading.Event) -> None:
+    """Stop the command after the running step; a second signal would end that step, too."""
     if not complete.is_set() and not ended.is_set():
+        complete.set()
         os.kill(os.getpid(), signal.SIGTERM)
 
 
