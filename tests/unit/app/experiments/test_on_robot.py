@@ -14,7 +14,7 @@ from rarms_iac.planner.combining.oracle import Members
 from rarms_iac.providers.channel import ProgramChannel
 from rarms_iac.providers.robot import READY, YES
 from rarms_iac.storage.codec import encode
-from rarms_iac.storage.datalog.decisions import TuningRun
+from rarms_iac.storage.datalog.decisions import TuningRun, append_run, read_runs
 
 pytestmark = pytest.mark.needs("posix")
 
@@ -81,13 +81,17 @@ def robot_says(folder: Path, *lines: str, file: str = "", asks: bool = False) ->
 
 
 def test_a_question_travels_and_the_manifest_is_written(tmp_path: Path) -> None:
-    hosts = robot_says(tmp_path, call("tuning", "allows", ["ears", "eyes"], 4, 60), asks=True)
+    append_run(tmp_path / "came", RUN)
+    log = (tmp_path / "came").read_text(encoding="utf-8")
+    question = call("tuning", "allows", ["ears", "eyes"], 4, 60)
+    hosts = robot_says(tmp_path, call("reports", "log", "onboard/tuning.jsonl", 0, log), question, asks=True)
     asked = Asked()
 
     result = tune_components(hosts, TuneRequest(), prompt=asked)
 
     assert asked.combinations == [(("ears", "eyes"), 4, 60)]
     assert result.run == RUN
+    assert read_runs(tmp_path / "measurements/onboard/tuning.jsonl") == (RUN,)
     assert (tmp_path / "rarms.yaml").read_text(encoding="utf-8") == f"{MANIFEST}# tuned\n"
 
 
