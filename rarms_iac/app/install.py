@@ -195,7 +195,7 @@ def install(hosts: Hosts, request: InstallRequest, control: Control = UNATTENDED
 
 
 def hosts_to_change(hosts: Hosts, request: InstallRequest) -> tuple[str, ...]:
-    """Look which of the chosen hosts `install` would change; nothing is changed.
+    """Find the chosen hosts that `install` would change, without changing them.
 
     Args:
         hosts: as of `install`.

@@ -29,9 +29,12 @@ class HostNow:
         return self.runs[-1].started_at if self.runs else ""
 
     def undone_at(self, serial: int) -> str:
-        """Return when the last run undid what stood after so many runs; empty: it did not.
+        """Return the time at which the last run undid a state of the host; empty: it did not.
 
-        It undid everything from its apply on; all, where the host does not remember that apply.
+        An undo ends all states since its apply. If the host does not have a record of that apply, it ends all states.
+
+        Args:
+            serial: The number of the application's runs until that state.
         """
         if not self.runs or self.runs[-1].run is not RunKind.UNDO:
             return ""

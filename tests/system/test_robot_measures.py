@@ -103,4 +103,4 @@ def test_another_file_there_is_named(robot: Robot) -> None:
     measured = robot.run("measure", "eyes")
 
     assert measured.code == 3
-    assert "jobs.py is another file there than here" in " ".join(measured.err.split())
+    assert "jobs.py differs in" in " ".join(measured.err.split())

@@ -249,7 +249,7 @@ def _measure_all(
 
 
 def _answer_findings(hosts: Hosts, of_loads: Sequence[ExperimentResult]) -> Iterator[Diagnostic]:
-    """What a person must hear of the answer of some components, by its results beside each load."""
+    """Make the findings on the result of some components with each load."""
     answer = decisive(of_loads)
     if answer.is_weak:
         idle = {

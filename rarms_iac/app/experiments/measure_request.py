@@ -265,10 +265,10 @@ def refuses_weak_loads(request: MeasureRequest) -> bool:
 
 
 def _refuse_weak(hosts: Hosts, members: tuple[str, ...], loads: tuple[str, ...]) -> None:
-    """Refuse to search beside loads of which none can take all that P2 reserves; a browser is there by design.
+    """Refuse to search with loads that cannot use all that P2 reserves; a browser is allowed.
 
     Raises:
-        UseCaseError: Nothing said that it is wanted all the same (negative).
+        UseCaseError: The request does not allow weak loads (negative).
     """
     system = hosts.system
     described = [system.interference[name] for name in loads]
@@ -283,26 +283,26 @@ def _refuse_weak(hosts: Hosts, members: tuple[str, ...], loads: tuple[str, ...])
 def weak_answer(
     hosts: Hosts, members: tuple[str, ...], idle: Mapping[str, SettingEvidence | None], host: Host
 ) -> Diagnostic:
-    """Make the finding of an answer that rests on weak loads.
+    """Make the finding on a result whose loads leave processors idle.
 
     Args:
-        hosts: What the manifest says, and its lines.
+        hosts: The manifest, with the positions of its lines.
         members: Names of the components.
-        idle: The loads, each with what was counted where it left processors idle; None: that was not seen.
-        host: Where.
+        idle: By load, the counts of a setting in which it left processors idle; None: there is no such setting.
+        host: The host of the measurement.
     """
     loads = tuple(idle)
     seen = {name: evidence for name, evidence in idle.items() if evidence is not None}
-    left = " ".join(describe_idle(name, evidence, host) for name, evidence in seen.items())
+    idle_loads = "".join(f" {describe_idle(name, evidence, host)}" for name, evidence in seen.items())
     facts: Facts = next((idle_facts(evidence, host) for evidence in seen.values()), {})
     again = BUSY_LOOP in loads and could_take_all(hosts.system.interference[BUSY_LOOP], host.logical_processors)
     measure = command("measure", *members, interference=BUSY_LOOP, together=len(members) > 1, again=again)
     advice = advice_on_weak_loads(hosts.system, host, members, loads, measure)
     return measuring_findings.WEAK_ANSWER.at(
         hosts.manifest.places.key("components", members[0]),
-        f"{in_a_row(loads)} {'did' if left else 'can'} not take all that {in_a_row(members)} did not reserve on "
-        f"{host.name}. {left}{' ' if left else ''}With other loads, what is enough there may be too little.",
-        prose(advice, " Or take it all the same: --weak-load."),
+        f"{in_a_row(loads)} {'did' if idle_loads else 'can'} not take all that {in_a_row(members)} did not reserve on "
+        f"{host.name}.{idle_loads} The reservation that is enough with it may be too small with other loads.",
+        prose(advice, " Or use it all the same: --weak-load."),
         address=f"component/{members[0]}",
         values={"components": tuple(members), "loads": loads, "host": host.name, **facts},
     )

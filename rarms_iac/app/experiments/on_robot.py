@@ -1,7 +1,7 @@
-"""Experiments that a robot's own rarms does whole: what is sent for them, and what comes back meanwhile.
+"""Experiments of the rarms on a robot: the data that this side sends, and the reports that it receives meanwhile.
 
-Manifest, data logs and digests of the components' files go there. Records of data logs come back as soon as they are
-made, through the readers of these logs. `rarms_iac.robot.experiments` is the other end. Begin at `ask_robot`.
+This side sends the manifest, data logs, and digests of the components' files. The robot sends each new record of a data
+log at once; the readers of data logs check it. `rarms_iac.robot.experiments` is the other side. Begin at `ask_robot`.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import date
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from rarms_iac.app.control import Control
 from rarms_iac.app.experiments.measure_request import ExperimentResult
@@ -36,57 +36,80 @@ REPORTS, SETTINGS, SAMPLES, TUNING = "reports", "settings", "samples", "tuning"
 """The reporters of this side, as calls name them."""
 
 SamplesSoFar = Callable[[str, str | None, Mapping[str, Series]], None]
-"""Called with the name of a host, of the load beside it, and the samples of its components so far, as they come."""
+"""Takes the names of a host and a load, and the samples of the host's components so far."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ManifestText:
     """A manifest or an overlay."""
 
-    file: str  # as messages of this side name it
+    file: str  # its name in messages of this side
     text: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentJob:
-    """Everything that an experiment on the robot needs, but for the request of its command."""
+    """The data of an experiment on the robot, without the request of its command."""
 
     texts: tuple[ManifestText, ...]  # the manifest, then its overlays in their order
     today: date
-    folder: str  # of the components' files, there
-    files: Mapping[str, str]  # digests of the components' files, here, by path below their folder
+    folder: str  # of the components' files, on the robot
+    files: Mapping[str, str]  # digests of the components' files on this side, by path below their folder
     logs: Mapping[str, str]  # by path below `measurements/`
     hosts: tuple[str, ...]  # the chosen ones, with the robot
     others: Mapping[str, State]  # the other hosts of the manifest that could be reached from here
     may_stop: bool  # partitions may be stopped to measure; counts where no question can be asked
 
 
-class RobotReports:
-    """Hears what a robot reports, beside its settings and samples."""
+class RobotReports(Protocol):
+    """Receives the reports of a robot; settings and samples have reporters of their own."""
 
-    def consents(self, host: str, partitions: tuple[str, ...]) -> bool:  # noqa: ARG002 - a person is asked
-        """Tell whether these partitions of a host may be stopped to measure."""
-        return False
+    def consents(self, host: str, partitions: tuple[str, ...]) -> bool:
+        """Return whether partitions may be stopped to measure.
+
+        Args:
+            host: the name of their host.
+            partitions: their names.
+        """
 
     def message(self, text: str) -> None:
-        """Take whole sentences for a person."""
+        """Take sentences for the user.
+
+        Args:
+            text: one or more sentences.
+        """
 
     def findings(self, diagnostics: tuple[Diagnostic, ...]) -> None:
         """Take findings that do not end the work."""
 
-    def log(self, path: str, kept: int, text: str) -> None:
-        """Take what is new in a log below `measurements/`: its first `kept` bytes are known, and `text` follows."""
+    def log(self, path: str, known_bytes: int, text: str) -> None:
+        """Take the end of a log.
+
+        Args:
+            path: below `measurements/`.
+            known_bytes: the size of its begin, which this side has already.
+            text: the rest of the log.
+
+        Raises:
+            NotDecodable: the log is not of a component of the host, is too large, or does not have the known bytes.
+        """
 
     def measured(self, result: ExperimentResult) -> None:
         """Take the result of an experiment."""
 
     def proving(self, host: str, load: str | None, series: Mapping[str, Series]) -> None:
-        """Take the samples of a proof so far."""
+        """Take the samples of a proof so far.
+
+        Args:
+            host: the name of the proved host.
+            load: the name of the load; None: there is none.
+            series: by component.
+        """
 
 
 @dataclass(slots=True, kw_only=True)
 class ExperimentListener(RobotReports):
-    """The `RobotListener` of an experiment: reporters hear what they would hear of this machine; logs are kept here."""
+    """The `RobotListener` of an experiment: passes reports on to reporters, and adds records to the logs here."""
 
     hosts: Hosts
     host: str
@@ -94,8 +117,8 @@ class ExperimentListener(RobotReports):
     reporters: Mapping[str, tuple[type[Any], Any]] = field(default_factory=dict)  # by target: its class and itself
     samples: SamplesSoFar = lambda _host, _load, _series: None
     results: list[ExperimentResult] = field(default_factory=list)
-    known: dict[str, bytes] = field(default_factory=dict)  # logs there, as far as this side knows them
-    came_bytes: int = 0  # of logs, from there
+    known: dict[str, bytes] = field(default_factory=dict)  # the robot's logs, as far as this side has them
+    came_bytes: int = 0  # of logs, from the robot
 
     def should_stop(self) -> bool:
         return self.control.stop.should_stop()
@@ -109,41 +132,35 @@ class ExperimentListener(RobotReports):
         raise NotDecodable("target", f"there is no {target[:40]}")
 
     def consents(self, host: str, partitions: tuple[str, ...]) -> bool:
-        """Ask the caller as `Control` says."""
         return self.control.consents(host, partitions)
 
     def message(self, text: str) -> None:
-        """Pass on the sentences."""
         self.control.reporter.message(text)
 
     def findings(self, diagnostics: tuple[Diagnostic, ...]) -> None:
-        """Pass on the findings."""
         self.control.reporter.findings(diagnostics, self.hosts.manifest.sources)
 
     def proving(self, host: str, load: str | None, series: Mapping[str, Series]) -> None:
-        """Pass on the samples."""
         self.samples(host, load, series)
 
     def measured(self, result: ExperimentResult) -> None:
-        """Keep the result, with the log's place here."""
         self.results.append(replace(result, log=(self.hosts.folder / result.log).as_posix()))
 
-    def log(self, path: str, kept: int, text: str) -> None:
-        """Add what is new in a log to the log here."""
+    def log(self, path: str, known_bytes: int, text: str) -> None:
         if not self._is_own_log(path):
             raise NotDecodable("path", f"{path[:80]!r} is not a log of a component of {self.host}")
         before = self.known.get(path, b"")
-        if not 0 <= kept <= len(before):
-            raise NotDecodable("kept", f"{kept} of {len(before)} bytes")
+        if not 0 <= known_bytes <= len(before):
+            raise NotDecodable("known_bytes", f"{known_bytes} of {len(before)} bytes")
         came = text.encode("utf-8")
         self.came_bytes += len(came)
         if self.came_bytes > MOST_BYTES:
             raise NotDecodable("text", f"logs of more than {MOST_BYTES:,} bytes came")
-        self.known[path] = before[:kept] + came
+        self.known[path] = before[:known_bytes] + came
         add_measurements(self.hosts.folder, path.partition("/")[0], {path: self.known[path]})
 
     def _is_own_log(self, path: str) -> bool:
-        """Whether the host's components can have this log, so that a robot cannot write others, or any number."""
+        """Whether a component of the host can have this log. A robot cannot write other logs."""
         system = self.hosts.system
         platform, *names = path.removesuffix(".jsonl").removesuffix(".configuration").split("/")
         members = names[0].split("+") if names else []
@@ -164,7 +181,7 @@ def ask_robot(
     components: Iterable[str],
     loads: Iterable[str],
 ) -> Json:
-    """Have a robot do an experiment, and return what its use case returned, encoded.
+    """Have a robot do an experiment, and return the encoded result of its use case.
 
     Args:
         hosts: those of the manifest.
@@ -172,8 +189,8 @@ def ask_robot(
         command: `measure`, `tune`, `prove` or `run`.
         request: of the command.
         listener: hears what the robot reports.
-        components: names of those whose files must be the same there as here.
-        loads: likewise.
+        components: names of the components whose files must be equal on both sides.
+        loads: names of the loads whose files must be equal on both sides.
 
     Raises:
         UseCaseError: the robot cannot be asked or `connect` has no folder (failed); or its use case raised one.
@@ -200,7 +217,10 @@ def ask_robot(
 
 @contextmanager
 def readable_answer(host: str) -> Iterator[None]:
-    """Inside, an answer of a robot that cannot be read ends the use case.
+    """End the use case if the robot's answer cannot be decoded inside.
+
+    Args:
+        host: the robot's name.
 
     Raises:
         UseCaseError: it is not as the codec writes it (failed).
@@ -209,7 +229,7 @@ def readable_answer(host: str) -> Iterator[None]:
         try:
             yield
         except NotDecodable as problem:
-            raise HostFailed(host, f"its answer cannot be read: {problem}", "Look at the host by hand.") from None
+            raise HostFailed(host, f"its answer cannot be read: {problem}", "Check rarms on the host.") from None
 
 
 def _folder_there(hosts: Hosts, host: str) -> str:
@@ -226,7 +246,7 @@ def _folder_there(hosts: Hosts, host: str) -> str:
 
 
 def _other_states(hosts: Hosts, host: str) -> Mapping[str, State]:
-    """The states of the manifest's other hosts, of those that can be reached."""
+    """Return the states of the manifest's other hosts that can be reached."""
     states: dict[str, State] = {}
     for name in sorted(set(hosts.system.hosts) - {host}):
         with suppress(UseCaseError):
@@ -235,7 +255,7 @@ def _other_states(hosts: Hosts, host: str) -> Mapping[str, State]:
 
 
 def different_files(host: str, job: ExperimentJob, there: Mapping[str, str]) -> list[Diagnostic]:
-    """Find the components' files that the robot does not have as this side has them.
+    """Find the components' files that the robot lacks, or that differ from the files on this side.
 
     Args:
         host: the robot's name.
@@ -248,15 +268,21 @@ def different_files(host: str, job: ExperimentJob, there: Mapping[str, str]) -> 
     problems: list[Diagnostic] = []
     for path, digest in sorted(job.files.items()):
         if there.get(path) != digest:
-            how = "is another file there than here" if path in there else "is not there"
-            message = f"{path} {how}: {host} has the components' files in {job.folder}."
-            advice = "Copy it there, and repeat the command."
+            how = "differs" if path in there else "is missing"
+            message = f"{path} {how} in {job.folder} on {host}."
+            advice = "Copy the file to that folder and run the same command again."
             problems.append(OTHER_FILE.of_host(host, message, advice, file=path, folder=job.folder))
     return problems
 
 
 def logs_below(folder: Path) -> Mapping[str, bytes]:
-    """Read the logs that a robot needs, by path below `measurements/`.
+    """Read the logs of a manifest's folder.
+
+    Args:
+        folder: the manifest's.
+
+    Returns:
+        Their bytes, by path below `measurements/`.
 
     Raises:
         UseCaseError: they have more bytes than a request (failed).

@@ -107,7 +107,8 @@ def check_free_memory(host: Examination) -> Iterator[Diagnostic]:
             f"{host.name} has {show_bytes(available, wanted)} of memory for machines left, and "
             f"{in_a_row([machine.settings.name for machine in off])} "
             f"{'needs' if len(off) == 1 else 'need'} {show_bytes(wanted, available)} to start.",
-            "Stop what else runs there, give partitions less memory in the manifest, or add memory to the host.",
+            "Stop other programs and machines there, give partitions less memory in the manifest, or add memory to the "
+            "host.",
             {
                 "partitions": tuple(machine.settings.name for machine in off),
                 "has_memory_bytes": available,

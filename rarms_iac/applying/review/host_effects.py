@@ -77,19 +77,19 @@ def review_numa_nodes(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
 
 
 def review_memory_left(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
-    """A machine whose memory is not free does not start: 0x800705AA (windows.md 5)."""
+    """Find machines that cannot start because memory is not free: 0x800705AA (windows.md 5)."""
     before = {change.address: _running_memory(change.before) for change in plan.changes}
     after = {change.address: _running_memory(partition_after_change(change)) for change in plan.changes}
     more = {address: memory - before[address] for address, memory in after.items() if memory > before[address]}
     freed = sum(max(0, memory - after[address]) for address, memory in before.items())
-    left, node = desired.observed.memory_left, desired.observed.node_left
-    if left is not None and sum(more.values()) > left + freed:
-        yield _no_memory_left(desired.host, {str(address): each for address, each in more.items()}, left, freed)
+    host_left, node = desired.observed.memory_left, desired.observed.node_left
+    if host_left is not None and sum(more.values()) > host_left + freed:
+        yield _no_memory_left(desired.host, {str(address): each for address, each in more.items()}, host_left, freed)
         return
     largest = desired.observed.largest_node
     if node is None or largest is None:
         return
-    most = min(largest, node + freed)  # what is freed may lie on any node
+    most = min(largest, node + freed)  # freed memory may be on any node
     for change in plan.changes:
         memory = after[change.address]
         if change.address in more and most < memory <= largest:
@@ -97,7 +97,7 @@ def review_memory_left(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]
                 change.reason.place,
                 f"{change.address.partition} needs {show_bytes(memory, most)} on one NUMA node to start. The node of "
                 f"{desired.host} with most memory left has {show_bytes(most, memory)}, and NUMA spanning is off.",
-                "Stop what else runs there and plan again, give the partition less `memory`, or allow spanning "
+                "Stop other machines there and plan again, give the partition less `memory`, or allow spanning "
                 "(`Set-VMHost -NumaSpanningEnabled $true`, then restart the service vmms).",
                 address=str(change.address),
                 values={"partition": change.address.partition, "memory": memory, "left": most, "host": desired.host},
@@ -108,35 +108,35 @@ def _running_memory(thing: object) -> int:
     return thing.settings.memory if isinstance(thing, Partition) and thing.settings.running else 0
 
 
-def _no_memory_left(host: str, more: Mapping[str, int], left: int, freed: int) -> Diagnostic:
+def _no_memory_left(host: str, more: Mapping[str, int], host_left: int, freed: int) -> Diagnostic:
     total = sum(more.values())
     names = list_names((f"{address.removeprefix('partition/')} {show_bytes(each)}" for address, each in more.items()))
     after_stops = f" It stops machines with {show_bytes(freed)} first." if freed else ""
     return NO_MEMORY_LEFT.of_host(
         host,
-        f"The plan starts {show_bytes(total, left)} on {host}: {names}. {host} reports {show_bytes(left, total)} left "
-        f"for machines.{after_stops}",
-        "Stop what else runs there and plan again, give partitions less memory in the manifest, or add memory to the "
-        "host.",
+        f"The plan starts {show_bytes(total, host_left)} on {host}: {names}. {host} reports "
+        f"{show_bytes(host_left, total)} left for machines.{after_stops}",
+        "Stop other programs and machines there and plan again, give partitions less memory in the manifest, or add "
+        "memory to the host.",
         partitions=tuple(more),
         starts_memory_bytes=total,
-        left_memory_bytes=left,
+        left_memory_bytes=host_left,
         freed_memory_bytes=freed,
     )
 
 
 def review_cpu_groups(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
-    """CPU groups that limit partitions which the plan keeps as they are; it may not change others (RARMS366)."""
+    """Find CPU groups that limit unchanged partitions; the plan is refused for changed ones (RARMS366)."""
     if request.purpose is Purpose.APPLY:
         changed = {change.before.id for change in plan.changes if isinstance(change.before, Partition)}
         own = desired.observed.of(request.application)
-        kept = tuple(partition for partition in own.partitions if partition.id not in changed)
+        unchanged = tuple(partition for partition in own.partitions if partition.id not in changed)
         place = request.places.key("hosts", desired.host)
-        yield from check_cpu_group(Examination(state=replace(own, partitions=kept), place=place))
+        yield from check_cpu_group(Examination(state=replace(own, partitions=unchanged), place=place))
 
 
 def review_unequal_processors(request: PlanRequest, desired: Desired) -> Iterator[Diagnostic]:
-    """Reserves count logical processors as if they were alike."""
+    """Find hosts whose logical processors are unequal: a reserve counts all alike."""
     if request.purpose is Purpose.APPLY:
         place = request.places.key("hosts", desired.host)
         yield from check_unequal_processors(Examination(state=desired.observed, place=place))

@@ -41,6 +41,7 @@ class SearchBudget:
 
         Args:
             nodes: Solver nodes in all.
+            part: The first part of the search, as a noun.
         """
         return cls(Nodes(nodes, ITERATIONS_OF_A_NODE), part)
 

@@ -224,10 +224,10 @@ def _processors_exceed(conflict: Conflict, problem: Problem) -> str:
         return exceeded
     (host,) = conflict.bins
     whole = host.capacity.logical_processors
-    kept = whole - host.capacity.processors
+    for_host = whole - host.capacity.processors
     return (
-        f"{exceeded} Of its {show_processors(whole)}, {show_processors(kept)} are kept for the host."
-        if kept
+        f"{exceeded} Of its {show_processors(whole)}, {show_processors(for_host)} are kept for the host."
+        if for_host
         else exceeded
     )
 

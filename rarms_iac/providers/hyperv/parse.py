@@ -91,13 +91,13 @@ def to_state(observation: HostObservation, name: str) -> State:
         switches=or_else(observation.switches, None) if facts.rights is Rights.PROVEN else None,
         disks=disks_of(observation) if facts.rights is Rights.PROVEN else (),
         largest_node=_largest_node(observation),
-        memory_left=sum(left) if (left := _left_of_nodes(observation)) else None,
-        node_left=max(left, default=None),
+        memory_left=sum(free) if (free := _left_of_nodes(observation)) else None,
+        node_left=max(free, default=None),
     )
 
 
 def _largest_node(observation: HostObservation) -> int | None:
-    """How much a machine can have where NUMA spanning is off; WMI knows no node's memory."""
+    """Return the most memory of a machine if NUMA spanning is off, in bytes; WMI does not report it."""
     hypervisor, nodes = or_else(observation.hypervisor, None), or_else(observation.numa, ())
     if hypervisor is None or hypervisor.numa_spanning:
         return None
@@ -105,7 +105,7 @@ def _largest_node(observation: HostObservation) -> int | None:
 
 
 def _left_of_nodes(observation: HostObservation) -> tuple[int, ...]:
-    """Bytes that machines can still have, of each NUMA node."""
+    """Return the memory of each NUMA node that machines can still have, in bytes."""
     return tuple(node.memory_available * 2**20 for node in or_else(observation.numa, ()))
 
 
