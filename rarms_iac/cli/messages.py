@@ -96,7 +96,7 @@ class TerminalReporter:
 
 def stopped(session: Session) -> ExitCode:
     """Say that the wish to end was heard, and how to go on; how the command ends: an answer `q` is no failure."""
-    session.terminal.tell("Stopped. What is recorded stays: the same command goes on.")
+    session.terminal.tell("Stopped. Results are saved; run the same command to continue.")
     return session.interrupts.exit_code or ExitCode.DONE
 
 

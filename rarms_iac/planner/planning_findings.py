@@ -3,7 +3,7 @@
 from rarms_iac.model.diagnostics import Finding
 
 RESERVATIONS = Finding.error("RARMS014", "Reservations exceed the platform")
-UNMEASURED = Finding.error("RARMS100", "A measured reserve without a data log")
+UNMEASURED = Finding.error("RARMS100", "A reservation is not measured yet")
 STALE = Finding.error("RARMS102", "A data log is stale")
 NOT_VERIFIED = Finding.note("RARMS104", "A data log could not be verified here")
 DIFFERENT = Finding.warning("RARMS105", "A data log was measured under another system")

@@ -91,7 +91,7 @@ def samples_needed(index: str, threshold: Threshold) -> int:
 
 
 def describe_error() -> str:
-    """Return how sure a statement is, to append to a message: `99 % sure`, wrong in at most 1 of 100 runs."""
+    """Return how sure a statement is, to append to a message: `99 % sure`."""
     return f"{100 - 100 * ERROR:.4g} % sure"
 
 
@@ -105,7 +105,7 @@ def describe_errors(*, sure: bool, so_far: bool) -> str:
     Returns:
         A sentence; empty where there is nothing of either.
     """
-    each = f"each of these is {describe_error()}, wrong in at most {100 * ERROR:.4g} of 100 runs" if sure else ""
+    each = f"{100 - 100 * ERROR:.4g} % confidence each" if sure else ""
     extremes = "a maximum or minimum is met so far" if so_far else ""
     sentence = "; ".join(filter(None, (each, extremes)))
     return f"{sentence.capitalize()}." if sentence else ""

@@ -333,7 +333,7 @@ def _refuse_other_name(typed: str, name: str) -> None:
 def _ending(transcript: Transcript, findings: tuple[Diagnostic, ...], *, stopped: bool) -> Ending:
     """How a measurement or a search ended."""
     if stopped:
-        transcript.message("Stopped. What is recorded stays: the same command goes on.")
+        transcript.message("Stopped. Results are saved; run the same command to continue.")
         return "stopped"
     return "failed" if has_errors(findings) else "done"
 

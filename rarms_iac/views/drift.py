@@ -72,6 +72,6 @@ def _summary(report: DriftReport) -> str:
         extra = f" {counted(unused, 'partition')} unused." if unused else ""
         if not any(host.is_written for host in report.hosts):
             return f"No drift. Nothing of {report.application} is on {in_a_row([host.name for host in report.hosts])}."
-        wanted = "" if report.problems else ", and as the manifest wants it"
-        return f"No drift. What rarms wrote is as it was{wanted}.{extra}"
+        wanted = "" if report.problems else ", and match the manifest"
+        return f"No drift. The partitions of rarms are unchanged{wanted}.{extra}"
     return f"Drift: {changed} changed on the host, {waiting} not applied yet."

@@ -278,7 +278,7 @@ def interruption_text(ending: str, command: str, *, begun: bool) -> "RenderableT
 def _advice_to_resume(command: str) -> Wording:
     """Say what to do after an interrupt, with a space before it; nothing where the command leaves nothing behind."""
     if command in {"measure", "prove", "tune"}:
-        return " What is recorded stays. The same command goes on where it stopped."
+        return " Results are saved; run the same command to continue."
     if command == "undo":
         return " If it was changing a host, run the same command again to finish that."
     if command in {"apply", "destroy", "import", "release", "start", "stop"}:

@@ -145,7 +145,7 @@ def test_a_whole_session(person: Person, folder: Path) -> None:
     person.waits_for("speech beside busy-loop on onboard (simulated): 10 settings")
     person.waits_for("A level for speech")
     person.types("q")
-    person.waits_for("Ended. What is measured and written stays: the same command goes on.")
+    person.waits_for("Ended. Results are saved; run the same command to continue.")
     assert person.leaves() == 0
     assert (folder / "measurements" / "onboard" / "speech" / "busy-loop.jsonl").is_file()
 

@@ -118,10 +118,7 @@ def with_observed_processors(session: MeasuringSession, experiment: Experiment) 
 
 def _describe_number(experiment: Experiment, number: int) -> str:
     before = experiment.setup.processors
-    return (
-        f"{experiment.name} was seen to use at most {counted(number, 'processor')} at once, and had "
-        f"{counted(before, 'virtual processor')}: it is measured with {number} from here on."
-    )
+    return f"{experiment.name} uses {counted(number, 'processor')}; measuring with {number} VP instead of {before}."
 
 
 def _run_with_processors(

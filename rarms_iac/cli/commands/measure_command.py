@@ -91,7 +91,7 @@ def _exit_code(session: Session, outcome: MeasureOutcome) -> ExitCode:
     if outcome.stopped:
         return stopped(session)
     if outcome.ended:
-        session.terminal.tell("Ended. What is measured and written stays: the same command goes on.")
+        session.terminal.tell("Ended. Results are saved; run the same command to continue.")
         return session.interrupts.exit_code or measured(outcome.findings)
     return measured(outcome.findings)
 

@@ -83,8 +83,8 @@ AGAIN = "If it was changing a host, run the same command again to finish that"
         ("apply", f"{AGAIN}, or `rarms undo` to take it back."),
         ("stop", f"{AGAIN}, or `rarms undo` to take it back."),
         ("undo", f"{AGAIN}."),
-        ("measure", "What is recorded stays. The same command goes on where it stopped."),
-        ("prove", "What is recorded stays. The same command goes on where it stopped."),
+        ("measure", "Results are saved; run the same command to continue."),
+        ("prove", "Results are saved; run the same command to continue."),
         ("plan", ""),
     ],
 )

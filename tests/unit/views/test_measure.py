@@ -110,8 +110,8 @@ def test_what_the_errors_mean_stands_below_a_verdict_and_nowhere_else() -> None:
         experiment=an_experiment("vision"), conclusion=Stopped(), settings=(), new=0, planned=None, log="x"
     )
 
-    assert "Each of these is 99 % sure" in text([found(105.0)])
-    assert "wrong in" not in text([stopped])
+    assert "99 % confidence each." in text([found(105.0)])
+    assert "confidence" not in text([stopped])
 
 
 def test_a_search_that_was_stopped_promises_no_plan() -> None:
@@ -132,7 +132,7 @@ def test_of_a_maximum_no_error_is_told_that_is_not_known() -> None:
     summary = text([outcome])
 
     assert "A maximum or minimum is met so far." in summary
-    assert "% sure" not in summary
+    assert "confidence" not in summary
 
 
 def test_beside_another_index_a_maximum_is_still_met_so_far() -> None:
@@ -140,7 +140,7 @@ def test_beside_another_index_a_maximum_is_still_met_so_far() -> None:
     system = a_system(components=[a_component("vision", criticality=9, apt=apt, run=RUN, simulation=DEMAND)])
     outcome = replace(found(105.0), experiment=experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop"))
 
-    assert "99 % sure, wrong in at most 1 of 100 runs; a maximum or minimum is met so far." in text([outcome])
+    assert "99 % confidence each; a maximum or minimum is met so far." in text([outcome])
 
 
 def test_whose_turn_an_early_end_left_out_is_named() -> None:

@@ -56,7 +56,7 @@ def a_drift(*kinds: DriftKind) -> DriftReport:
 
 
 def test_no_drift_is_one_line() -> None:
-    assert render(drift_text(a_drift())) == "No drift. What rarms wrote is as it was, and as the manifest wants it.\n"
+    assert render(drift_text(a_drift())) == "No drift. The partitions of rarms are unchanged, and match the manifest.\n"
 
 
 def test_a_host_on_which_nothing_was_written_is_not_said_to_be_as_it_was() -> None:

@@ -128,7 +128,7 @@ def test_every_verdict_says_how_likely_it_is_wrong_in_each_place_where_it_is_tol
     assert indexes["speech throughput"]["verdict_error"] == 0.01, "one error for all that is said together"
     assert row_of(text, "vision")[1:] == ["mean_response_time <= 70 ms", "42.2 ms", "met"]
     assert "in 8 starts: all thresholds met." in text
-    assert "99 % sure, wrong in at most 1 of 100 runs; a maximum or minimum is met" in " ".join(text.split())
+    assert "99 % confidence each; a maximum or minimum is met" in " ".join(text.split())
     assert "met so far\n" in text, "of a maximum no sample can say what the next job does"
     entry = read_entries(configuration_path(here, "onboard", "vision"))[-1]
     assert isinstance(entry, Proven)
