@@ -336,7 +336,7 @@ def _next_command(
     if any(verdict.achievement is Achievement.UNMEASURED for verdict in verdicts):
         return NextCommand(command=MEASURE, reason="finds the reservations that are not measured yet")
     if any(kind.is_of_the_host for kind in kinds):
-        return NextCommand(command=DRIFT, reason="tells what was changed on a host")
+        return NextCommand(command=DRIFT, reason="shows the changes on a host")
     if not has_layout:
         return NextCommand(command=PLAN, reason="tells why the manifest has no layout, and what would help")
     if kinds - {DriftKind.UNUSED}:

@@ -358,7 +358,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     "another tool changed a partition": (
         given(MANIFEST, "apply", "simulate change vision --reserve 30"),
         Ask("plan --verbose", "Find out who did it", ("drift", "history")),
-        Ask("status", "tells what was changed on a host", "drift"),
+        Ask("status", "shows the changes on a host", "drift"),
     ),
     "another tool changed a partition, and the manifest has errors": (
         given(MANIFEST, "apply", edit("45 %", "90 %"), "simulate change vision --reserve 30"),
