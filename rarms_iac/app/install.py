@@ -222,7 +222,7 @@ def _still_open(host: str, run: BegunRun) -> Diagnostic:
     reason = _last_line(run.said) if run.said else f"rarms {run.version} is not installed there."
     return STILL_OPEN.of_host(
         host,
-        f"{host}: rarms {run.version} began the run of plan {run.plan} and did not finish it: {reason}",
+        f"{host}: rarms {run.version} began the run of plan {run.plan} and did not finish it. {reason}",
         prose(
             f"Remove the reason, or install rarms {run.version} there, then run ",
             command("install", host=host),
@@ -242,7 +242,7 @@ def _linux_hosts(hosts: Hosts) -> tuple[str, ...]:
     is_linux = {name: hosts.system.hosts[name].provider is ProviderKind.LINUX for name in hosts.chosen}
     others = [name for name in hosts.chosen if not is_linux[name]]
     if others and (hosts.selection.hosts or len(others) == len(is_linux)):
-        raise RequestError(f"rarms is installed on Linux hosts. {', '.join(others)}: no rarms is needed there.")
+        raise RequestError(f"rarms is installed on Linux hosts only. {', '.join(others)}: not a Linux host.")
     return tuple(name for name in hosts.chosen if is_linux[name])
 
 

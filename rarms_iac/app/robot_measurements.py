@@ -1,6 +1,7 @@
-"""Measurements from a robot: within limits, and each log goes through the reader of its kind.
+"""Adds the data logs of a robot to the data logs here.
 
-A robot's answer is not trusted. Only logs of its own platform are taken, and all of them are read before one is added.
+A robot's answer is not trusted. It may have logs of its own platform only, and their size is limited. All of them are
+read and checked before one is added. Begin at `add_measurements`.
 """
 
 from collections.abc import Mapping
@@ -17,15 +18,15 @@ from rarms_iac.storage.datalog.merging import MOST_BYTES, is_log, merge_records,
 from rarms_iac.storage.disk import MEASUREMENTS
 
 _SHOWN = 80
-"""Characters of a robot's name of a file that a message shows."""
+"""Largest number of characters of a file's name in a message."""
 
 
 def add_measurements(folder: Path, platform: str, logs: Mapping[str, bytes]) -> tuple[str, ...]:
-    """Add the records of a robot's logs that the logs here lack.
+    """Add the records of a robot's logs that are missing in the logs here.
 
     Args:
-        folder: The manifest's here.
-        platform: The robot's; it has logs of no other.
+        folder: The folder of the manifest here.
+        platform: The platform of the robot.
         logs: The bytes of each log, by its path below `measurements/`, as the robot sent them.
 
     Returns:
@@ -71,5 +72,5 @@ def _refused(file: str, reason: str, line: int | None = None) -> UseCaseError:
     place = f"{file}, line {line}" if line else file
     values: Facts = {"file": file, "reason": reason, **({"line": line} if line else {})}
     message = f"The robot's {place}: {reason}."
-    advice = "Nothing of it was added here. Repair or remove the file on the robot."
+    advice = "No record was added here. Repair or remove the file on the robot."
     return UseCaseError(Outcome.NEGATIVE, [UNREADABLE.at(None, message, advice, values=values)])

@@ -1,4 +1,4 @@
-"""Which processes or limits had the processor time that a load left, of a setting whose load left more than it may."""
+"""The processes and limits that kept a load from using the processors that components left idle."""
 
 from rarms_iac.measuring.evidence import idle_share
 from rarms_iac.model.capacity import shared_processors
@@ -10,18 +10,18 @@ from rarms_iac.model.setting import ALL_PARTITIONS, SettingEvidence
 from rarms_iac.model.wording import in_a_row
 
 LEAST_SHARE = 0.01
-"""Processes and limits with a smaller part are not listed."""
+"""Part of the processor time from which a process or limit is listed."""
 
 _LIMITS = {P1: "the limit of P1", P2: "the limit of P2", ALL_PARTITIONS: "the limit of all partitions"}
 
 
 def describe_idle(load: str, evidence: SettingEvidence, host: Host) -> str:
-    """Give the share that a load left, and who had it.
+    """Describe the processor time that a load did not use, and the processes that used it.
 
     Args:
-        load: Its name in the manifest.
-        evidence: Of a setting.
-        host: Where it was measured.
+        load: The name of the load in the manifest.
+        evidence: The counts of one setting.
+        host: The host of the measurement.
 
     Returns:
         Sentences.

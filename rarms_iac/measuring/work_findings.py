@@ -41,9 +41,9 @@ def work_outside(
 
     Args:
         members: The components, by name.
-        outside: As the evidence of settings has it; entries of one process and group are joined.
-        place: Of the component in the manifest.
-        address: What the finding is about.
+        outside: From the evidence of settings; entries of one process and group are added up.
+        place: The position of the component in the manifest.
+        address: The address of the component.
     """
     found = _joined(outside)
     if not found:
@@ -74,20 +74,20 @@ def work_outside(
 
 
 def why_out_of_memory(failed: TooManyFailures) -> str:
-    """Say that the kernel killed processes of a failed component.
+    """Explain that the kernel killed processes of a failed component.
 
     Returns:
-        A sentence after a space; empty: it killed none.
+        A space and a sentence; empty: it killed none.
     """
     return f" {_kills(failed.out_of_memory)}" if failed.out_of_memory else ""
 
 
 def memory_kills(killed: Mapping[str, int], places: Places) -> Iterator[Diagnostic]:
-    """Find components of whose processes the kernel killed some.
+    """Find components with processes that the kernel killed.
 
     Args:
-        killed: How many, by component.
-        places: Where components stand in the manifest.
+        killed: Number of killed processes, by component.
+        places: Positions in the manifest.
     """
     for component, count in sorted(killed.items()):
         yield MEMORY_KILLS.at(
@@ -109,8 +109,8 @@ def work_of_evidence(names: Sequence[str], evidence: Sequence[SettingEvidence], 
 
     Args:
         names: The components that ran.
-        evidence: What the host counted, of each setting or start.
-        places: Where components stand in the manifest.
+        evidence: Counts of the host, of each setting or start.
+        places: Positions in the manifest.
     """
     outside = [work for each in evidence for work in each.outside]
     yield from work_outside(names, outside, places.key("components", names[0]), f"component/{names[0]}")
@@ -121,12 +121,12 @@ def work_of_evidence(names: Sequence[str], evidence: Sequence[SettingEvidence], 
 
 
 def work_of_settings(experiment: Experiment, settings: Sequence[Setting], places: Places) -> Iterator[Diagnostic]:
-    """Find in the settings of an experiment that work ran outside of P1, or nowhere, or that memory was too small.
+    """Find work outside of P1, components that only wait, and kills for memory, in the settings of an experiment.
 
     Args:
-        experiment: What was measured.
-        settings: All of it, with one load or several.
-        places: Where components stand in the manifest.
+        experiment: The experiment.
+        settings: All settings, with one load or several.
+        places: Positions in the manifest.
     """
     evidence = [setting.evidence for setting in settings if setting.evidence is not None]
     yield from work_of_evidence(experiment.setup.members, evidence, places)
@@ -149,14 +149,14 @@ def work_of_settings(experiment: Experiment, settings: Sequence[Setting], places
 
 
 def unused_time(series_at: Mapping[int, Sequence[Series]]) -> float | None:
-    """Return the processor time that a component used for each unit of response time, where that says that it waits.
+    """Return the processor time for each unit of response time of a component that only waits.
 
     Args:
-        series_at: Of one component, by the reserve of the setting; one without `cpu_ms` says nothing.
+        series_at: Series of one component, by the reserve of the setting.
 
     Returns:
-        Less than `LEAST_USE`; None: it used more, fewer than two reserves were measured, or its mean response times
-        differ by more than `SAME_TIMES`.
+        Less than `LEAST_USE`; None: it used more, a series has no `cpu_ms`, fewer than two reserves were measured, or
+        its mean response times differ by more than `SAME_TIMES`.
     """
     used = answered = 0.0
     means = []

@@ -1,6 +1,7 @@
-"""The verdict on the thresholds of components by their data logs: made here and nowhere else.
+"""The verdict on the thresholds of components, by their data logs. Only this module makes it.
 
-Begin at `decide`. Plan, page, sheets, status, graph, explanation and studio show what it answers.
+In: the data log of each load. Out: a `Decision`. Plan, page, sheets, status, graph, explanation and studio show it.
+Begin at `decide`.
 """
 
 from collections.abc import Iterable, Sequence
@@ -27,22 +28,22 @@ class Decision:
     """The verdict, and the data log that decides it."""
 
     verdict: ReservationVerdict
-    log: MeasuredTogether | None = None  # of the load that asks for most; None: nothing is measured
+    log: MeasuredTogether | None = None  # of the load that needs the largest reservation; None: nothing is measured
 
 
 def decide(members: Sequence[Component], logs: Sequence[LogOfLoad]) -> Decision:
     """Judge the thresholds of components by their data logs, one for each load.
 
-    A threshold is met where a measured reservation is enough for it with every load. It is missed where it is shown to
-    be missed with some load at the highest reservation that was measured with it. Otherwise it is open. Thresholds that
-    each hold somewhere, but nowhere together, are open.
+    A threshold is met if a measured reservation is enough with each load. It is missed if it is missed with one load at
+    the highest reservation that was measured with that load. All other thresholds are open. If no measured reservation
+    meets all thresholds at once, thresholds that are met one by one are open.
 
     Args:
         members: all components of the partition.
-        logs: what is known with each load, in the order of the loads; none: nothing is measured.
+        logs: the data log of each load, or the reason why it does not count, in the order of the loads.
 
     Returns:
-        The verdict; of several logs that ask for the same, the log that was measured next below decides.
+        The verdict. If several loads need the same reservation, the log with the highest setting below it decides.
     """
     apts = [(member.name, index, threshold) for member in members for index, threshold in member.apt.items()]
     known = [log for log in logs if isinstance(log, MeasuredTogether) and log.measured]
@@ -65,7 +66,7 @@ def decide(members: Sequence[Component], logs: Sequence[LogOfLoad]) -> Decision:
 
 
 def _is_unusable(log: LogOfLoad) -> TypeGuard[NotMeasured]:
-    """Whether there is a data log that is stale or damaged: nothing is said until it is measured again."""
+    """Whether a data log is stale or damaged; then there is no verdict until it is measured again."""
     return isinstance(log, NotMeasured) and log.code != planning_findings.UNMEASURED.code
 
 
@@ -82,9 +83,9 @@ def _verdict(
 
 
 def _weight(log: MeasuredTogether, *, apts: Sequence[Apt], least: int | None) -> int:
-    """How much a log says of why less is not enough, or why nothing is.
+    """Return a larger number for a log that shows better why a smaller reservation, or each one, is not enough.
 
-    NOTE: a load may be measured only where another one asked for: that log does not show why less is not enough.
+    NOTE: a load may be measured only at the reservation that another load needs. That log has no smaller setting.
     """
     if least is not None:
         return log.measured_below(least)
@@ -100,20 +101,20 @@ def _achievement(apt: Apt, log: MeasuredTogether) -> Achievement:
 
 
 def hardest(reserves: Sequence[int | None]) -> int:
-    """Find the load that decides what components reserve: the greatest of the loads' answers is the least for all.
+    """Find the load that needs the largest reservation: only this one is enough with each load.
 
     Args:
-        reserves: what each load asks for, in whole per cent; None: nothing is enough with it.
+        reserves: the least reservation with each load, in whole per cent; None: no measured one is enough.
 
     Returns:
-        The position of the load that asks for most, the first of them; nothing that is enough is most of all.
+        The position of that load; of several, the first. None counts as the largest.
     """
     amounts = [WHOLE + 1 if reserve is None else reserve for reserve in reserves]
     return amounts.index(max(amounts))
 
 
 def least_of(log: MeasuredTogether, apts: Iterable[Apt]) -> int | None:
-    """Find the least CR at which all these thresholds hold, by the log's curves.
+    """Find the least CR that meets all these thresholds, by the log's curves.
 
     Args:
         log: the data log of the components together.
@@ -126,11 +127,11 @@ def least_of(log: MeasuredTogether, apts: Iterable[Apt]) -> int | None:
 
 
 def why_unknown(names: Names, decision: Decision, logs: Sequence[LogOfLoad]) -> NotMeasured:
-    """Explain a verdict that gives no reservation, with the command that helps.
+    """Explain a verdict without a reservation, and recommend a command.
 
     Args:
-        names: the partition's components that are to be measured.
-        decision: its verdict is not that every threshold is met.
+        names: the components of the partition that have to be measured.
+        decision: its verdict is not `MET`.
         logs: as of `decide`.
 
     Returns:
@@ -159,7 +160,7 @@ def _no_setting(names: Names, log: MeasuredTogether) -> NotMeasured:
 
 
 def _more_loads(names: Names, verdict: ReservationVerdict, log: MeasuredTogether) -> NotMeasured:
-    """Some loads are measured, and enough with them is known; others are not."""
+    """Explain that the reservation is known with some loads, and that the others are not measured."""
     assert verdict.so_far is not None, "else a threshold is open or missed"
     so_far, loads = guaranteed(verdict.so_far, log.processors), in_a_row(verdict.not_measured)
     return NotMeasured(
@@ -178,7 +179,7 @@ def _more_loads(names: Names, verdict: ReservationVerdict, log: MeasuredTogether
 def _not_met(
     names: Names, verdict: ReservationVerdict, log: MeasuredTogether, measured: Sequence[MeasuredTogether]
 ) -> NotMeasured:
-    """No setting is shown to meet every threshold; those that stand worst are named."""
+    """Explain that no setting meets every threshold, with the names of the worst ones."""
     highest = max(log.measured)
     named = [(each.component, each.index) for each in verdict.thresholds if each.achievement is verdict.achievement]
     indexes = " and ".join(f"{index} of {component}" for component, index in named)
@@ -191,7 +192,7 @@ def _not_met(
         advice = prose(
             "More samples may show it. ",
             log.again,
-            " says how many are needed, and what to give `policy.measuring.setting`, the time for a setting.",
+            " shows the number, and the time for `policy.measuring.setting`.",
         )
     elif highest < WHOLE:
         settings = _highest_settings(log, measured)
@@ -214,7 +215,7 @@ def _not_met(
 
 
 def _highest_settings(log: MeasuredTogether, measured: Sequence[MeasuredTogether]) -> str:
-    """The highest CR of a log, and those with other loads where they differ."""
+    """Describe the highest CR of a log, and those with other loads if they differ."""
     highest = {each.interference: max(each.measured, default=0) for each in (log, *measured)}
     own = highest.pop(log.interference)
     others = [f"{reserve} % with {load}" for load, reserve in highest.items() if reserve != own]

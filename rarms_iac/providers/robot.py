@@ -1,7 +1,7 @@
-"""A Linux host whose own rarms looks, changes and measures: this side sends a request over a channel and follows it.
+"""A Linux host with a rarms of its own: this side sends requests to it over a channel, and receives the answers.
 
-In: a command with its job, as JSON. Out: the answer of the rarms there, after the calls that it made meanwhile. Begin
-at `RobotByChannel`; `rarms_iac.robot` is the other end. One request is one line on standard input. The answer is lines
+In: a command with its job, as JSON. Out: calls of reporters, then the answer of the rarms on the host. Begin at
+`RobotByChannel`; `rarms_iac.robot` is the other side. One request is one line on standard input. The answer is lines
 on standard output: `READY`, then calls, and last a result or a failure. A line has at most `LINE_LIMIT` bytes.
 """
 
@@ -107,7 +107,7 @@ def problem_of(error: HostError) -> HostProblem:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Look:
-    """Everything that one look at a host shows; a problem stands for what could not be read."""
+    """The result of one look at a host, with a problem in place of a part that could not be read."""
 
     observed: ObservedHost | HostProblem
     last_run: Journal | HostProblem | None
@@ -256,14 +256,18 @@ class RobotByChannel:
                     return cast("Json", answer["result"])
                 if "failure" in answer:
                     failure = self._decoded(Failure, answer["failure"])
-                    raise EndedThere(self.name, failure) if failure.findings else self._garbage("it gives no reason")
+                    raise (
+                        EndedThere(self.name, failure)
+                        if failure.findings
+                        else self._garbage("the failure has no reason")
+                    )
                 call = self._decoded(ReporterCall, answer.get("call"))
                 with self._readable():
                     reply = listener.on_call(call.target, call.method, answer.get("arguments"))
                 if reply is not None:
                     conversation.send(f"{YES if reply else NO}\n".encode("ascii"))
         except SilenceTimeout:
-            raise self._broken(f"it said nothing for {SILENCE_S / 3600:.0f} hours") from None
+            raise self._broken(f"no line came for {SILENCE_S / 3600:.0f} h") from None
         code = conversation.code()
         why = last_of(conversation.error_lines, code)
         raise self._broken(why if code == SSH_FAILED else f"the rarms there ended without a result: {why}")
@@ -279,7 +283,7 @@ class RobotByChannel:
                 raise OtherVersion(self.name, tuple(sorted(set(installed) - {"current"})))
             if line is None:
                 raise self._not_reached(conversation)
-        raise self._garbage("before it, rarms did not begin")
+        raise self._garbage("rarms did not start after the output of the login")
 
     def _not_reached(self, conversation: Conversation) -> HostFailed:
         target, error = self._channel.target, last_of(conversation.error_lines, conversation.code())
@@ -315,12 +319,12 @@ class RobotByChannel:
 
     def _broken(self, why: str) -> HostFailed:
         message = f"the connection to {self._channel.target} broke: {why}"
-        return HostFailed(self.name, message, "Run the same command again: it reports what was done, and continues.")
+        return HostFailed(self.name, message, "Run the same command again to continue.")
 
 
 @contextmanager
 def _saying_here(conversation: Conversation) -> Iterator[None]:
-    """Inside, the robot hears that this side lives, also while a question waits for its answer."""
+    """Send `HERE` at intervals, so that the robot knows that the connection works while a question is open."""
     ended = threading.Event()
 
     def say() -> None:

@@ -1,8 +1,8 @@
 """Finds where the work of a setting ran: in the control groups of its components, or elsewhere on the machine.
 
 In: the components that run, each below its supervisor, and two or more looks at `/proc`. Out: the processes outside of
-these groups that used processor time. Begin at `WorkPlaces`. A program such as `docker run` or `systemd-run` asks an
-older process to do the work, so that a component uses no processor time and its reservation reserves nothing.
+these groups that used processor time. Begin at `WorkPlaces`. A program such as `docker run` or `systemd-run` starts the
+work in another control group, and the component's reservation has no effect on it.
 """
 
 import os
@@ -17,10 +17,10 @@ from rarms_iac.model.setting import OutsideWork
 from rarms_iac.running.kernel_files import PROC, ProcessStat, entry_of, in_ms, kernel_text, read_process, whole_number
 
 LEAST_SHARE = 0.05
-"""Processes outside count from this part of the setting's time on, and only if a component's group had less."""
+"""Part of the setting's time from which processes outside count, if a component's group used less."""
 
 LISTED = 8
-"""So many entries of processes outside are kept, the largest first."""
+"""Largest number of entries of processes outside; the largest entries are kept."""
 
 SHOWN_SHARE = 0.02
 """Entries with a smaller part of all work outside are not kept, unless they left their component's group."""
@@ -52,8 +52,8 @@ class UsedTime:
 class WorkPlaces:
     """Looks at the machine's processes at the start and the end of a setting.
 
-    A process that began earlier, such as a daemon, counts with the time above its usual use: what it used on average
-    from its start to the first look. Other programs that run all the time are no finding.
+    A process that started before the first look, such as a daemon, counts with the time above its usual use. The usual
+    use is its average from its start to the first look. So programs that always run do not make a finding.
     """
 
     def __init__(self, groups: Iterable[Path] = (), load_groups: Iterable[Path] = ()) -> None:
@@ -77,7 +77,7 @@ class WorkPlaces:
         self._lock = Lock()
 
     def look(self, places: Sequence[ComponentPlace]) -> None:
-        """Look again; a process that has ended since the last look keeps what it had used then.
+        """Look again; a process that has ended since the last look keeps its time of that look.
 
         Raises:
             UnreadableFile: A file of `/proc` or of a control group has an unknown content.
@@ -107,8 +107,8 @@ class WorkPlaces:
             elapsed_ms: How long the setting took.
 
         Returns:
-            Largest first: those that a component started and that left its group, always. All others only if all
-            together used more than the components of one group, and at least `LEAST_SHARE` of the time.
+            Largest first. Processes that a component started and that left its group are always there. All others
+            are there if together they used more than the components of one group, and at least `LEAST_SHARE`.
         """
         used = used_ticks(self._before, self._last, self._alive)
         usual = usual_rates(self._before, self._looked_at)
@@ -161,7 +161,7 @@ class WorkPlaces:
 
 
 def look() -> Look:
-    """Read all processes of this machine but the kernel's own threads; none where there is no Linux.
+    """Read all processes of this machine without the threads of the kernel; none on Windows and macOS.
 
     Raises:
         UnreadableFile: The `stat` of one is not as the kernel writes it.
@@ -204,8 +204,7 @@ def used_ticks(before: Look, last: Look, alive: frozenset[int]) -> Mapping[int, 
         alive: The processes that were there at the end.
 
     Returns:
-        By process. The time of a process that ended is in its parent's `children` as far as no look saw it: what a
-        look saw before is taken off there.
+        By process. If a process ended, its time since its last look is in `children` of its parent.
     """
     counted: dict[int, int] = {}  # by process that is there: what it has of children whose time is known
     for process, stat in last.items():
@@ -290,7 +289,7 @@ def _ended_elsewhere(
     measured: Mapping[str | Path, float],
     least_ms: float,
 ) -> Iterator[OutsideWork]:
-    """What processes of a component used that ended, and that its group did not count."""
+    """Return the time of ended processes of a component that its group did not count."""
     for unit, components in _by_unit(places).items():
         missing = inside[unit] - measured[unit]
         if missing >= least_ms > 0:
@@ -305,12 +304,12 @@ def _by_unit(places: Sequence[ComponentPlace]) -> Mapping[str | Path, Sequence[s
 
 
 def _unit(place: ComponentPlace) -> str | Path:
-    """What is counted together: a group, or a component without one."""
+    """Return the unit of counting: a group, or a component without one."""
     return place.groups[0] if place.groups else place.component
 
 
 def _group_ms(group: Path) -> float | None:
-    """Return the processor time that a group used; None where it is not there."""
+    """Return the processor time of a group; None: it does not exist."""
     for name, count in (("cpuacct.usage", 1e6), ("cpu.stat", 1e3)):
         file = group / name
         if text := kernel_text(file):

@@ -1,7 +1,7 @@
-"""Values that an apply replaced and that rarms had not set: an undo sets them again.
+"""Values that another tool set and that an apply replaced; an undo sets them again.
 
-A mark has only the digest of the settings that were written last. So the settings that others changed are the smallest
-set which, with the values of the manifest in their place, fits that digest.
+A mark has only the digest of the settings that rarms wrote last. If the manifest's values in place of some settings
+give that digest, other tools changed these settings. The smallest such set counts. Begin at `foreign_values`.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -14,7 +14,7 @@ from rarms_iac.model.state import Partition, RegistryValue, Responsiveness, Star
 from rarms_iac.storage.mark_digests import set_of_values, was_changed
 
 _MOST_COMPARED = 8
-"""Differing settings of which all sets are tried; of more, all count as changed by others."""
+"""Largest number of different settings whose sets are all compared; of more, all count as changed by others."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""`rarms install`: what became of rarms on each host."""
+"""The output of `rarms install`: a line for each host."""
 
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def installation_text(result: Installation) -> "RenderableType":
-    """Show a line for each host, and what to do next."""
+    """Show a line for each host, and the next command."""
     rows = [(host.host, _became(host), f"Python {host.python}, {host.machine}", _sent(host)) for host in result.hosts]
     finished = [
         paragraph(f"{host.host}: rarms {run.version} finished its run of plan {run.plan}.")
@@ -30,9 +30,9 @@ def installation_text(result: Installation) -> "RenderableType":
 
 def _became(host: HostInstallation) -> str:
     if not host.version:
-        return f"rarms {host.before} removed" if host.before else "rarms is not there"
+        return f"rarms {host.before} removed" if host.before else "rarms is not installed"
     if not host.changed:
-        return f"rarms {host.version} is there already"
+        return f"rarms {host.version} is already installed"
     was = f", was {host.before}" if host.before and host.before != host.version else ""
     return f"rarms {host.version} installed{was}"
 

@@ -19,7 +19,7 @@ HEADER = ("reservation", "CR", "measured", "bounds", "verdict", "remark")
 
 
 def sweep_text(result: ExperimentResult) -> "Iterator[RenderableType]":
-    """Show a table for each performance index of the components: a row a setting, in the order of their reservations.
+    """Show a table for each performance index of the components. A setting is a row; the smallest reservation is first.
 
     Args:
         result: of components that were measured together with one load.
@@ -34,7 +34,7 @@ def sweep_text(result: ExperimentResult) -> "Iterator[RenderableType]":
 
 
 def _heading(result: ExperimentResult, member: Component, index: PerformanceIndex) -> str:
-    """Name what was measured: `vision with busy-loop on onboard: mean_response_time <= 50 ms.`."""
+    """Describe the measurement: `vision with busy-loop on onboard: mean_response_time <= 50 ms.`."""
     threshold = member.apt.get(index.name)
     bound = f" {show_bound(index, threshold)}" if threshold is not None else ", no threshold"
     number = result.experiment.setup.processors

@@ -1,4 +1,4 @@
-"""The verdict on components in words, as each view says it."""
+"""The verdict on components in words, for all views."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
@@ -9,7 +9,7 @@ from rarms_iac.model.wording import in_a_row, list_names
 
 
 def describe_achievement(achievement: Achievement, not_measured: tuple[str, ...]) -> str:
-    """Say how a threshold or a component stands: `met`, `not measured with bursts-20`."""
+    """Describe the verdict on a threshold or a component: `met`, `not measured with bursts-20`."""
     suffix = f" with {in_a_row(not_measured)}" if achievement is Achievement.UNMEASURED and not_measured else ""
     return f"{achievement}{suffix}"
 
@@ -33,7 +33,7 @@ _OF_INDEXES = frozenset({Achievement.OPEN, Achievement.MISSED})
 
 
 def describe_verdicts_of(verdicts: Iterable[ComponentVerdict], component: str) -> Iterator[str]:
-    """Say the verdict on a component, of several platforms on each: `not shown yet: p95_response_time`."""
+    """Describe the verdict on a component, one for each platform: `not shown yet: p95_response_time`."""
     own = [verdict for verdict in verdicts if verdict.component == component]
     for verdict in own:
         suffix = f" on {verdict.platform}" if len(own) > 1 else ""
@@ -42,14 +42,14 @@ def describe_verdicts_of(verdicts: Iterable[ComponentVerdict], component: str) -
 
 
 def advise_to_measure(verdicts: Iterable[ComponentVerdict]) -> Prose | None:
-    """Recommend the command that measures what is missing; None: nothing is."""
+    """Recommend the command that measures the rest; None: everything is measured."""
     if all(verdict.achievement is not Achievement.UNMEASURED for verdict in verdicts):
         return None
     return prose("Measure what is missing: ", MEASURE, ".")
 
 
 def why_not_known(verdicts: Iterable[ComponentVerdict]) -> str:
-    """Say why a total is not known, worst first: `vision and speech are not shown yet; drive is not measured`."""
+    """Explain why a total is not known, worst first: `vision and speech are not shown yet; drive is not measured`."""
     return "; ".join(
         f"{list_names(names)} {'is' if len(names) == 1 else 'are'} {words}"
         for words, names in _by_words(verdicts, with_indexes=False).items()

@@ -1,4 +1,7 @@
-"""How much is searched to explain why a manifest does not fit: a count of solver nodes, never a time."""
+"""Limits of the search for the reasons why a manifest does not fit, in solver nodes.
+
+A limit in seconds would give other answers on other computers.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -6,34 +9,34 @@ from dataclasses import dataclass, field
 from rarms_iac.planner.packing.highs import Nodes
 
 NODES_FOR_A_CONFLICT = 50
-"""Solver nodes in which a smallest conflict is searched for."""
+"""Solver nodes of the search for a smallest conflict."""
 
 NODES_FOR_MOVES = 50
-"""The same for the fewest partitions that have to move."""
+"""Solver nodes of the search for the fewest partitions that have to move."""
 
 NODES_FOR_CHANGES = 100
-"""The same for changes of the manifest, of all kinds together."""
+"""Solver nodes of the search for changes of the manifest, of all kinds together."""
 
 NODES_OF_A_SEARCH = NODES_FOR_A_CONFLICT + NODES_FOR_MOVES + NODES_FOR_CHANGES
 
 ITERATIONS_OF_A_NODE = 100
-"""Iterations of the simplex method that count as a node."""
+"""Iterations of the simplex method that count as one node."""
 
 PAIRS_OF_A_NODE = 2_000
-"""Pairs of a partition and a host that first fit may look at for the price of a node."""
+"""Pairs of a partition and a host in first fit that count as one node."""
 
 FEWEST_PAIRS = 500
-"""A question that first fit answers counts as at least so many pairs."""
+"""Each run of first fit counts as at least this number of pairs."""
 
 
 @dataclass(slots=True)
 class SearchBudget:
-    """The rest of the nodes of a search, and the parts that ended at its limit."""
+    """The remaining nodes of a search, and the parts of it that reached the limit."""
 
     nodes: Nodes
-    part: str  # what is searched for now, as a noun of a sentence
+    part: str  # the present part of the search, as a noun
     unfinished: dict[str, None] = field(default_factory=dict)  # in order
-    _pairs: int = 0  # that first fit looked at and that are not a whole node yet
+    _pairs: int = 0  # of first fit, less than one node
 
     @classmethod
     def of(cls, nodes: int, part: str) -> "SearchBudget":
@@ -46,13 +49,13 @@ class SearchBudget:
         return cls(Nodes(nodes, ITERATIONS_OF_A_NODE), part)
 
     def takes(self, pairs: int) -> bool:
-        """Count a question to first fit, if anything is left.
+        """Count a run of first fit, if nodes remain.
 
         Args:
-            pairs: Of a partition and a host that it may be on.
+            pairs: The number of pairs of a partition and a host that it may be on.
 
         Returns:
-            Whether the question may be asked; if not, the part counts as unfinished.
+            Whether first fit may run; if not, the part counts as unfinished.
         """
         if self.nodes.remaining <= 0:
             self.unfinished[self.part] = None
@@ -63,7 +66,7 @@ class SearchBudget:
 
 
 def unfinished_parts(budgets: Iterable[SearchBudget]) -> tuple[str, ...]:
-    """Return what was not searched to the end, as nouns.
+    """Return the parts that were not searched to the end, as nouns.
 
     Args:
         budgets: In the order of their searches.
