@@ -1,7 +1,7 @@
 """The program that `rarms install` runs on a robot, as root; it needs Python's own library alone.
 
-In: a tar on standard input: this file, `request.json`, then wheels. Out: one line, `ANSWER` and an object of facts;
-the sentences are made on the other side. Begin at `main`.
+In: a tar on standard input: this file, `request.json`, then wheels. Out: one line, `ANSWER` and an object of facts. The
+other side makes the sentences. Begin at `main`.
 
 Each version is a link `<version>` to a virtual environment in `.builds/`, and `current` is a link to the version in
 use. A link is switched by one rename, and no file that a link names is changed. So an installation that ends early
@@ -39,12 +39,12 @@ Facts = dict[str, Any]
 
 @dataclass(frozen=True)
 class RobotPlaces:
-    """Where things lie on the robot."""
+    """Folders and files on the robot."""
 
     versions: str = "/opt/rarms"
     state: str = "/var/lib/rarms"
     units: str = "/etc/systemd/system"
-    systemd: str = "/run/systemd/system"  # is there where systemd is process 1
+    systemd: str = "/run/systemd/system"  # exists if systemd is process 1
     cron: str = "/etc/cron.d"
 
     @property
@@ -59,7 +59,7 @@ class RobotPlaces:
 
     @property
     def boot_file(self) -> Path | None:
-        """What starts partitions with the machine; None: neither systemd nor cron is there."""
+        """The file that starts partitions with the machine; None: the robot has neither systemd nor cron."""
         if Path(self.systemd).is_dir():
             return Path(self.units, BOOT_UNIT)
         return Path(self.cron, "rarms") if Path(self.cron).is_dir() else None
@@ -74,7 +74,7 @@ class Refused(Exception):
 
 
 def main(archive: tarfile.TarFile, places: RobotPlaces) -> None:
-    """Do the request of an archive, and print what became of it.
+    """Do the request of an archive, and print its result.
 
     Args:
         archive: open behind its first member, this file.
@@ -95,7 +95,7 @@ def main(archive: tarfile.TarFile, places: RobotPlaces) -> None:
 
 
 def look(_request: Facts, _archive: tarfile.TarFile, places: RobotPlaces) -> Facts:
-    """Return what the robot is and has. Nothing is changed."""
+    """Return the Python, the C library, the versions and the unfinished runs of the robot."""
     return {
         "python": platform.python_version(),
         "implementation": sys.implementation.name,

@@ -38,13 +38,13 @@ _SETTINGS_BYTES = 2**20
 MODULES = {"look": "look", "apply": "runs", "finish": "runs", "abandon": "runs", "undo": "runs"} | dict.fromkeys(
     ("measure", "tune", "prove", "run"), "experiments"
 )
-"""The module whose `COMMANDS` have what the other side may ask for; each is imported when it is needed."""
+"""The module that has each command in its `COMMANDS`. A module is imported only if its command is requested."""
 
 
 def main() -> int:
     """Answer one request. Return 0 if a result was sent."""
     output = os.dup(1)
-    os.dup2(2, 1)  # what else is printed must not stand between the lines
+    os.dup2(2, 1)  # other output must not come between the lines of the answer
 
     def send(answer: Mapping[str, Json]) -> None:
         _write(output, json.dumps(answer, separators=(",", ":")))
@@ -64,7 +64,7 @@ def main() -> int:
             result = module.COMMANDS[request.command](request.host, job, caller)
         ended.set()
         send({"result": result})
-    except BaseException as error:  # noqa: BLE001 - the other side is told of everything
+    except BaseException as error:  # noqa: BLE001 - the answer has each error
         ended.set()
         send({"failure": encode(_failure_of(error))})
         return 1
@@ -98,7 +98,7 @@ def _parts_of(data: bytes) -> tuple[Request, Json]:
 
 
 def refuse_writable_code(paths: tuple[str, ...] = (__file__, sys.executable, *sys.path)) -> None:
-    """Refuse to run code that others than root can change.
+    """Refuse to run code that users other than root can change.
 
     Args:
         paths: of code; each with all folders above it counts, where links lead to, too.
@@ -120,7 +120,7 @@ def refuse_writable_code(paths: tuple[str, ...] = (__file__, sys.executable, *sy
 
 
 def set_environment(file: Path) -> None:
-    """Take over the variables of the robot; without a file there is the usual PATH alone.
+    """Set the variables of the robot's file. Without a file, only PATH is set.
 
     Raises:
         UseCaseError: the file is not root's alone to write, or has a line that is not `NAME=VALUE` (failed).
@@ -139,10 +139,10 @@ def set_environment(file: Path) -> None:
 
 
 def listen(lines: BinaryIO, caller: Caller, ended: threading.Event, lost_s: float = LOST_S) -> None:
-    """Hear what the other side says, until it is gone or the command has ended.
+    """Read the lines of the other side until its input or the command ends.
 
-    The end of its input, or a long silence, stops the command as SIGTERM does; not so if the other side said before
-    that it sends no more, or asked for a stop.
+    The end of its input, or a long time without a line, stops the command as SIGTERM does. This does not happen after
+    the line `ALL_SENT` or `STOP`.
 
     Args:
         lines: its input behind the request.
@@ -181,7 +181,7 @@ def _end_once(complete: threading.Event, ended: threading.Event) -> None:
 
 
 def _write(output: int, line: str) -> None:
-    """Write a line; where the other side is gone, the end of its input says so, too."""
+    """Write a line, and ignore a closed connection: `listen` detects it at the end of the input."""
     data = memoryview(line.encode("ascii") + b"\n")
     with suppress(OSError):
         while data:

@@ -1,7 +1,8 @@
-"""Experiments on this machine for another computer: with its manifest and logs, and the components' files of this one.
+"""Experiments on this machine for another computer, the caller: the robot's side of `app.experiments.on_robot`.
 
-What is recorded lies in a folder for this request, goes to the other side as soon as it is recorded, and is removed at
-the end.
+In: the caller's manifest and data logs, and the components' files of this machine. Out: reports, records of data logs,
+and a result. Records are in a folder of this request, and this side sends each at once. The folder is removed at the
+end. Begin at `COMMANDS`.
 """
 
 import os
@@ -55,8 +56,8 @@ from rarms_iac.storage.datalog.named_files import Files
 from rarms_iac.storage.disk import MEASUREMENTS, make_folder_for
 from rarms_iac.storage.replace import replace as write
 
-_PAUSE_S = 1.0  # at least between two looks at the samples so far
-_PAUSES = 20  # so many times as long as sending them took
+_PAUSE_S = 1.0  # least time between two reports of samples
+_PAUSES = 20  # least time between two reports, in multiples of the time for sending one
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +91,7 @@ class SeenHost:
 
 @dataclass(slots=True)
 class _Reporter(SilentAppReporter):
-    """A `Reporter` whose calls travel."""
+    """A `Reporter` that sends its calls to the caller."""
 
     workspace: "_Workspace"
 
@@ -123,7 +124,7 @@ class _Workspace:
         return Control(reporter=reporter, stop=self.caller.interrupts, consents=self._consents)
 
     def _settings(self) -> MeasuringReporter:
-        """What is said of settings travels, and after each the new records of logs; samples so far now and then."""
+        """Send the reports of settings, the new records of logs after each setting, and at intervals the samples."""
         settings: Any = self.caller.sends(MeasuringReporter, SETTINGS) if self.caller.listens else MeasuringReporter()
         settings.samples_came = now_and_then(settings.samples_came)
         ended = settings.setting_ended
@@ -142,7 +143,7 @@ class _Workspace:
         return self.reports.consents(host, partitions)
 
     def send_logs(self) -> None:
-        """Send what is new in the logs of the platform."""
+        """Send the new records in the logs of the platform."""
         for path, content in logs_below(Path()).items():
             before = self.sent.get(path, b"")
             if content != before and path.partition("/")[0] == self.platform:
@@ -231,7 +232,7 @@ COMMANDS = {"measure": measure, "tune": tune, "prove": prove, "run": run}
 
 @contextmanager
 def _workspace(host: Host, job: Json, caller: Caller) -> Iterator[tuple[_Workspace, Hosts, Json]]:
-    """Lay out what was sent in a folder of its own, which is the current one, and compare the components' files.
+    """Write the caller's files to a new current folder, and compare the components' files.
 
     Raises:
         UseCaseError: a file of the components is not here, or another one (refused); or what the use case raised.

@@ -1,4 +1,7 @@
-"""Reads a component's output: a line of text comes in, the reading of one job goes out (`run.samples`)."""
+"""Reads a component's output.
+
+In: a line of text, and `run.samples`. Out: the reading of one job. Begin at `answer_reader`.
+"""
 
 import json
 import math
@@ -18,7 +21,7 @@ _NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 """A number as text: ASCII digits, and no separator of thousands."""
 
 _SEPARATORS = ",.'_\u2019\u00a0\u2009\u202f"
-"""Characters that stand inside a number: decimal marks, and separators of thousands."""
+"""Characters inside a number: decimal marks, and separators of thousands."""
 
 _BEFORE = re.compile(
     rf"[0-9](?P<inside>[{_SEPARATORS}]|[eE][+-]?|[xX])?$"  # more digits
@@ -30,13 +33,13 @@ _AFTER = re.compile(rf"((?P<inside>[{_SEPARATORS}eExX])[+-]?)?[0-9]")
 """Text that begins with the rest of a number before it."""
 
 _OTHER_FORM = re.compile(
-    r"(?:(?<![^\s=:;(\[])[-+\u2212])?"  # a sign at the begin of a word
+    r"(?:(?<![^\s=:;(\[])[-+\u2212])?"  # a sign at the start of a word
     rf"(?:(?P<whole>[0-9]+)(?:\.(?P<decimals>[0-9]+))?(?P<rest>(?:[{_SEPARATORS}eExX][+-]?[0-9]+)*)|\b(?i:nan|inf)\b)"
 )
 """A number in any form: `1.5`, `1.5e+06`, `1,200`, `0x10`, `-5`, `inf`."""
 
 _BETWEEN = (None, ",")
-"""What may stand between the digits of two named groups."""
+"""Separators that are allowed between the digits of two named groups."""
 
 _AROUND = rf"[0-9{_SEPARATORS}eExX+\u2212-]*"
 
@@ -55,17 +58,17 @@ class Reading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unreadable:
-    """Why something that should have been a sample is none."""
+    """The reason why a damaged sample cannot be read."""
 
     message: str
 
 
 LineReader = Callable[[str], Reading | Unreadable | None]
-"""Reads a line; None: the line is skipped, because it is not a sample and not a damaged one either."""
+"""Reads a line; None: the line is skipped, because it is neither a sample nor a damaged sample."""
 
 
 def line_reader(samples: Samples) -> LineReader:
-    """Choose how the lines of a command are read, as `run.samples` says."""
+    """Return the reader of a command's lines, by `run.samples`."""
     if samples.source == "pattern":
         return _match_reader(samples)
     return lambda line: read_json(samples, line)
@@ -143,9 +146,9 @@ def cut_number(line: str, spans: Mapping[str, tuple[int, int]], name: str) -> st
 
 
 def _refused_number(compiled: Any, fields: Sequence[Field], line: str) -> Unreadable | None:
-    """Say that a line is a sample but for the form of a number, so that a slow job's `1.2e+06` is not skipped.
+    """Find a line that does not match only because of the form of a number, such as `1.2e+06` of a slow job.
 
-    Such a line matches as soon as digits alone, or digits and decimals, stand in place of its numbers.
+    Such a line matches if its numbers are replaced by whole numbers or by plain decimals.
     """
     for plain in (_whole_number, _decimal_number, _whole_of_decimals):
         text, spans = _with_numbers(plain, line)
@@ -161,7 +164,7 @@ def _refused_number(compiled: Any, fields: Sequence[Field], line: str) -> Unread
 
 
 def _with_numbers(plain: Callable[[re.Match[str]], str], line: str) -> tuple[str, list[tuple[str, tuple[int, int]]]]:
-    """Replace the numbers of a line; return each one that changed, with the span of what stands there instead."""
+    """Replace the numbers of a line. Return the text, and each old number with the span of its replacement."""
     parts, changed, at, length = list[str](), list[tuple[str, tuple[int, int]]](), 0, 0
     for found in _OTHER_FORM.finditer(line):
         number = plain(found)
@@ -281,7 +284,7 @@ def _wrong(field: Field, wanted: str, value: object, line: str, *, there: bool) 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobAnswer:
-    """A job's answer; or that the function is loaded, that it cannot be, or that it raised."""
+    """A job's answer; or a report that the function is loaded, cannot be loaded, or raised an error."""
 
     reading: Reading = Reading()
     began: float | None = None  # where the runner knows it; a periodic job's scheduled start
@@ -291,11 +294,11 @@ class JobAnswer:
 
 
 AnswerReader = Callable[[str], JobAnswer | Unreadable | None]
-"""Reads a line of any component, a function's caller included; None: it says nothing about a job."""
+"""Reads a line of any component, also of a function's caller; None: the line does not belong to a job."""
 
 
 def answer_reader(run: Run) -> AnswerReader:
-    """Choose how this component's lines are read."""
+    """Return the reader of a component's lines."""
     read = line_reader(run.samples)
     if isinstance(run.start, Call):
         return lambda line: _read_caller(run, read, line)
@@ -354,7 +357,7 @@ def lines_that_match(read: AnswerReader, text: str) -> int:
 
 
 def describe_skipped(samples: Samples, skipped: SkippedLines) -> str:
-    """Say how many lines were skipped, and what the first ones are."""
+    """Describe the number of skipped lines, with the first ones."""
     if samples.source == "pattern":
         fault = "did not match the pattern"
     else:
@@ -364,7 +367,7 @@ def describe_skipped(samples: Samples, skipped: SkippedLines) -> str:
 
 
 def describe_no_sample(message: str, samples: Samples, skipped: SkippedLines, elsewhere: int) -> str:
-    """Say why there is no sample, with the lines that were read, and those of the other stream.
+    """Explain why there is no sample, with the skipped lines and the samples of the other stream.
 
     Args:
         message: The reason so far.
