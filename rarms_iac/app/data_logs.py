@@ -307,8 +307,8 @@ def _left_idle(system: System, group: Group, host: Host, logs: Sequence[Measured
     measure = command("measure", interference=BUSY_LOOP, again=BUSY_LOOP in loads)
     return Cause(
         address=f"component/{to_be_measured(group.members)[0]}",
-        message=f"{in_a_row(paths)}: the load left more than {SHORT:.0%} of the processors idle. What is enough there "
-        "need not be enough beside others.",
+        message=f"{in_a_row(paths)}: the load left more than {100 * SHORT:.0f} % of the processors idle. What is "
+        "enough there need not be enough beside others.",
         code=planning_findings.WEAK_LOG.code,
         values={"logs": tuple(paths)},
         advice=advice_on_weak_loads(system, host, names_of(group.members), loads, measure),

@@ -44,7 +44,7 @@ def disturbance(evidence: SettingEvidence, processors: int, load: LoadShare | No
         return ""
     stolen = evidence.stolen_ms / whole
     if stolen > STOLEN:
-        return f"the machine below took {stolen:.1%} of the processors' time, and {STOLEN:.0%} may be"
+        return f"the machine below took {100 * stolen:.1f} % of the processors' time, and {100 * STOLEN:.0f} % may be"
     if load is None:
         return ""
     p1, p2 = (evidence.cpu_ms.get(name, 0.0) / evidence.elapsed_ms for name in (P1, P2))

@@ -28,9 +28,9 @@ def describe_idle(load: str, evidence: SettingEvidence, host: Host) -> str:
     """
     shared = shared_processors(host, host.logical_processors)
     whole_ms = evidence.elapsed_ms * float(shared)
-    idle = f"{load} left {idle_share(evidence, shared):.0%} of {show_processors(shared)}."
+    idle = f"{load} left {100 * idle_share(evidence, shared):.0f} % of {show_processors(shared)}."
     had = [
-        f"{work.name}{f' in {work.group}' if work.group else ''} had {work.cpu_ms / whole_ms:.0%}"
+        f"{work.name}{f' in {work.group}' if work.group else ''} had {100 * work.cpu_ms / whole_ms:.0f} %"
         for work in evidence.others
         if work.cpu_ms >= LEAST_SHARE * whole_ms
     ]

@@ -49,7 +49,7 @@ def test_what_p1_had_beyond_its_reserve_disturbs_no_other() -> None:
 def test_stolen_time_disturbs() -> None:
     stolen = replace(QUIET, stolen_ms=1_100)
 
-    assert disturbance(stolen, 2, load=None) == ("the machine below took 5.5% of the processors' time, and 5% may be")
+    assert disturbance(stolen, 2, load=None) == ("the machine below took 5.5 % of the processors' time, and 5 % may be")
 
 
 def test_counters_give_what_was_counted_between_two_moments() -> None:
@@ -134,8 +134,8 @@ def test_a_weak_load_names_what_had_its_time() -> None:
     evidence = replace(an_evidence(200.0, 1000.0), others=others, throttled_ms={P1: 5.0, P2: 400.0})
 
     assert describe_idle("busy-loop", evidence, host) == (
-        "busy-loop left 33% of 1.8 LP. Of 1.8 LP, make in /user.slice had 20%. The limit of P2 stopped its threads for "
-        "0.4 s, added up over the processors."
+        "busy-loop left 33 % of 1.8 LP. Of 1.8 LP, make in /user.slice had 20 %. The limit of P2 stopped its threads "
+        "for 0.4 s, added up over the processors."
     )
     assert describe_idle("timer", an_evidence(200.0, 1000.0), host).endswith("had it: the load waited.")
     assert not leaves_idle(an_evidence(200.0, 1550.0), shared_processors(host, 2))

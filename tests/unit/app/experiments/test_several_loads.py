@@ -236,9 +236,9 @@ def test_a_busy_loop_that_left_processors_idle_gives_no_answer_and_is_measured_a
     said = " ".join(refused.err.split())
     assert refused.code == 4
     assert "other work on the machine" in said
-    assert "busy-loop left 40% of 1 LP. Of 1 LP, make in /user.slice had 20%." in said
+    assert "busy-loop left 40 % of 1 LP. Of 1 LP, make in /user.slice had 20 %." in said
     assert "rarms measure a --interference busy-loop --again" in said
     assert "no answer: " in refused.out
-    assert "% sure" not in refused.out
+    assert "confidence" not in refused.out
     assert [each.code for each in (wanted, paper, swept)] == [0, 0, 0], paper.err + swept.err
-    assert "% sure" in wanted.out
+    assert "99 % confidence each." in wanted.out
