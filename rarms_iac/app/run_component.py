@@ -6,10 +6,11 @@ Begin at `run_components`: it shows whether the manifest's `run` is right, befor
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
+from threading import Event, Thread
 from typing import NoReturn
 
 from rarms_iac.app.component_results import (
@@ -44,6 +45,8 @@ from rarms_iac.running.loads import InterferingLoad, LoadEnded
 from rarms_iac.running.start import CannotStart, ProcessPlace, RunningError, StartContext, become, order_of
 from rarms_iac.running.work_places import WorkPlaces
 from rarms_iac.storage.codec import decode
+
+_LOOK_EVERY_S = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -250,7 +253,7 @@ def _run_group(
     for run in runs:
         run.call_before_end(lambda: looked.look([run.place for run in runs]))
     numbers = {run.component: 0 for run in runs}
-    with run_in_parallel(runs) as samples:
+    with _looking(looked, runs), run_in_parallel(runs) as samples:
         for name, sample in samples:
             numbers[name] += 1
             if load is not None:
@@ -270,6 +273,25 @@ def _run_group(
     for result, process in zip(results, runs, strict=True):
         reporter.ended(result, process.tail)
     return results, looked.outside([run.place for run in runs], 1000 * (time.perf_counter() - began))
+
+
+@contextmanager
+def _looking(looked: WorkPlaces, runs: Sequence[ComponentRun]) -> Iterator[None]:
+    """Look meanwhile, too: at the end, the container of a job that has ended is not there any more."""
+    ended = Event()
+
+    def look_often() -> None:
+        with suppress(UnreadableFile):  # the look at the end raises it
+            while not ended.wait(_LOOK_EVERY_S):
+                looked.look([run.place for run in runs])
+
+    thread = Thread(target=look_often, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 def _work_outside(

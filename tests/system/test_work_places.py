@@ -1,6 +1,7 @@
 """Where the work of a component runs and what the kernel killed: real processes, control groups and a container."""
 
 import shutil
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -36,6 +37,21 @@ while True:
     until = time.process_time() + 0.02
     while time.process_time() < until: pass
     print('{"ms": 20}', flush=True)
+"""
+LEAVES_AND_ENDS = """\
+import os, pathlib, time
+for procs in pathlib.Path("/sys/fs/cgroup").glob("*/rarms-elsewhere/cgroup.procs"):
+    procs.write_text(str(os.getpid()))
+while time.process_time() < 1: pass
+"""
+RUN_ALONE = f"""\
+schema: rarms/v1
+application: {{ name: robot }}
+hosts: {{ onboard: {{ provider: linux, logical_processors: 2, memory: 1 GiB }} }}
+components:
+  eyes:
+    criticality: 1
+    run: {{ command: ["{sys.executable}", leaves.py], until: {{ samples: 2 }} }}
 """
 HUNGRY = """\
 import time
@@ -116,6 +132,26 @@ def test_a_process_that_leaves_its_group_is_named(folder: Path) -> None:
     found = evidence_of(folder, sys.executable, "-c", LEAVES)
 
     assert [work.group for work in of_eyes(found)] == ["/"], found
+
+
+@pytest.mark.needs("control-groups")
+@pytest.mark.alone
+def test_run_names_work_of_jobs_that_ended(tmp_path: Path) -> None:
+    if not Path("/sys/fs/cgroup/cpuacct").is_dir():
+        require("control-groups of version 1")
+    elsewhere = [parent / "rarms-elsewhere" for parent in Path("/sys/fs/cgroup").glob("cpu[a,]*") if parent.is_dir()]
+    for group in elsewhere:
+        group.mkdir(exist_ok=True)
+    (tmp_path / "leaves.py").write_text(LEAVES_AND_ENDS, encoding="utf-8")
+    (tmp_path / "rarms.yaml").write_text(RUN_ALONE, encoding="utf-8")
+
+    words = [sys.executable, "-m", "rarms_iac", "run", "eyes"]
+    said = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+
+    for group in elsewhere:
+        group.rmdir()
+    assert "Processes of eyes left their group: python" in said.stdout + said.stderr
+    assert "in /rarms-elsewhere" in said.stdout + said.stderr
 
 
 @pytest.mark.needs("control-groups")
