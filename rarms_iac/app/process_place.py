@@ -34,8 +34,6 @@ def find_place(manifest: Manifest, component: Component, report: Callable[[str],
     group = next((group for group in groups_of(system) if component in group.members), None)
     hosts = [host for host in system.hosts.values() if host.provider is ProviderKind.LINUX and host.connect is None]
     if not hosts:
-        if any(host.provider is ProviderKind.LINUX for host in system.hosts.values()):
-            report(f"{component.name} runs here, without a reservation: its host is another machine.")
         return ProcessPlace()
     name = group.name if group else ""
     members = (

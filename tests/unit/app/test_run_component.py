@@ -283,27 +283,14 @@ def linux_folder(tmp_path: Path) -> Iterator[Path]:
     shutil.rmtree(STATE_FOLDER / slice_of(tmp_path), ignore_errors=True)
 
 
-def on_linux(folder: Path, component: str = "", settings: str = "") -> Path:
+def on_linux(folder: Path, component: str = "") -> Path:
     """Write a manifest whose host is this machine; return the file that tells where its component ran."""
     manifest(folder, vision=WHERE)
     file = folder / "rarms.yaml"
     text = file.read_text(encoding="utf-8").replace("criticality: 10", f"criticality: 10{component}")
-    linux = f"onboard: {{ provider: linux, linux: {{ slice: {slice_of(folder)}{settings} }}, "
+    linux = f"onboard: {{ provider: linux, linux: {{ slice: {slice_of(folder)} }}, "
     file.write_text(text.replace("onboard: {", linux), encoding="utf-8")
     return folder / "where.json"
-
-
-@pytest.mark.needs("linux")
-def test_what_runs_here_has_no_reservation_of_another_machine(
-    linux_folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    on_linux(linux_folder, settings=" }, connect: { ssh: cell")
-    monkeypatch.setenv("COLUMNS", "60")
-
-    ran = rarms("run", "-f", str(linux_folder), "--samples", "2")
-
-    assert ran.code == 0, ran.err
-    assert "vision runs here, without a reservation: its host is another\nmachine.\n" in ran.err
 
 
 @pytest.mark.needs("control-groups")
