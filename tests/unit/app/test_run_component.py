@@ -283,12 +283,12 @@ def linux_folder(tmp_path: Path) -> Iterator[Path]:
     shutil.rmtree(STATE_FOLDER / slice_of(tmp_path), ignore_errors=True)
 
 
-def on_linux(folder: Path, component: str = "") -> Path:
+def on_linux(folder: Path, component: str = "", settings: str = "") -> Path:
     """Write a manifest whose host is this machine; return the file that tells where its component ran."""
     manifest(folder, vision=WHERE)
     file = folder / "rarms.yaml"
     text = file.read_text(encoding="utf-8").replace("criticality: 10", f"criticality: 10{component}")
-    linux = f"onboard: {{ provider: linux, linux: {{ slice: {slice_of(folder)} }}, "
+    linux = f"onboard: {{ provider: linux, linux: {{ slice: {slice_of(folder)}{settings} }}, "
     file.write_text(text.replace("onboard: {", linux), encoding="utf-8")
     return folder / "where.json"
 
