@@ -34,6 +34,9 @@ SETTINGS_FILE = Path("/etc/rarms/environment")
 USUAL_PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 _SETTINGS_BYTES = 2**20
 
+UNKNOWN_HOST = "the robot"
+"""The name of this machine before a request gave its name in the manifest."""
+
 
 MODULES = {"look": "look", "apply": "runs", "finish": "runs", "abandon": "runs", "undo": "runs"} | dict.fromkeys(
     ("measure", "tune", "prove", "run"), "experiments"
@@ -50,7 +53,7 @@ def main() -> int:
         _write(output, json.dumps(answer, separators=(",", ":")))
 
     _write(output, READY)
-    interrupts, ended = Interrupts(), threading.Event()
+    host, interrupts, ended = UNKNOWN_HOST, Interrupts(), threading.Event()
     signal.signal(signal.SIGHUP, lambda _number, frame: interrupts.receive(signal.SIGTERM, frame))
     try:
         with interrupts.listening():
@@ -59,6 +62,7 @@ def main() -> int:
             request, job = read_request(sys.stdin.buffer)
             caller = Caller(send, interrupts, request.listens, SimpleQueue())
             threading.Thread(target=listen, args=(sys.stdin.buffer, caller, ended), daemon=True).start()
+            host = request.host.name
             act_for(request.by)
             module = import_module(f"rarms_iac.robot.{MODULES[request.command]}")
             result = module.COMMANDS[request.command](request.host, job, caller)
@@ -66,7 +70,7 @@ def main() -> int:
         send({"result": result})
     except BaseException as error:  # noqa: BLE001 - the answer has each error
         ended.set()
-        send({"failure": encode(_failure_of(error))})
+        send({"failure": encode(_failure_of(error, host))})
         return 1
     return 0
 
@@ -188,21 +192,22 @@ def _write(output: int, line: str) -> None:
             data = data[os.write(output, data) :]
 
 
-def _failure_of(error: BaseException) -> Failure:
+def _failure_of(error: BaseException, host: str) -> Failure:
     if isinstance(error, UseCaseError):
         return Failure(outcome=error.outcome.value, findings=tuple(error.findings))
     if isinstance(error, RequestError):
-        return _failure_of(_refused(error.message, error.advice))
+        return _failure_of(_refused(error.message, error.advice, host), host)
     if isinstance(error, Interrupted):
-        finding = refusals.host_failed(HostRefused("the robot", "the command was stopped", "Run it again."))
+        stopped = HostRefused(host, "the command was stopped", "Results are saved. Run the same command to continue.")
+        finding = refusals.host_failed(stopped)
         return Failure(outcome=Outcome.INTERRUPTED.value, findings=(finding,))
     traceback.print_exception(error)
     finding = system_finding(error) if isinstance(error, OSError) else bug_finding(error)
     return Failure(outcome=Outcome.FAILED.value, findings=(finding,))
 
 
-def _refused(message: str, advice: Wording) -> UseCaseError:
-    return UseCaseError(Outcome.FAILED, [refusals.host_failed(HostRefused("the robot", message, advice))])
+def _refused(message: str, advice: Wording, host: str = UNKNOWN_HOST) -> UseCaseError:
+    return UseCaseError(Outcome.FAILED, [refusals.host_failed(HostRefused(host, message, advice))])
 
 
 if __name__ == "__main__":

@@ -176,6 +176,8 @@ def _reserved_on(host: str, outcome: MeasureOutcome) -> str:
     if host not in outcome.totals:
         return ""
     totals, fixed = outcome.totals[host], outcome.fixed_lp[host]
+    if outcome.unknown[host] and not totals.reserved_lp:
+        return ""
     note = f" ({show_processors(fixed)} of it fixed in the manifest)" if fixed else ""
     least = "at least " if outcome.unknown[host] else ""
     claims = "".join(f", {text}" for text in describe_other_claims(totals.unmanaged_lp, totals.kept_lp))
