@@ -333,6 +333,8 @@ def _next_command(
     if any(host.is_left_by_measurement for host in hosts):
         reason = "removes the test partitions of a measurement that was cut off, and starts what it stopped"
         return NextCommand(command=START, reason=reason)
+    if any(host.problems for host in hosts):
+        return None  # the advice of these problems comes first
     if any(verdict.achievement is Achievement.UNMEASURED for verdict in verdicts):
         return NextCommand(command=MEASURE, reason="finds the reservations that are not measured yet")
     if any(kind.is_of_the_host for kind in kinds):
@@ -341,8 +343,6 @@ def _next_command(
         return NextCommand(command=PLAN, reason="tells why the manifest has no layout, and what would help")
     if kinds - {DriftKind.UNUSED}:
         return NextCommand(command=PLAN, reason="shows what is not applied yet")
-    if any(host.problems for host in hosts):
-        return None
     partitions = [partition for host in hosts for partition in host.partitions]
     return _next_proof_command(system, partitions, [proof for proof in proofs if not proof.outdated])
 
