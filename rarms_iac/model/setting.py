@@ -141,3 +141,13 @@ def most_used(settings: Iterable[Setting]) -> int | None:
         None where no setting says it.
     """
     return max((setting.used_processors for setting in settings if setting.used_processors is not None), default=None)
+
+
+def join_skipped(evidence: Iterable[SettingEvidence | None]) -> Mapping[str, SkippedLines]:
+    """Return the skipped lines of several settings or starts, by component."""
+    found: dict[str, SkippedLines] = {}
+    for each in evidence:
+        for name, more in (each.skipped_lines if each else {}).items():
+            before = found.get(name, SkippedLines())
+            found[name] = SkippedLines(count=before.count + more.count, first=before.first or more.first)
+    return found

@@ -28,12 +28,11 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.quantities import ReservePercent, guaranteed, share_of_processors, show_duration, show_processors
 from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.setting import Setting
-from rarms_iac.model.system import run_of
 from rarms_iac.model.wording import counted, in_a_row
-from rarms_iac.running.reading import describe_skipped
 from rarms_iac.statistics.error_probability import describe_errors, describe_extreme
 from rarms_iac.statistics.verdicts import until_share
 from rarms_iac.views.console import LiveRows, paragraph, show_seconds, stack, table
+from rarms_iac.views.prove import skipped_sentence
 from rarms_iac.views.status import describe_other_claims
 from rarms_iac.views.sweep import sweep_text
 from rarms_iac.views.verdicts import advise_to_measure, why_not_known
@@ -164,7 +163,7 @@ def _totals(outcome: MeasureOutcome) -> Iterator[Wording]:
 def _skipped_lines(results: Sequence[ExperimentResult]) -> Iterator[str]:
     """A sentence a component whose output has lines that are not samples."""
     described = {
-        member.name: f"{member.name}: {describe_skipped(run_of(member).samples, skipped)}."
+        member.name: skipped_sentence(member, skipped)
         for result in results
         for member in result.experiment.members
         if (skipped := result.skipped_lines.get(member.name)) is not None

@@ -9,8 +9,11 @@ from rarms_iac.measuring.prove import IndexVerdict, LayoutProof
 from rarms_iac.model.indexes import PerformanceIndex, index_named, show_bound, show_value
 from rarms_iac.model.outcomes import VerdictWord, verdict_word
 from rarms_iac.model.quantities import show_processors
-from rarms_iac.model.series import Series
+from rarms_iac.model.series import Series, SkippedLines
+from rarms_iac.model.setting import join_skipped
+from rarms_iac.model.system import Component, run_of
 from rarms_iac.model.wording import counted, in_a_row, natural_order
+from rarms_iac.running.reading import describe_skipped
 from rarms_iac.statistics.error_probability import describe_errors
 from rarms_iac.views.console import LiveRows, paragraph, stack, table
 
@@ -32,7 +35,19 @@ def proof_text(proofs: Sequence[LayoutProof]) -> "RenderableType":
     if len({proof.interference for proof in proofs}) == 1:  # then the sentences say it
         header, rows = _without_load(header), list(map(_without_load, rows))
     verdicts = table(rows, header=header, wrap=(1, len(header) - 1))
-    return stack(verdicts, *map(paragraph, (*sharing, *map(_sentence, proofs))), paragraph(_sureness(proofs)))
+    sentences = (*sharing, *map(_sentence, proofs), *_describe_skipped(proofs), _sureness(proofs))
+    return stack(verdicts, *map(paragraph, sentences))
+
+
+def skipped_sentence(component: Component, skipped: SkippedLines) -> str:
+    """Return the number of lines that are not samples, with the first of them."""
+    return f"{component.name}: {describe_skipped(run_of(component).samples, skipped)}."
+
+
+def _describe_skipped(proofs: Sequence[LayoutProof]) -> Iterator[str]:
+    skipped = join_skipped(evidence for proof in proofs for evidence in proof.evidence)
+    components = {component.name: component for proof in proofs for component in proof.layout.components}
+    return (skipped_sentence(components[name], skipped[name]) for name in sorted(skipped, key=natural_order))
 
 
 def _row(proof: LayoutProof, verdict: IndexVerdict) -> tuple[str, ...]:

@@ -32,7 +32,7 @@ from rarms_iac.model.output import Internal, output
 from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import ReservePercent, guaranteed
 from rarms_iac.model.series import SkippedLines
-from rarms_iac.model.setting import Setting, SettingEvidence
+from rarms_iac.model.setting import Setting, SettingEvidence, join_skipped
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.model.wording import in_a_row, natural_order, quoted, suggestion
@@ -197,12 +197,7 @@ class ExperimentResult:
     @output
     def skipped_lines(self) -> Mapping[str, SkippedLines]:
         """Lines of real components that were not samples, by component, of all settings."""
-        found: dict[str, SkippedLines] = {}
-        for setting in self.settings:
-            for name, more in (setting.evidence.skipped_lines if setting.evidence else {}).items():
-                before = found.get(name, SkippedLines())
-                found[name] = SkippedLines(count=before.count + more.count, first=before.first or more.first)
-        return found
+        return join_skipped(setting.evidence for setting in self.settings)
 
     @output
     def measured(self) -> tuple[MeasuredSetting, ...]:

@@ -8,6 +8,7 @@ import pytest
 
 from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.outcomes import TooManyFailures
+from rarms_iac.model.series import SkippedLines
 from rarms_iac.model.setting import OutsideWork, SettingEvidence
 from rarms_iac.providers.simulated.measuring import SimulatedRun
 from tests.fluid import without_scheduler
@@ -16,7 +17,11 @@ from tests.unit.cli.running import Ran, rarms
 
 ELSEWHERE = OutsideWork(name="sh", group=f"/libpod_parent/libpod-{'0a' * 32}", cpu_ms=790.0, component="vision")
 FOUND = SettingEvidence(
-    elapsed_ms=1000.0, cpu_ms={P1: 10.0, P2: 10_000.0}, outside=(ELSEWHERE,), out_of_memory={"vision": 2}
+    elapsed_ms=1000.0,
+    cpu_ms={P1: 10.0, P2: 10_000.0},
+    outside=(ELSEWHERE,),
+    out_of_memory={"vision": 2},
+    skipped_lines={"vision": SkippedLines(count=3, first=('"booting"',))},
 )
 
 
@@ -46,7 +51,10 @@ def test_prove_adds_up_the_starts(here: Path) -> None:
     (here / "rarms.yaml").write_text(test_prove.MANIFEST, encoding="utf-8")
     assert rarms("apply", "--auto-approve").code == 0
 
-    told(rarms("prove", "--without-load"), starts=8)
+    proved = rarms("prove", "--without-load")
+
+    told(proved, starts=8)
+    assert "vision: 24 lines" in " ".join(proved.out.split())
 
 
 def test_tune_names_work_outside_and_kills(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
