@@ -151,7 +151,9 @@ def test_a_folder_is_walked_and_an_overlay_is_read_with_its_manifest(tmp_path: P
     manifest(tmp_path / ".hidden", component("a"), component("b"))
     overlays = tmp_path / "north" / "robots"
     overlays.mkdir()
-    (overlays / "robot-7.yaml").write_text("components:\n" + component("arm"), encoding="utf-8", newline="\n")
+    (overlays / "robot-7.yaml").write_text(
+        "components:\n" + component("arm", more=", new: true"), encoding="utf-8", newline="\n"
+    )
     (tmp_path / "compose.yaml").write_text("services:\n  web: { image: x }\n", encoding="utf-8", newline="\n")
 
     found = validated(tmp_path)
