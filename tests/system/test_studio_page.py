@@ -410,7 +410,7 @@ def slow(tmp_path: Path) -> Path:
 def settings_in(folder: Path) -> int:
     """How many settings the data logs hold."""
     logs = (folder / "measurements").glob("*/*/*.jsonl")
-    return sum(path.read_text(encoding="utf-8").count('\n{"reserve"') for path in logs)
+    return sum(path.read_text(encoding="utf-8").count('","reserve":') for path in logs)
 
 
 ALIVE = "return document.getElementById('components') !== null && document.readyState === 'complete'"

@@ -80,7 +80,7 @@ def studio(folder: Path) -> Iterator[tuple["subprocess.Popen[str]", Client]]:
 
 def settings_in(folder: Path) -> int:
     logs = (folder / "measurements").glob("*/*/*.jsonl")
-    return sum(path.read_text(encoding="utf-8").count('\n{"reserve"') for path in logs)
+    return sum(path.read_text(encoding="utf-8").count('","reserve":') for path in logs)
 
 
 def waits_for_settings(folder: Path, number: int) -> None:
