@@ -44,7 +44,7 @@ def describe_rounding(conflict: Conflict, problem: Problem) -> str:
     first = [next(iter(rounded[name].values())) for name in names]
     surplus = sum(100 * (each.given - each.wanted) for each in first)
     needed, free = sum(map(least_cost, conflict.items)), free_on(conflict.bins).percent
-    decides = conflict.lacking is Lack.PROCESSORS and needed - surplus <= free
+    decides = conflict.lacking is Lack.PROCESSORS and needed - surplus <= free < needed
     return _rounding(first) if decides else ""
 
 
