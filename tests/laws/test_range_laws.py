@@ -10,6 +10,7 @@ import pytest
 
 from rarms_iac.model.journal import RunClosed, RunStarted, ScriptStarted, StepRecorded
 from rarms_iac.model.plan import Plan
+from rarms_iac.model.series import Sample
 from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.model.state import State
 from rarms_iac.providers.hyperv.observation import HostObservation
@@ -22,8 +23,9 @@ from rarms_iac.storage.ranges import RANGES, range_of
 READ = (
     *(State, Plan, RunStarted, StepRecorded, RunClosed, ScriptStarted, HostObservation, Content),
     *(Header, Provenance, Remeasurement, SettingEvidence, Chosen, Proven, TuningRun),
+    Sample,
 )
-"""The types of what is read; the samples of a data log have a reader of their own."""
+"""The types of what is read; the samples of a data log have a reader of their own, those from a robot do not."""
 
 
 def records_in(hint: Any, known: dict[type, None]) -> None:
