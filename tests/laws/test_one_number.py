@@ -80,7 +80,7 @@ def everywhere(index: str, limit: str) -> set[int | None]:
     explained = json.loads(rarms("explain", "vision", "--json").out)
     (measurement,) = json.loads(rarms("report", "--json").out)["measurements"]
     reserve = (explained["settings"] or {"reserve": None})["reserve"]
-    return {explained["least"], reserve, measurement["least"]} | selected(index, limit)
+    return {explained["least"], reserve, measurement["verdict"]["reserve"]} | selected(index, limit)
 
 
 @pytest.mark.parametrize("seed", range(examples(2)))
