@@ -30,7 +30,7 @@ def steady(component: str, mean: float, jobs: int = _JOBS) -> Series:
 
 
 def leave_log(folder: Path, members: Sequence[str], settings: Iterable[Setting], *, build: int = 26100) -> Path:
-    """Write data logs, one for each load, on the first host that the components may use; return the first path."""
+    """Write data logs anew, one for each load, on the first host that the components may use; return the first path."""
     system, recorded = _system(folder), tuple(settings)
     usable = (name for name in system.hosts if all(system.components[each].may_run_on(name) for each in members))
     host = system.hosts[min(usable)]
@@ -40,6 +40,7 @@ def leave_log(folder: Path, members: Sequence[str], settings: Iterable[Setting],
     subjects = [subject_of(system, host, tuple(members), load) for load in system.loads_of(tuple(members))]
     for subject in subjects:
         path = path_of(folder, subject)
+        path.unlink(missing_ok=True)
         header = header_of(subject, identity_of(subject, Files(folder).of(subject), {}), bench)
         for each in recorded:
             append_setting(path, header, Recorded(setting=each, provenance=TAKEN))
