@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -146,7 +146,7 @@ class _Workspace:
         """Send the new records in the logs of the platform."""
         for path, content in logs_below(Path()).items():
             before = self.sent.get(path, b"")
-            if content != before and path.partition("/")[0] == self.platform:
+            if content != before and PurePosixPath(path).parts[0] == self.platform:
                 known_bytes = len(before) if content[: len(before)] == before else 0
                 self.reports.log(path, known_bytes, content[known_bytes:].decode("utf-8"))
                 self.sent[path] = content

@@ -122,7 +122,7 @@ def test_a_whole_session(person: Person, folder: Path) -> None:
     person.waits_for("vision beside busy-loop on onboard (simulated): 10 settings")
     person.waits_for("against CR (% of its VPs)")
     person.waits_for("onboard: ")
-    person.waits_for("Not measured yet, and so not in it: speech.")
+    person.waits_for("not known: speech is not measured.")
     person.waits_for("A level for vision, as 100 ms or 95 %, or Enter to go on [?, q]:")
     person.types("?")
     person.waits_for("A level is how well it must do, with its unit")

@@ -42,6 +42,7 @@ COMMAND = re.compile(r"^ *\$ (.*?)(?:\s+# (?:ends with (\d+))?.*)?$", re.MULTILI
 RECOMMENDED = re.compile(r"`(rarms [a-z][^`]*)`")
 
 ELSEWHERE = {
+    "ansible-playbook": "tests/system/test_ansible_collection.py",
     "ansible-pull": "tests/system/test_ansible_collection.py",
     "make": "tests/system/test_make.py",
     "pipx": "tests/system/test_wheel.py",
@@ -120,7 +121,8 @@ def test_every_page_with_commands_is_run() -> None:
     at_windows = [found["typed"] for page in PAGES for found in SHOWN.finditer(blocks(page))]
 
     assert with_commands == set(PREPARED)
-    assert {shlex.split(command)[0] for command in commands} == {"rarms", "cd", "mkdir", "make", "pipx", "ansible-pull"}
+    programs = {"rarms", "cd", "mkdir", "make", "pipx", "ansible-playbook", "ansible-pull"}
+    assert {shlex.split(command)[0] for command in commands} == programs
     assert all(any(command.startswith(start) for command in at_windows) for start in ELSEWHERE)
     assert all((CHECKOUT / test).is_file() for test in ELSEWHERE.values())
 
