@@ -155,7 +155,7 @@ def test_ctrl_c_at_a_question_leaves_what_was_measured(person: Person, folder: P
 
     person.interrupts()
 
-    person.waits_for("the same command goes on.")
+    person.waits_for("run the same command to continue.")
     assert person.leaves() == 130
     log = folder / "measurements" / "onboard" / "vision" / "busy-loop.jsonl"
     assert len(log.read_text(encoding="utf-8").splitlines()) == 11

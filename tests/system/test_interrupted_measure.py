@@ -79,7 +79,7 @@ def test_ctrl_c_ends_a_measurement_that_the_same_command_goes_on_with(tmp_path: 
     code, out, err = ended_by(signal.SIGINT, tmp_path)
 
     assert code == 130, err
-    assert "the same command goes on" in err
+    assert "run the same command to continue" in err
     assert [line.split()[0] for line in out.splitlines() if "stopped" in line or "not begun" in line] == [
         "vision",
         "audio",

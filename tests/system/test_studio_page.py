@@ -459,7 +459,7 @@ def test_a_measurement_is_stopped_in_the_middle_and_goes_on(browser: "WebDriver"
         keeps(browser, "measuring")
         browser.find_element("id", "work-stop").click()
         assert waits_for_end(browser, "rarms measure") == "was stopped."
-        assert "the same command goes on" in shown(browser, "work-lines")
+        assert "run the same command to continue" in shown(browser, "work-lines")
         recorded = settings_in(slow)
 
         press(browser, "measure")

@@ -45,7 +45,7 @@ NOUNS = (
 )
 """What a share of processors may be of, as docs/glossary.md lists it."""
 
-BARE = re.compile(r"\d ?%(?! sure| of (?:" + "|".join(map(re.escape, NOUNS)) + r"))")
+BARE = re.compile(r"\d ?%(?! sure| confidence| of (?:" + "|".join(map(re.escape, NOUNS)) + r"))")
 
 VIEWS = (
     "plan",
