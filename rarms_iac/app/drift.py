@@ -33,7 +33,7 @@ def drift_of_hosts(
     """Find the drift of every observed host.
 
     Args:
-        request: what the manifest asks for, and how far its layout may disturb.
+        request: what the manifest asks for, how far its layout may disturb, and whether to search for ways out.
         observed: the hosts by name.
         runs: the last run of each live host; None: there was none.
 
@@ -41,7 +41,7 @@ def drift_of_hosts(
         The drift by host name, and the findings that keep the manifest from being compared: without a layout it is
         unknown what is wanted, and only what was changed on the hosts is told. With one, those of hosts that fail.
     """
-    hosts, findings = desired_hosts(replace(request, explain=False), observed)
+    hosts, findings = desired_hosts(request, observed)
     application = request.application
     present = {name: partitions_after_last_run(run, application) for name, run in runs.items()}
     if hosts:
@@ -103,11 +103,12 @@ class DriftReport:
         return (*((APPLY,) if self.unfinished else ()), *((PLAN,) if looks else ()))
 
 
-def look_for_drift(hosts: Hosts) -> DriftReport:
+def look_for_drift(hosts: Hosts, *, explain: bool = False) -> DriftReport:
     """Compare the chosen hosts with the manifest and with what the last apply left. Only reads.
 
     Args:
         hosts: the chosen ones are compared; others are looked at where they can be reached, as for a plan.
+        explain: as of `plan_layout`.
 
     Returns:
         The differences by host in name order, and which runs are unfinished.
@@ -118,7 +119,7 @@ def look_for_drift(hosts: Hosts) -> DriftReport:
     system, hosts = hosts.system, hosts.with_one_look()
     states = observe_hosts(hosts)
     runs = dict(last_runs(hosts))
-    request = with_reservations(hosts, plan_request(hosts), states)
+    request = replace(with_reservations(hosts, plan_request(hosts), states), explain=explain)
     drifts, problems = drift_of_hosts(request, states, runs)
     if outcome_of(problems) is Outcome.FAILED:
         raise UseCaseError(Outcome.FAILED, problems, hosts.manifest.sources)

@@ -300,7 +300,7 @@ def _statuses(manifest: Manifest) -> _Looked:
 
 def _statuses_of(hosts: Hosts) -> _Looked:
     states = {name: observe_host(hosts.open(name)) for name in hosts.chosen}
-    request = with_reservations(hosts, plan_request(hosts), states)
+    request = replace(with_reservations(hosts, plan_request(hosts), states), explain=False)
     runs = dict(last_runs(hosts))
     drifts, problems = drift_of_hosts(request, states, runs)
     application = hosts.system.application.name

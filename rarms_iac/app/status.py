@@ -166,12 +166,13 @@ class Overview:
         return tuple(host.name for host in self.hosts if host.problems)
 
 
-def overview_of(hosts: Hosts, report: Report | None = None) -> Overview:
+def overview_of(hosts: Hosts, report: Report | None = None, *, explain: bool = False) -> Overview:
     """Look at the chosen hosts and at the logs beside the manifest. Changes nothing.
 
     Args:
         hosts: one that cannot be looked at is told as such, and the others are told all the same.
         report: as `measured_report` returns it; None: the logs are read.
+        explain: as of `plan_layout`.
 
     Returns:
         Each host in name order; one that cannot be reached is told with its finding.
@@ -181,7 +182,7 @@ def overview_of(hosts: Hosts, report: Report | None = None) -> Overview:
     """
     hosts = hosts.with_one_look()
     report = report or measured_report(hosts.manifest)
-    overviews, problems = _host_overviews(hosts)
+    overviews, problems = _host_overviews(hosts, explain=explain)
     used = {load for name in hosts.system.components for load in hosts.system.loads_of((name,))}
     outdated_logs = [log for log in report.measurements if log.stale]
     stale = {log.log: log.stale for log in outdated_logs if log.interference in used}
@@ -236,7 +237,7 @@ def _holder(hosts: Hosts, name: str) -> str:
         return host.holder() if isinstance(host, StepwiseHost | RobotHost) else ""
 
 
-def _host_overviews(hosts: Hosts) -> tuple[tuple[HostOverview, ...], tuple[Diagnostic, ...]]:
+def _host_overviews(hosts: Hosts, *, explain: bool) -> tuple[tuple[HostOverview, ...], tuple[Diagnostic, ...]]:
     """Each chosen host, and the errors that keep the manifest from having a layout on those that were looked at."""
     seen: dict[str, tuple[State, History]] = {}
     holders: dict[str, str] = {}
@@ -253,7 +254,7 @@ def _host_overviews(hosts: Hosts) -> tuple[tuple[HostOverview, ...], tuple[Diagn
     no_layout: tuple[Diagnostic, ...] = ()
     try:
         if seen:
-            report = look_for_drift(hosts.only(*seen))
+            report = look_for_drift(hosts.only(*seen), explain=explain)
             drifts, no_layout = {drift.name: drift.drifted for drift in report.hosts}, report.problems
     except UseCaseError as error:
         problems.update(dict.fromkeys(seen, error.findings))

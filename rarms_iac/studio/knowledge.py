@@ -95,7 +95,7 @@ def look(source: ManifestSource, version: str) -> Knowledge:
         known = replace(known, report=report)
         hosts = select_hosts(manifest, HostSelection())
         looked_at = datetime.now(UTC).strftime("%H:%M:%S UTC")
-        overview = overview_of(hosts, report)
+        overview = overview_of(hosts, report, explain=True)  # its page has a button for each way out
         findings = first_of_each_kind(in_order((*manifest.findings, *overview.problems)))
         report = replace(report, proofs=overview.proofs)  # compared with the hosts
         known = replace(known, report=report, overview=overview, findings=findings, looked_at=looked_at)
