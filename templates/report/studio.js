@@ -19,7 +19,7 @@ const listen = () => {
   if (news || asking > 0 || document.hidden) return;
   news = new EventSource("events");
   news.addEventListener("open", () => (element("connection").hidden = true));
-  news.addEventListener("error", showLoss);
+  news.addEventListener("error", lose);
   news.addEventListener("work", (event) => showWork(JSON.parse(event.data)));
   news.addEventListener("files", (event) => {
     if (event.data !== element("main").dataset.version) follow(event.data);
@@ -218,6 +218,20 @@ const showLoss = async () => {
   }
   for (const text of element("connection").children) text.hidden = text.dataset.when !== reason;
   element("connection").hidden = false;
+};
+
+const PAUSE = 2000; // in ms, before a stream is asked for again that the server refused
+
+// A browser asks again by itself for a stream that broke off, but not for one that was refused.
+const lose = (event) => {
+  const lost = event.target;
+  const again = () => {
+    if (lost !== news) return;
+    unlisten();
+    listen();
+  };
+  if (lost.readyState === EventSource.CLOSED) setTimeout(again, PAUSE);
+  return showLoss();
 };
 
 // While a line is held, the page stays as it is.
