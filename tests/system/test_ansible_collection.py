@@ -367,12 +367,12 @@ def test_another_robots_plan_is_refused_before_an_unfinished_run_is_ended(fleet:
 
 def test_a_robot_out_of_reach_fails_where_its_components_would_run_and_is_not_chosen(fleet: Fleet) -> None:
     measured = "components: { vision: { cpu: { reserve: measured } } }\n"
-    fleet.add("r-1", OUT_OF_REACH + measured)
+    fleet.add("r-1", OUT_OF_REACH.replace("127.0.0.1", "127.0.0.1, folder: /x") + measured)
     fleet.add("r-2", measured)
     ssh = ("--ssh-common-args", "-o BatchMode=yes -o StrictHostKeyChecking=no -p 1")
 
     for module in ("measure", "prove"):
-        task: Task = {f"rarms.fleet.{module}": {"folder": "/x", **({"load_host": True} if module == "prove" else {})}}
+        task: Task = {f"rarms.fleet.{module}": {"load_host": True} if module == "prove" else {}}
         played = fleet.play(task, options=(*ssh, "--limit", "r-1"))
         assert played.with_status("failed") == ["r-1"], played.out
         assert played.results["r-1"]["rarms_unreachable"] is True
@@ -453,7 +453,12 @@ application: { name: robot }
 hosts:
   onboard: { provider: hyperv, connect: { ssh: cell, shell: pwsh }, logical_processors: 8, memory: 16 GiB }
 components:
-  vision: { criticality: 50, memory: 1 GiB, processors: 2, cpu: { reserve: 0.4 LP } }
+  vision:
+    criticality: 50
+    apt: { mean_response_time: { at_most: 100 ms } }
+    memory: 1 GiB
+    processors: 2
+    cpu: { reserve: 0.4 LP }
 """
 
 
