@@ -13,6 +13,7 @@ from rarms_iac.model.outcomes import TooManyFailures
 from rarms_iac.model.series import Series
 from rarms_iac.model.setting import OutsideWork, Setting, SettingEvidence
 from rarms_iac.model.wording import in_a_row
+from rarms_iac.running.work_places import add_up
 
 MEMORY_KILLS = Finding.warning("RARMS394", "The kernel killed processes that needed more memory")
 WORK_OUTSIDE = Finding.warning("RARMS393", "A component's work may run outside its partition")
@@ -45,15 +46,15 @@ def work_outside(
         place: The position of the component in the manifest.
         address: The address of the component.
     """
-    found = _joined(outside)
+    found = add_up(replace(each, group=_ID.sub("*", each.group)) for each in outside)
     if not found:
         return
     escaped = [work for work in found if work.component]
     others = [work for work in found if not work.component]
     sentences = []
     if escaped:
-        sentences.append(f"Processes of {in_a_row(sorted({work.component for work in escaped}))} left their group: ")
-        sentences[-1] += f"{'; '.join(map(_described, escaped))}."
+        names = in_a_row(sorted({work.component for work in escaped}))
+        sentences.append(f"Processes of {names} left their group: {'; '.join(map(_described, escaped))}.")
     if others:
         sentences.append(
             f"While {in_a_row(members)} ran, processes outside used more processor time: "
@@ -176,20 +177,10 @@ def _response_times(series: Series) -> list[float]:
     return [sample.response_ms for sample in series.samples if sample.response_ms is not None]
 
 
-def _joined(outside: Iterable[OutsideWork]) -> list[OutsideWork]:
-    sums: dict[tuple[str, str, str], OutsideWork] = {}
-    for each in outside:
-        work = replace(each, group=_ID.sub("*", each.group))
-        key = (work.component, work.name, work.group)
-        known = sums.get(key)
-        sums[key] = work if known is None else replace(known, cpu_ms=known.cpu_ms + work.cpu_ms)
-    return sorted(sums.values(), key=lambda work: (-work.cpu_ms, work.name, work.group, work.component))
-
-
 def _shown(time_ms: float) -> str:
     return f"{time_ms:.2g} ms" if time_ms < 10 else f"{time_ms:.0f} ms"
 
 
 def _described(work: OutsideWork) -> str:
-    name = "processes that ended" if work.name == "ended" and not work.processes else work.name
+    name = work.name if work.processes else "processes that ended"
     return f"{name}{f' in {work.group}' if work.group else ''} {_shown(work.cpu_ms)}"

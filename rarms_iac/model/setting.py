@@ -14,10 +14,10 @@ ALL_PARTITIONS = ""
 class OutsideWork:
     """Processes that used processor time in a setting and were in none of its partitions."""
 
-    name: str  # of their program; "ended": processes that no look saw
+    name: str  # of their program; empty: processes that ended before a look saw them
     group: str  # their control group, as a path; empty: unknown
     cpu_ms: float
-    processes: int = 1
+    processes: int = 1  # that a look saw
     component: str = ""  # that started them, and whose partition they left; empty: none is known
 
 

@@ -225,8 +225,8 @@ def used_ticks(before: Look, last: Look, alive: frozenset[int]) -> Mapping[int, 
     return found
 
 
-def listed(work: Iterable[OutsideWork]) -> tuple[OutsideWork, ...]:
-    """Add up processes of one name, group and component; the largest `LISTED` come first."""
+def add_up(work: Iterable[OutsideWork]) -> list[OutsideWork]:
+    """Return one entry for each name, group and component, the largest first."""
     sums: dict[tuple[str, str, str], OutsideWork] = {}
     for each in work:
         key = (each.name, each.group, each.component)
@@ -236,9 +236,14 @@ def listed(work: Iterable[OutsideWork]) -> tuple[OutsideWork, ...]:
             if known is None
             else replace(known, cpu_ms=known.cpu_ms + each.cpu_ms, processes=known.processes + each.processes)
         )
-    least = SHOWN_SHARE * sum(each.cpu_ms for each in sums.values())
-    ordered = sorted(sums.items(), key=lambda item: (-item[1].cpu_ms, item[0]))
-    return tuple(each for _, each in ordered if each.component or each.cpu_ms >= least)[:LISTED]
+    return [each for _, each in sorted(sums.items(), key=lambda item: (-item[1].cpu_ms, item[0]))]
+
+
+def listed(work: Iterable[OutsideWork]) -> tuple[OutsideWork, ...]:
+    """Add up work, and return its largest `LISTED` entries."""
+    entries = add_up(work)
+    least = SHOWN_SHARE * sum(each.cpu_ms for each in entries)
+    return tuple(each for each in entries if each.component or each.cpu_ms >= least)[:LISTED]
 
 
 def group_path(text: str) -> str:
@@ -293,7 +298,7 @@ def _ended_elsewhere(
     for unit, components in _by_unit(places).items():
         missing = inside[unit] - measured[unit]
         if missing >= least_ms > 0:
-            yield OutsideWork(name="ended", group="", cpu_ms=missing, processes=0, component=components[0])
+            yield OutsideWork(name="", group="", cpu_ms=missing, processes=0, component=components[0])
 
 
 def _by_unit(places: Sequence[ComponentPlace]) -> Mapping[str | Path, Sequence[str]]:

@@ -73,7 +73,7 @@ def explain_infeasibility(answer: Infeasible, problem: Problem, start: Variant) 
         conflict=tuple(names),
         causes=tuple(causes),
         relaxations=ways_out(problem, names, planner, needed),
-        unfinished=unfinished_parts((for_conflict, for_moves, for_changes)),
+        unfinished=unfinished_parts(budgets),
         node_limit=NODES_OF_A_SEARCH,
     )
 
