@@ -371,19 +371,13 @@ def _placement(packing: Packing, items: Sequence[Item]) -> Placement | None:
     )
 
 
-def has_layout(problem: Problem, *, by_first_fit: bool) -> bool | None:
-    """Say whether a short search finds a layout, however good.
+def first_fit_finds_layout(problem: Problem) -> bool:
+    """Say whether first fit finds a layout, however good; if not, there may be one all the same.
 
     Args:
         problem: as `problem_of` returns it.
-        by_first_fit: whether only first fit looks for one; that is quicker, and finds fewer.
-
-    Returns:
-        True: there is a layout. False: there is none. None: none was found, and there may be one.
     """
-    if any(_causes(problem)):
-        return False
-    return can_pack(problem.items, problem.bins, by_first_fit=by_first_fit)
+    return not any(_causes(problem)) and can_pack(problem.items, problem.bins, by_first_fit=True) is True
 
 
 def _causes(problem: Problem) -> Iterator[Cause]:

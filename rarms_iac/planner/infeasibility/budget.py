@@ -3,7 +3,6 @@
 A limit in seconds would give other answers on other computers.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from rarms_iac.planner.packing.highs import Nodes
@@ -34,41 +33,27 @@ class SearchBudget:
     """The remaining nodes of a search, and the parts of it that reached the limit."""
 
     nodes: Nodes
-    part: str  # the present part of the search, as a noun
     unfinished: dict[str, None] = field(default_factory=dict)  # in order
     _pairs: int = 0  # of first fit, less than one node
 
     @classmethod
-    def of(cls, nodes: int, part: str) -> "SearchBudget":
-        """Return a new budget.
+    def of(cls, nodes: int) -> "SearchBudget":
+        """Return a new budget of so many solver nodes."""
+        return cls(Nodes(nodes, ITERATIONS_OF_A_NODE))
 
-        Args:
-            nodes: Solver nodes in all.
-            part: The first part of the search, as a noun.
-        """
-        return cls(Nodes(nodes, ITERATIONS_OF_A_NODE), part)
-
-    def takes(self, pairs: int) -> bool:
+    def takes(self, part: str, pairs: int) -> bool:
         """Count a run of first fit, if nodes remain.
 
         Args:
+            part: The part of the search, as a noun.
             pairs: The number of pairs of a partition and a host that it may be on.
 
         Returns:
             Whether first fit may run; if not, the part counts as unfinished.
         """
         if self.nodes.remaining <= 0:
-            self.unfinished[self.part] = None
+            self.unfinished[part] = None
             return False
         spent, self._pairs = divmod(self._pairs + max(FEWEST_PAIRS, pairs), PAIRS_OF_A_NODE)
         self.nodes.remaining -= spent
         return True
-
-
-def unfinished_parts(budgets: Iterable[SearchBudget]) -> tuple[str, ...]:
-    """Return the parts that were not searched to the end, as nouns.
-
-    Args:
-        budgets: In the order of their searches.
-    """
-    return tuple(dict.fromkeys(part for budget in budgets for part in budget.unfinished))

@@ -11,13 +11,7 @@ from rarms_iac.model.layout import Cause, Infeasible
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
 from rarms_iac.model.wording import counted, list_names, natural_order, number, quoted
 from rarms_iac.planner import planning_findings
-from rarms_iac.planner.infeasibility.budget import (
-    NODES_FOR_CHANGES,
-    NODES_FOR_MOVES,
-    NODES_OF_A_SEARCH,
-    SearchBudget,
-    unfinished_parts,
-)
+from rarms_iac.planner.infeasibility.budget import NODES_FOR_CHANGES, NODES_FOR_MOVES, NODES_OF_A_SEARCH, SearchBudget
 from rarms_iac.planner.infeasibility.conflict import (
     Conflict,
     Lack,
@@ -33,6 +27,9 @@ from rarms_iac.planner.packing.pack import can_pack, find_packing
 from rarms_iac.planner.packing.values import Bin, Item, free_on, is_move, least_cost, least_memory
 from rarms_iac.planner.problem import HostView, Problem, problem_of
 from rarms_iac.planner.totals import hosts_without_layout
+
+_MOVES = "moves"
+"""The part of the search that looks for partitions that have to move."""
 
 MOST_NAMES = 12
 """Names in a sentence; more are counted."""
@@ -50,11 +47,7 @@ def explain_infeasibility(answer: Infeasible, problem: Problem, start: Variant) 
         The same answer with causes, the names of who conflicts, and up to a few ways out, each planned before it is
             offered.
     """
-    budgets = (
-        conflict_budget(),
-        SearchBudget.of(NODES_FOR_MOVES, "moves"),
-        SearchBudget.of(NODES_FOR_CHANGES, "changes"),
-    )
+    budgets = conflict_budget(), SearchBudget.of(NODES_FOR_MOVES), SearchBudget.of(NODES_FOR_CHANGES)
     for_conflict, for_moves, for_changes = budgets
     found = conflicts(problem.items, problem.bins, for_conflict, proven=answer.proven)
     needed = moves_needed(start, for_moves)
@@ -73,7 +66,7 @@ def explain_infeasibility(answer: Infeasible, problem: Problem, start: Variant) 
         conflict=tuple(names),
         causes=tuple(causes),
         relaxations=ways_out(problem, names, planner, needed),
-        unfinished=unfinished_parts(budgets),
+        unfinished=tuple(dict.fromkeys(part for budget in budgets for part in budget.unfinished)),
         node_limit=NODES_OF_A_SEARCH,
     )
 
@@ -93,7 +86,7 @@ def moves_needed(start: Variant, budget: SearchBudget) -> Mapping[str, str]:
     problem = problem_of(start.system, start.reservations, start.views, may_move=True)
     pairs = sum(len(item.claims) for item in problem.items)
     for items, bins in ((each.items, each.bins) for each in (problem, problem.without_checks())):
-        if budget.takes(pairs) and (host_of := find_packing(items, bins, budget.nodes)):
+        if budget.takes(_MOVES, pairs) and (host_of := find_packing(items, bins, budget.nodes)):
             moving = [item for item in items if is_move(item, host_of[item.name])]
             return {item.name: item.current_host for item in _fewest_moves(moving, items, bins, budget)}
     return {}
@@ -110,7 +103,8 @@ def _fewest_moves(
             others = [*moving[:at], *moving[at + step :]]
             names = {item.name for item in others}
             tried = [item if item.name in names else _staying(item) for item in items]
-            if budget.takes(sum(len(item.claims) for item in tried)) and can_pack(tried, bins, nodes=budget.nodes):
+            pairs = sum(len(item.claims) for item in tried)
+            if budget.takes(_MOVES, pairs) and can_pack(tried, bins, nodes=budget.nodes):
                 moving = others
             else:
                 at += step

@@ -11,6 +11,8 @@ from rarms_iac.planner.infeasibility.budget import NODES_FOR_A_CONFLICT, SearchB
 from rarms_iac.planner.packing.pack import can_pack, without_hopeless_claims
 from rarms_iac.planner.packing.values import Bin, Item, free_in, least_cost, least_memory
 
+_SMALLER_CONFLICT = "a smaller set of partitions that conflict"
+
 
 class Lack(Enum):
     """What the hosts of a conflict do not have."""
@@ -69,7 +71,7 @@ def evident_conflicts(items: Sequence[Item], bins: Sequence[Bin]) -> Sequence[Co
 
 def conflict_budget() -> SearchBudget:
     """Return the budget of the search for a smallest conflict."""
-    return SearchBudget.of(NODES_FOR_A_CONFLICT, "a smaller set of partitions that conflict")
+    return SearchBudget.of(NODES_FOR_A_CONFLICT)
 
 
 def _alone(item: Item, bins: Sequence[Bin]) -> Conflict:
@@ -137,7 +139,7 @@ def _by_packing(items: Sequence[Item], bins: Sequence[Bin], budget: SearchBudget
         nonlocal smallest
         if not remaining:
             return False
-        may_ask = budget.takes(sum(len(item.claims) for item in remaining))
+        may_ask = budget.takes(_SMALLER_CONFLICT, sum(len(item.claims) for item in remaining))
         fits = can_pack(remaining, _hosts_of(remaining, bins), nodes=budget.nodes) if may_ask else None
         smallest = smallest and fits is not None
         return fits is False
@@ -159,7 +161,7 @@ def _by_packing(items: Sequence[Item], bins: Sequence[Bin], budget: SearchBudget
             else:
                 at += step
     if not smallest:
-        budget.unfinished[budget.part] = None
+        budget.unfinished[_SMALLER_CONFLICT] = None
     return Conflict(
         items=_by_name(remaining), bins=_hosts_of(remaining, bins), smallest=smallest, lacking=Lack.PLACEMENT
     )

@@ -9,7 +9,7 @@ from typing import Any
 from rarms_iac.model.layout import RelaxedLevel
 from rarms_iac.model.system import System
 from rarms_iac.planner.infeasibility.budget import SearchBudget
-from rarms_iac.planner.problem import HostView, has_layout, problem_of
+from rarms_iac.planner.problem import HostView, first_fit_finds_layout, problem_of
 from rarms_iac.planner.reservations import ReservationSource
 
 MOST_EDITS = 8
@@ -63,37 +63,36 @@ class RelaxationRange:
     to_be_measured: bool = False  # that it fits rests on what partitions will probably need
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VariantPlanner:
     """Plans changed manifests while the budget lasts; from then on nothing fits."""
 
     start: Variant
     budget: SearchBudget
+    part: str = "changes"  # of the search, as a noun
 
     def searching(self, part: str) -> "VariantPlanner":
-        """Return the planner, which searches for this from now on.
+        """Return a planner of this part of the search, with the same budget.
 
         Args:
-            part: A noun for what is searched, such as `lower reserves`.
+            part: A noun, such as `lower reserves`.
         """
-        self.budget.part = part
-        return self
+        return replace(self, part=part)
 
-    def fits(self, edits: Iterable[Edit], *, by_first_fit: bool = True) -> bool:
-        """Say whether a layout with all of these changes is found, by first fit or also by the solver.
+    def fits(self, edits: Iterable[Edit]) -> bool:
+        """Say whether first fit finds a layout with all of these changes; the solver takes a hundred times as long.
 
         Args:
             edits: made one after the other on the manifest.
-            by_first_fit: only first fit is asked, not the solver: a hundred times as fast.
 
         Returns:
             False also where neither is known, and where nothing is left of the budget.
         """
-        if not self.budget.takes(len(self.start.system.components) * len(self.start.system.hosts)):
+        if not self.budget.takes(self.part, len(self.start.system.components) * len(self.start.system.hosts)):
             return False
         after = reduce(lambda before, edit: edit.apply(before), edits, self.start)
         problem = problem_of(after.system, after.reservations, after.views, may_move=after.may_move)
-        return has_layout(problem, by_first_fit=by_first_fit) is True
+        return first_fit_finds_layout(problem)
 
 
 def smallest_edits(relaxations: Sequence[RelaxationRange], planner: VariantPlanner) -> Edits:

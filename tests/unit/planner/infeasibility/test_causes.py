@@ -138,8 +138,8 @@ def test_what_the_limit_left_unsearched_is_printed(monkeypatch: pytest.MonkeyPat
 def test_twice_the_size_is_not_searched_longer() -> None:
     asked = []
     for components, hosts in ((125, 25), (250, 50)):
-        budget, questions = SearchBudget.of(NODES_FOR_CHANGES, "changes"), 0
-        while budget.takes(components * hosts):
+        budget, questions = SearchBudget.of(NODES_FOR_CHANGES), 0
+        while budget.takes("changes", components * hosts):
             questions += 1
         asked.append(questions * components * hosts)
     assert asked[1] == pytest.approx(asked[0], rel=0.1)
