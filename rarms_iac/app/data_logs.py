@@ -13,8 +13,8 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.measurement_files import unreadable_advice
 from rarms_iac.measuring.evidence import SHORT
 from rarms_iac.measuring.setup import experiment_of
-from rarms_iac.model.commands import Prose, RecommendedCommand, command, prose
-from rarms_iac.model.diagnostics import Facts
+from rarms_iac.model.commands import Prose, RecommendedCommand, Wording, command, prose
+from rarms_iac.model.diagnostics import Fact, Facts, Finding
 from rarms_iac.model.environment_setup import CONFINEMENT, GROUP_CONFINEMENT
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.layout import Cause
@@ -418,66 +418,41 @@ def _cpu_ms_in(log: DataLog) -> Callable[[str], float | None]:
 
 
 def _remarks(log: DataLog, found: Present, group: Group, path: str, cut: str) -> Iterator[Cause]:
-    comparison = found.comparison
-    address = f"component/{to_be_measured(group.members)[0]}"
-    if comparison.unverified:
-        yield Cause(
-            address=address,
-            message=f"{path} was measured with {_list_some(comparison.unverified)}: not looked at, since there is no "
-            f"such file here, or more than {write_bytes(Bytes(MOST_BYTES))} would be read.",
-            code=planning_findings.NOT_VERIFIED.code,
-            values={"log": path, "files": tuple(map(str, comparison.unverified))},
-            advice="Plan where these files are, if it matters; nothing says that they changed.",
+    def remark(finding: Finding, message: str, advice: Wording, **values: Fact) -> Cause:
+        address = f"component/{to_be_measured(group.members)[0]}"
+        return Cause(address=address, message=message, code=finding.code, values={"log": path, **values}, advice=advice)
+
+    if unverified := found.comparison.unverified:
+        message = (
+            f"{path} was measured with {_list_some(unverified)}: not looked at, since there is no such file here, or "
+            f"more than {write_bytes(Bytes(MOST_BYTES))} would be read."
         )
+        advice = "Plan where these files are, if it matters; nothing says that they changed."
+        yield remark(planning_findings.NOT_VERIFIED, message, advice, files=unverified)
     if cut:
-        yield Cause(
-            address=address,
-            message=f"{path}: {cut}. A change of what is left out is not noticed.",
-            code=planning_findings.NOT_VERIFIED.code,
-            values={"log": path, "reason": cut},
-            advice="Name fewer or smaller files in `run.files`, such as one folder.",
-        )
-    if comparison.warns:
-        yield Cause(
-            address=address,
-            message=f"{path} was measured with another {_list_some(comparison.warns)}.",
-            code=planning_findings.DIFFERENT.code,
-            values={"log": path, "differences": tuple(map(str, comparison.warns))},
-            advice="Measure again if that can matter to the component.",
-        )
-    if found.other_hardware:
-        yield Cause(
-            address=address,
-            message=f"{path} was measured on two kinds of hardware, and the later one counts: "
-            f"{_list_some(found.other_hardware)}.",
-            code=planning_findings.DIFFERENT.code,
-            values={"log": path, "differences": tuple(map(str, found.other_hardware))},
-            advice="Give each kind of machine data logs of its own: `platform: NAME` below its host.",
-        )
+        message = f"{path}: {cut}. A change of what is left out is not noticed."
+        advice = "Name fewer or smaller files in `run.files`, such as one folder."
+        yield remark(planning_findings.NOT_VERIFIED, message, advice, reason=cut)
+    if differences := tuple(map(str, found.comparison.warns)):
+        message = f"{path} was measured with another {_list_some(differences)}."
+        advice = "Measure again if that can matter to the component."
+        yield remark(planning_findings.DIFFERENT, message, advice, differences=differences)
+    if differences := tuple(map(str, found.other_hardware)):
+        message = f"{path} was measured on two kinds of hardware, and the later one counts: {_list_some(differences)}."
+        advice = "Give each kind of machine data logs of its own: `platform: NAME` below its host."
+        yield remark(planning_findings.DIFFERENT, message, advice, differences=differences)
     if found.others:
-        yield Cause(
-            address=address,
-            message=f"{path} has {counted(found.others, 'setting')} from other conditions.",
-            code=planning_findings.OTHER_CONDITIONS.code,
-            values={"log": path, "settings": found.others},
-            advice="Nothing has to be done. They count again when the conditions are the same again.",
-        )
-    running = sorted({name for recorded in log.counting for name in recorded.provenance.beside})
-    if running:
-        yield Cause(
-            address=address,
-            message=f"{path} was measured while {_list_some(running)} ran on the host.",
-            code=planning_findings.BUSY.code,
-            values={"log": path, "partitions": tuple(running)},
-            advice=prose(
-                "Measure it once more with the host to itself, and this no longer counts: ",
-                _measuring(names_of(group.members)).also(again=True),
-                ".",
-            ),
-        )
+        message = f"{path} has {counted(found.others, 'setting')} from other conditions."
+        advice = "Nothing has to be done. They count again when the conditions are the same again."
+        yield remark(planning_findings.OTHER_CONDITIONS, message, advice, settings=found.others)
+    if running := tuple(sorted({name for recorded in log.counting for name in recorded.provenance.beside})):
+        message = f"{path} was measured while {_list_some(running)} ran on the host."
+        again = _measuring(names_of(group.members)).also(again=True)
+        alone = prose("Measure it once more with the host to itself, and this no longer counts: ", again, ".")
+        yield remark(planning_findings.BUSY, message, alone, partitions=running)
 
 
-def _list_some(things: tuple[object, ...] | list[str]) -> str:
+def _list_some(things: tuple[object, ...]) -> str:
     listed = [str(thing) for thing in things[:LISTED]]
     more = len(things) - len(listed)
     return "; ".join(listed) + (f"; and {more} more" if more else "")
