@@ -345,7 +345,7 @@ def _measured_together(
         message = f"{path_shown} no longer holds. Since it was measured, this changed: {_list_some(changed)}."
         values = {"log": path_shown, "changed": tuple(map(str, changed))}
         return not_measured(
-            code=planning_findings.STALE.code, message=message, advice=stale_advice(changed, again), values=values
+            code=planning_findings.STALE.code, message=message, advice=stale_advice(changed, members), values=values
         )
     whole, log = found.log, found.log.of(number.number)
     return MeasuredTogether(
@@ -365,13 +365,14 @@ def _measured_together(
     )
 
 
-def stale_advice(changed: Sequence[Changed], again: RecommendedCommand) -> Prose:
+def stale_advice(changed: Sequence[Changed], members: Names) -> Prose:
     """Say what to do about a data log that no longer holds.
 
     Args:
         changed: What is not as it was.
-        again: The command that measures.
+        members: Names of the components that it is of.
     """
+    again = _measuring(members)
     if not any(change.is_of_hardware for change in changed):
         return prose("Measure again: ", again, ". Or take the change back.")
     return prose(

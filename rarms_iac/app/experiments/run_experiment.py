@@ -180,7 +180,7 @@ def _refuse_other_hardware(session: MeasuringSession, experiment: Experiment, lo
     place = session.hosts.manifest.places.key("hosts", host.name)
     message = f"{path} was measured on other hardware than {host.name} has now: {'; '.join(map(str, changed))}."
     values: Facts = {"log": path, "host": host.name, "changed": tuple(map(str, changed))}
-    advice = stale_advice(changed, command("measure", *experiment.setup.members, together=len(experiment.members) > 1))
+    advice = stale_advice(changed, experiment.setup.members)
     finding = STALE.at(place, message, advice, address=f"host/{host.name}", values=values)
     raise UseCaseError(Outcome.NEGATIVE, [finding], session.hosts.manifest.sources)
 
