@@ -78,6 +78,16 @@ def path_of(folder: Path, subject: LogSubject) -> Path:
     return log_path(folder, subject.platform, subject.setup.members, subject.setup.interference)
 
 
+def files_of(manifest: Manifest, most_bytes: int | None = MOST_BYTES) -> Files:
+    """Return the files that the components and loads of a manifest name.
+
+    Args:
+        manifest: The manifest, which has the folder of its logs and that of its components' files.
+        most_bytes: As of `Files`.
+    """
+    return Files(manifest.folder, most_bytes=most_bytes, code=manifest.code_folder)
+
+
 def why_outdated(manifest: Manifest, host: Host, members: Names) -> str:
     """Tell why what was once measured of these components together does not hold any more.
 
@@ -89,23 +99,23 @@ def why_outdated(manifest: Manifest, host: Host, members: Names) -> str:
     Returns:
         A clause without a full stop; empty: their data log holds as it is.
     """
-    system, folder = manifest.system, manifest.folder
+    system, files = manifest.system, files_of(manifest)
     if gone := [name for name in members if name not in system.components]:
         return f"the manifest has no {', '.join(gone)} any more"
     reasons = (
-        _why_log_outdated(subject_of(system, host, members, load), folder, host) for load in system.loads_of(members)
+        _why_log_outdated(subject_of(system, host, members, load), files, host) for load in system.loads_of(members)
     )
     return next(filter(None, reasons), "")
 
 
-def _why_log_outdated(subject: LogSubject, folder: Path, host: Host) -> str:
+def _why_log_outdated(subject: LogSubject, files: Files, host: Host) -> str:
     try:
-        file = read_log(path_of(folder, subject))
+        file = read_log(path_of(files.folder, subject))
     except LogUnreadable:
         return "its data log is damaged"
     if file is None:
         return "its data log is gone"
-    return "; ".join(map(str, present(file, subject, Files(folder), known_platform(host)).comparison.changed))
+    return "; ".join(map(str, present(file, subject, files, known_platform(host)).comparison.changed))
 
 
 def used_processors(
@@ -165,8 +175,7 @@ def measured_reservations(manifest: Manifest, states: Mapping[str, State]) -> Me
     Returns:
         Reservations for the planner. A log that is missing, damaged or stale is an answer, not an error.
     """
-    files = Files(manifest.folder, code=manifest.code_folder)
-    system, folder = manifest.system, _LogFolder(files=files, read=cache(_read))
+    system, folder = manifest.system, _LogFolder(files=files_of(manifest), read=cache(_read))
     kinds = {name: _kind_of(host, states) for name, host in sorted(system.hosts.items())}
     hosts_by_kind: dict[_Kind, list[str]] = {}
     for name, kind in kinds.items():

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.data_logs import known_platform, present, subject_of, used_processors
+from rarms_iac.app.data_logs import files_of, known_platform, present, subject_of, used_processors
 from rarms_iac.app.decision_logs import tunings_of
 from rarms_iac.app.drift import drift_of_hosts
 from rarms_iac.app.experiments.measure_request import refuse_unknown
@@ -157,15 +157,14 @@ def _nothing(components: Sequence[str]) -> Diagnostic:
 
 def _logs_of(manifest: Manifest, components: Sequence[str]) -> tuple[ReportedLog, ...]:
     refuse_unknown(components, manifest.system.components, "component")
-    logs = tuple(_read_logs(manifest.system, manifest.folder))
+    logs = tuple(_read_logs(manifest.system, files_of(manifest)))
     return tuple(log for log in logs if not components or set(log.log.header.setup.members) & set(components))
 
 
-def _read_logs(system: System, folder: Path) -> Iterator[ReportedLog]:
+def _read_logs(system: System, files: Files) -> Iterator[ReportedLog]:
     """Every log of a platform of the manifest, by path."""
     platforms = {host.platform for host in system.hosts.values()}
-    files = Files(folder)
-    for path in sorted((folder / MEASUREMENTS).glob("*/*/*.jsonl")):
+    for path in sorted((files.folder / MEASUREMENTS).glob("*/*/*.jsonl")):
         with log_errors():
             file = read_log(path)
         if file is None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from rarms_iac.app.data_logs import subject_of
+from rarms_iac.app.data_logs import files_of, subject_of
 from rarms_iac.app.experiments.session import MeasuringSession
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log, log_errors, now
@@ -22,7 +22,6 @@ from rarms_iac.model.version import __version__
 from rarms_iac.storage.datalog.files import append_remeasurement, end_remeasurement, log_path, read_log
 from rarms_iac.storage.datalog.identity import header_of, identity_of
 from rarms_iac.storage.datalog.log import DataLog, Header, Provenance, Remeasurement
-from rarms_iac.storage.datalog.named_files import Files
 from rarms_iac.storage.datalog.staleness import Changed, Present, present_log
 
 
@@ -111,7 +110,7 @@ def _header(session: MeasuringSession, experiment: Experiment) -> Header:
     """What the data log of this experiment begins with, as everything is now."""
     system, setup = session.hosts.system, experiment.setup
     subject = subject_of(system, experiment.host, setup.members, setup.interference)
-    files = Files(session.hosts.folder, most_bytes=None, code=session.hosts.manifest.code_folder)
+    files = files_of(session.hosts.manifest, most_bytes=None)
     runs_here = experiment.host.connect is None and experiment.host.provider is ProviderKind.LINUX
     interpreters = files.interpreters(subject) if runs_here else {}
     identity, subject = identity_of(subject, files.of(subject), interpreters), replace(subject, setup=setup)

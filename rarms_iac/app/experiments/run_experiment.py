@@ -6,7 +6,7 @@ Begin at `run_experiment`. Which experiments there are, and in which order, is f
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from rarms_iac.app.data_logs import stale_advice, used_processors
+from rarms_iac.app.data_logs import files_of, stale_advice, used_processors
 from rarms_iac.app.experiments.experiment_log import ExperimentLog, data_log_path, read_experiment_log, settings_log_of
 from rarms_iac.app.experiments.measure_request import USUAL_SEED, ExperimentResult
 from rarms_iac.app.experiments.session import MeasuringSession, refuse_what_cannot_run, stop_own_partitions
@@ -49,7 +49,6 @@ from rarms_iac.planner.planning_findings import STALE
 from rarms_iac.providers.measuring import PartitionWork
 from rarms_iac.statistics.curves import curves_of, least_reserve
 from rarms_iac.statistics.error_probability import FIRST_LOOK
-from rarms_iac.storage.datalog.named_files import Files
 
 
 def run_experiment(session: MeasuringSession, experiment: Experiment, method: Method) -> ExperimentResult:
@@ -109,8 +108,7 @@ def with_observed_processors(session: MeasuringSession, experiment: Experiment) 
     if experiment.processors_from in {ProcessorSource.MANIFEST, ProcessorSource.MEMBERS}:
         return experiment
     facts = session.host_of(experiment).platform_facts()
-    files = Files(session.hosts.folder, code=session.hosts.manifest.code_folder)
-    used = used_processors(session.hosts.system, experiment.host, files, facts)
+    used = used_processors(session.hosts.system, experiment.host, files_of(session.hosts.manifest), facts)
     return experiment.with_processors(
         processor_number(experiment.members, None, experiment.host.logical_processors, used)
     )

@@ -5,7 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.app.data_logs import known_platform
+from rarms_iac.app.data_logs import known_platform, why_outdated
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import ManifestSource
 from tests.builders import a_host
 from tests.builders_measured import a_setting
 from tests.measuring import leave_log, steady
@@ -69,6 +71,17 @@ def test_a_stale_log_is_refused_with_what_changed(here: Path) -> None:
     assert answer.code == 4
     assert "error[RARMS102]" in answer.err
     assert "file vision.py changed; vision.simulation.work: 61.6 ms -> 62 ms" in " ".join(answer.err.split())
+
+
+def test_components_in_a_folder_of_their_own_make_a_log_outdated(here: Path) -> None:
+    measure(here, MEANS)
+    code = here / "code"
+    code.mkdir()
+    (code / "vision.py").write_text("pass\n", encoding="utf-8")
+
+    manifest = load_manifest(ManifestSource(manifest=str(here), code=str(code)))
+
+    assert why_outdated(manifest, manifest.system.hosts["onboard"], ("vision",)) == "file vision.py changed"
 
 
 def test_what_changed_has_the_manifests_own_keys(here: Path) -> None:
