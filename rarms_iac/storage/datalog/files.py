@@ -136,14 +136,19 @@ def decoded_records(
         LogUnreadable: the log is damaged, or holds something else.
         OSError: it cannot be read.
     """
-    values: list[T] = []
+    return tuple(value for _, value in _numbered_values(lines, path, decode_record))
+
+
+def _numbered_values(
+    lines: Iterable[LogLine], path: Path, decode_record: Callable[[dict[str, Json]], T]
+) -> Iterator[tuple[int, T]]:
     with log_errors():
         for line in lines:
             try:
-                values.append(decode_record(line.record(path)))
+                value = decode_record(line.record(path))
             except NotDecodable as problem:
                 raise LogUnreadable(path, line.number, str(problem)) from None
-    return tuple(values)
+            yield line.number, value
 
 
 def read_log(path: Path) -> LogFile | None:
@@ -195,23 +200,16 @@ def log_in(lines: Iterable[LogLine], path: Path) -> LogFile:
         LogUnreadable: it is damaged, of another version, or no data log.
         OSError: it cannot be read.
     """
-    numbers: list[int] = []
-
-    def numbered() -> Iterator[LogLine]:
-        for line in lines:
-            numbers.append(line.number)
-            yield line
-
-    values = decoded_records(numbered(), path, _value_in)
     headers: dict[str, Header] = {}
-    for value in values:
+    below: list[tuple[int, _BelowHeader]] = []
+    for number, value in _numbered_values(lines, path, _value_in):
         if isinstance(value, Header):
             headers.setdefault(value.digest, value)
+        else:
+            below.append((number, value))
     recorded: list[tuple[str, Recorded]] = []
     remeasurements: dict[tuple[str, int, str], Remeasurement] = {}
-    for number, value in zip(numbers, values, strict=True):
-        if isinstance(value, Header):
-            continue
+    for number, value in below:
         if value.header not in headers:
             raise LogUnreadable(path, number, f"the log has no header {quoted(value.header)}, which it names")
         match value.record:
@@ -251,11 +249,9 @@ def _value_in(record: dict[str, Json]) -> Header | _BelowHeader:
 def _wrong_members(recorded: Recorded, header: Header) -> str:
     components = sorted(series.component for series in recorded.setting.series)
     members = sorted(header.setup.members)
-    return (
-        ""
-        if components == members
-        else (f"series: it is of {', '.join(components) or 'nothing'}, not of {', '.join(members)}")
-    )
+    if components == members:
+        return ""
+    return f"series: it is of {', '.join(components) or 'nothing'}, not of {', '.join(members)}"
 
 
 def _remeasurement_in(record: Mapping[str, Json]) -> Remeasurement:
