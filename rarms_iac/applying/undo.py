@@ -70,17 +70,7 @@ def undo(host: LiveHost, origin: RunOrigin, control: RunControl = UNATTENDED_RUN
                 asked = UndoJob(plan=journal.started.plan, waits=control.waits, keep=keep)
                 return run_there(host, "undo", asked, control)
             case StepwiseHost():
-                last = host.journal()
-                journal = run_to_undo(last)
-                if last is None or not isinstance(journal, Journal) or not can_be_undone(journal):
-                    return _nothing_to_undo(host, journal)
-                spared = repaired_addresses(journal) if keep else frozenset()
-                if spared and not steps_undone(journal, spared):
-                    why = f"all that the last apply changed is kept: {in_a_row(sorted(map(str, spared)))}"
-                    return RunReport(ending=RunEnding.NOTHING, findings=(refusals.nothing_to_undo(host.name, why),))
-                if refused := without_rights(host):
-                    return refused
-                return _walk_back(host, journal, undo_run(journal, origin, last, spared), control, spared)
+                return _walk_back(host, origin, control, keep=keep)
             case ScriptedHost():
                 run = host.journal()
                 if run is None or not can_be_undone(run):
@@ -109,13 +99,22 @@ def without_rights(host: LiveHost) -> RunReport | None:
     return RunReport(ending=RunEnding.FAILED, findings=(no_rights(facts),))
 
 
-def _walk_back(
-    host: StepwiseHost, journal: Journal, started: RunStarted, control: RunControl, spared: frozenset[Address]
-) -> RunReport:
+def _walk_back(host: StepwiseHost, origin: RunOrigin, control: RunControl, *, keep: bool) -> RunReport:
+    last = host.journal()
+    journal = run_to_undo(last)
+    if last is None or not isinstance(journal, Journal) or not can_be_undone(journal):
+        return _nothing_to_undo(host, journal)
+    spared = repaired_addresses(journal) if keep else frozenset()
+    if spared and not steps_undone(journal, spared):
+        why = f"all that the last apply changed is kept: {in_a_row(sorted(map(str, spared)))}"
+        return RunReport(ending=RunEnding.NOTHING, findings=(refusals.nothing_to_undo(host.name, why),))
+    if refused := without_rights(host):
+        return refused
     if (other := refusals.begun_by_another_version(host.name, journal)) is not None:
         return RunReport(ending=RunEnding.REFUSED, findings=(other,))
     if journal.started.run is RunKind.UNDO:
         return run_steps(host, journal, control)
+    started = undo_run(journal, origin, last, spared)
     host.start_run(started)
     report = run_steps(host, Journal(started=started), control)
     return replace(report, findings=(*report.findings, *undo_findings(host, journal, spared)))
