@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import groupby
 from math import isfinite
 from typing import Literal
 
@@ -85,14 +84,11 @@ class ProveOutcome:
         return bool(self.proofs) and not self.stopped and not any(proof.not_met for proof in self.proofs)
 
 
-SampleListener = SamplesSoFar
-
-
 def prove_layout(
     hosts: Hosts,
     request: ProveRequest = ProveRequest(),
     control: Control = UNATTENDED,
-    listener: SampleListener = lambda _host, _load, _series: None,
+    listener: SamplesSoFar = lambda _host, _load, _series: None,
 ) -> ProveOutcome:
     """Run all components together where they are applied, and judge every index beside its threshold.
 
@@ -145,7 +141,7 @@ def prove_layout(
 
 
 def _prove_on_each(
-    hosts: Hosts, names: Sequence[str], request: ProveRequest, control: Control, listener: SampleListener
+    hosts: Hosts, names: Sequence[str], request: ProveRequest, control: Control, listener: SamplesSoFar
 ) -> ProveOutcome:
     """Prove host after host, those that are robots by their own rarms."""
     here = [name for name in names if hosts.robot(name) is None]
@@ -164,7 +160,7 @@ def _prove_on_each(
     )
 
 
-def _prove_there(hosts: Hosts, request: ProveRequest, control: Control, listener: SampleListener) -> ProveOutcome:
+def _prove_there(hosts: Hosts, request: ProveRequest, control: Control, listener: SamplesSoFar) -> ProveOutcome:
     """Have the one chosen host, a robot, prove its layout."""
     (name,) = hosts.chosen
     follower = ExperimentListener(hosts=hosts, host=name, control=control, samples=listener)
@@ -192,7 +188,7 @@ def _prove_all(
     layouts: Mapping[str, AppliedLayout],
     states: Mapping[str, State],
     loads: Sequence[str],
-    listener: SampleListener,
+    listener: SamplesSoFar,
 ) -> list[LayoutProof] | None:
     """Prove layout after layout, each beside load after load; None: an end was asked for."""
     proofs: list[LayoutProof] = []
@@ -387,14 +383,16 @@ def _make_load(load: Interference, room: MeasuringResources, name: str, host: st
 def _work_findings(hosts: Hosts, proofs: Sequence[LayoutProof]) -> Iterator[Diagnostic]:
     """Find work outside of the partitions and kills for memory, of all proofs of a host together."""
     places = hosts.manifest.places
-    for host, of_host in groupby(sorted(proofs, key=lambda proof: proof.host), key=lambda proof: proof.host):
-        evidence = [each for proof in of_host for each in proof.evidence]
-        names = [component.name for component in next(p for p in proofs if p.host == host).layout.components]
-        yield from work_of_evidence(names, evidence, places)
+    by_host: dict[str, list[LayoutProof]] = {}
+    for proof in proofs:
+        by_host.setdefault(proof.host, []).append(proof)
+    for of_host in by_host.values():
+        names = [component.name for component in of_host[0].layout.components]
+        yield from work_of_evidence(names, [each for proof in of_host for each in proof.evidence], places)
 
 
 def _prove(
-    session: MeasuringSession, name: str, layout: AppliedLayout, conditions: ProofConditions, listener: SampleListener
+    session: MeasuringSession, name: str, layout: AppliedLayout, conditions: ProofConditions, listener: SamplesSoFar
 ) -> LayoutProof | None:
     """Prove one host's layout beside one load; None where an end was asked for."""
     stop, manifest = session.control.stop, session.hosts.manifest

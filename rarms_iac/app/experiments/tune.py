@@ -288,8 +288,11 @@ def tuning_findings(end: TuningConclusion, strategy: TuningStrategy, places: Pla
     """
     yield from end.findings
     if end.unanswered:
-        correct = "Correct the component's `run`, allow more `run.failures`, or keep it `apart`; then run it again."
-        correct = MORE_MEMORY if end.lacks_memory else correct
+        correct = (
+            MORE_MEMORY
+            if end.lacks_memory
+            else "Correct the component's `run`, allow more `run.failures`, or keep it `apart`; then run it again."
+        )
         yield planning_findings.NO_ANSWER.at(None, end.unanswered, correct, values={"reason": end.unanswered})
     elif end.ending == "unable":
         reserved, capacity = map(show_lp_percent, (end.before, end.subject.capacity))
