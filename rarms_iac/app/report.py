@@ -38,7 +38,7 @@ from rarms_iac.planner.reservations import ReservationSource, names_of
 from rarms_iac.planner.sizes import size
 from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, read_entries
 from rarms_iac.storage.datalog.files import configuration_path, read_log
-from rarms_iac.storage.datalog.log import LogFile
+from rarms_iac.storage.datalog.log import Header, LogFile
 from rarms_iac.storage.datalog.named_files import Files
 from rarms_iac.storage.disk import MEASUREMENTS
 
@@ -171,15 +171,14 @@ def _read_logs(system: System, files: Files) -> Iterator[ReportedLog]:
             continue
         *_, last = file.headers.values()
         if last.platform in platforms and _is_of(system, last.setup):
-            yield _reported_log(system, files, path, file)
+            yield _reported_log(system, files, path, file, last)
 
 
 def _is_of(system: System, setup: EnvironmentSetup) -> bool:
     return set(setup.members) <= system.components.keys() and setup.interference in system.interference
 
 
-def _reported_log(system: System, files: Files, path: Path, file: LogFile) -> ReportedLog:
-    *_, last = file.headers.values()
+def _reported_log(system: System, files: Files, path: Path, file: LogFile, last: Header) -> ReportedLog:
     setup = last.setup
     host = next(host for host in system.hosts.values() if host.platform == last.platform)
     subject = subject_of(system, host, setup.members, setup.interference)

@@ -126,7 +126,6 @@ def component_verdicts(system: System, reservations: MeasuredReservations) -> tu
                 if member.name in to_be_measured(group.members)
             )
     components = system.components
-
     in_order = sorted(found, key=lambda each: (-components[each.component].criticality, natural_order(each.component)))
     return tuple(sorted(in_order, key=lambda each: each.platform))
 
@@ -164,8 +163,7 @@ def _measurement(system: System, logged: ReportedLog, reservations: MeasuredRese
     group = next((group for group in groups_of(system) if names_of(group.members) == names), None)
     host = _platforms(system).get(header.platform, [None])[0]
     processors = header.setup.processors
-    rests_on_logs = group is not None and depends_on_a_log(group) and host is not None
-    verdict = reservations.verdict(group.members, host) if group and host and rests_on_logs else NO_VERDICT
+    verdict = reservations.verdict(group.members, host) if group and host and depends_on_a_log(group) else NO_VERDICT
     is_valid = logged.is_expected and not logged.stale
     return Measurement(
         components=names,

@@ -98,9 +98,9 @@ def _changes_since(proof: ComponentProof, host: HostNow) -> Iterator[str]:
     foreign = f"was changed on {host.name} by another tool after {host.last_run}"
     if proof.partition in host.changed:
         yield f"its partition {foreign}"
-    by_others = {name: text for name, text in _differences(proof, host).items() if name in host.changed}
-    by_runs = [text for name, text in _differences(proof, host).items() if name not in host.changed]
-    neighbours = [text for name, text in by_others.items() if name != proof.partition]
+    differences = _differences(proof, host)
+    neighbours = [text for name, text in differences.items() if name in host.changed - {proof.partition}]
+    by_runs = [text for name, text in differences.items() if name not in host.changed]
     if neighbours:
         yield f"its layout {foreign}: {in_a_row(neighbours)}"
     if by_runs:

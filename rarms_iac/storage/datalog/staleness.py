@@ -140,13 +140,13 @@ def present_log(file: LogFile, members: Sequence[str], identity: Identity, platf
     }
     may_hold = [digest for digest, comparison in comparisons.items() if not comparison.changed]
 
-    def age(digest: str) -> tuple[int, str, str]:
+    def rank(digest: str) -> tuple[int, str, str]:
         return -len(comparisons[digest].unverified), file.last_measured(digest), digest
 
     if not may_hold:
         latest = max(file.headers, key=lambda digest: (file.last_measured(digest), digest))
         return Present(log=None, comparison=comparisons[latest], others=len(file.recorded))
-    chosen = max(may_hold, key=age)
+    chosen = max(may_hold, key=rank)
     reference = file.headers[chosen]
     contradictions = {
         digest: compare_header(file.headers[digest], members, reference.identity, reference.platform_facts).changed
