@@ -3,7 +3,7 @@
 Begin at `measure_components`. A single experiment is `run_experiment`'s.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
@@ -140,32 +140,36 @@ def measure_components(
 
 def _measure_on_each(hosts: Hosts, request: MeasureRequest, control: Control) -> MeasureOutcome:
     """Measure host after host, those that are robots by their own rarms."""
-    by_host: dict[str, list[Experiment]] = {}
-    for experiment in experiments_of_request(hosts, request):
-        by_host.setdefault(experiment.host.name, []).append(experiment)
+    parts = list(_parts(experiments_of_request(hosts, request), request))
     outcomes: list[MeasureOutcome] = []
-    for name, experiments in by_host.items():
-        if outcomes and outcomes[-1].stopped:
+    for part, experiments in parts:
+        name = experiments[0].host.name
+        if hosts.robot(name) is not None:
+            outcomes.append(_measure_there(hosts.only(name), part, control, experiments))
+        else:
+            outcomes.append(measure_components(hosts.only(name), part, control))
+        if outcomes[-1].stopped:
             break
-        groups = tuple(dict.fromkeys(experiment.setup.members for experiment in experiments))
-        for each in [request] if len(by_host) == 1 else _requests_for(groups, request):
-            there = hosts.only(name)
-            is_robot = hosts.robot(name) is not None
-            outcomes.append(
-                _measure_there(there, each, control, experiments)
-                if is_robot
-                else measure_components(there, each, control)
-            )
-    return _together(outcomes)
+    left = (group[0] for _, experiments in parts[len(outcomes) :] for group in by_partition(experiments))
+    return _together(outcomes, left)
 
 
-def _requests_for(groups: Sequence[tuple[str, ...]], request: MeasureRequest) -> Iterator[MeasureRequest]:
-    """Yield requests for these components, each with those of one partition, or with single ones."""
-    if single := tuple(name for group in groups if len(group) == 1 for name in group):
-        yield replace(request, components=single, together=False)
-    for group in groups:
-        if len(group) > 1:
-            yield replace(request, components=group, together=True)
+def _parts(
+    experiments: Sequence[Experiment], request: MeasureRequest
+) -> Iterator[tuple[MeasureRequest, Sequence[Experiment]]]:
+    """Yield requests of one host each, with their experiments: of several hosts, one a partition, or single ones."""
+    by_host: dict[str, list[Experiment]] = {}
+    for experiment in experiments:
+        by_host.setdefault(experiment.host.name, []).append(experiment)
+    if len(by_host) == 1:
+        yield request, experiments
+        return
+    for of_host in by_host.values():
+        if single := [each for each in of_host if len(each.setup.members) == 1]:
+            names = tuple(dict.fromkeys(each.setup.members[0] for each in single))
+            yield replace(request, components=names, together=False), single
+        for group in by_partition([each for each in of_host if len(each.setup.members) > 1]):
+            yield replace(request, components=group[0].setup.members, together=True), group
 
 
 def _measure_there(
@@ -182,12 +186,12 @@ def _measure_there(
         return replace(decode(MeasureOutcome, answer), experiments=tuple(listener.results))
 
 
-def _together(outcomes: Sequence[MeasureOutcome]) -> MeasureOutcome:
+def _together(outcomes: Sequence[MeasureOutcome], not_begun: Iterable[Experiment]) -> MeasureOutcome:
     """Return the outcomes of several hosts as one."""
     return MeasureOutcome(
         experiments=tuple(each for outcome in outcomes for each in outcome.experiments),
         findings=tuple(each for outcome in outcomes for each in outcome.findings),
-        not_begun=tuple(each for outcome in outcomes for each in outcome.not_begun),
+        not_begun=(*(each for outcome in outcomes for each in outcome.not_begun), *not_begun),
         totals={name: each for outcome in outcomes for name, each in outcome.totals.items()},
         fixed_lp={name: each for outcome in outcomes for name, each in outcome.fixed_lp.items()},
         unknown={name: each for outcome in outcomes for name, each in outcome.unknown.items()},

@@ -1,12 +1,18 @@
 """`rarms measure` and `rarms prove`, from words to exit codes, on the simulated host."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import chdir
 from pathlib import Path
 
 import pytest
 
+from rarms_iac.app.control import UNATTENDED, Control
+from rarms_iac.app.experiments import measure
+from rarms_iac.app.experiments.measure_request import ExperimentResult, MeasureRequest
+from rarms_iac.app.hosts import Hosts, load
+from rarms_iac.measuring.setup import Experiment
+from rarms_iac.model.outcomes import Stopped
 from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage.datalog.decisions import Chosen, Proven, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
@@ -67,6 +73,37 @@ def reserves(experiment: dict[str, object]) -> list[int]:
 
 def host(folder: Path) -> SimulatedHostProvider:
     return SimulatedHostProvider(a_host(), folder / ".rarms" / "hosts" / "onboard.json")
+
+
+def test_a_stop_on_one_of_several_robots_leaves_all_else_out(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    vision = MANIFEST.partition("  vision:")[2].partition("\ninterference:")[0]
+    more = f"  speech:{vision}  hearing:{vision}\npartitions:\n  talk: {{ components: [hearing, speech] }}\n"
+    spare = "  spare: { logical_processors: 2, memory: 4 GiB }\n"
+    text = MANIFEST.replace("\ncomponents:", f"{spare}\ncomponents:")
+    write(here, text.replace("\ninterference:", f"{more}\ninterference:"))
+
+    def stopped_there(
+        hosts: Hosts, _request: MeasureRequest, _control: Control, experiments: Sequence[Experiment]
+    ) -> measure.MeasureOutcome:
+        asked.append(hosts.chosen)
+        result = ExperimentResult(
+            experiment=experiments[0], conclusion=Stopped(), settings=(), new=0, planned=None, log=""
+        )
+        return measure.MeasureOutcome(experiments=(result,), findings=())
+
+    asked: list[Sequence[str]] = []
+    monkeypatch.setattr(Hosts, "robot", lambda _hosts, _name: object())
+    monkeypatch.setattr(measure, "_measure_there", stopped_there)
+
+    outcome = measure.measure_components(load(here), control=UNATTENDED)
+
+    left = [(each.host.name, each.setup.members) for each in outcome.not_begun]
+    assert [list(chosen) for chosen in asked] == [["onboard"]]
+    assert left == [
+        ("onboard", ("hearing", "speech")),
+        ("spare", ("vision",)),
+        ("spare", ("hearing", "speech")),
+    ]
 
 
 def test_from_nothing_to_a_proven_layout(here: Path) -> None:
