@@ -97,7 +97,7 @@ def _entries(group: Group, measured: MeasuredTogether, reserve: int) -> tuple[Ch
     return tuple(
         Chosen(
             component=member.name,
-            when=now(),
+            when=now("microseconds"),
             rarms_version=__version__,
             apt=describe_apt(member),
             partition=group.name,

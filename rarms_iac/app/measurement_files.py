@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Literal
 
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring.measuring_findings import MEASURED_ELSEWHERE
@@ -76,13 +77,13 @@ def _held(folder: Path, name: str, timeout_ms: int) -> Iterator[None]:
         yield
 
 
-def now() -> str:
-    """Return the time now, to the second.
+def now(precision: Literal["seconds", "microseconds"] = "seconds") -> str:
+    """Return the time now in UTC, as `2026-01-31T12:00:00Z`.
 
-    Returns:
-        UTC, in the form `2026-01-31T12:00:00Z`.
+    Args:
+        precision: Microseconds tell two equal records of a log apart: of equal ones, its reader keeps the first.
     """
-    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    return datetime.now(UTC).replace(tzinfo=None).isoformat(timespec=precision) + "Z"
 
 
 def unreadable_advice(problem: LogUnreadable, otherwise: Wording) -> Prose:

@@ -76,8 +76,8 @@ def describe_proof_setting(proof: ComponentProof) -> str:
 
 
 def proof_time(proof: ComponentProof) -> str:
-    """When it was proven, as all times are shown: `2026-02-01 12:00:00 UTC`."""
-    return proof.when.replace("T", " ").replace("Z", " UTC")
+    """Return when it was proven, to the second, as all times are shown: `2026-02-01 12:00:00 UTC`."""
+    return f"{proof.when[:10]} {proof.when[11:19]} UTC"
 
 
 def describe_verdict(index: PerformanceIndex, verdict: VerdictWord) -> str:

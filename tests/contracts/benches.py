@@ -6,6 +6,7 @@ after it; where they cannot be made, those tests are skipped.
 
 import hashlib
 import os
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -18,7 +19,7 @@ from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.machine import read_machine
-from rarms_iac.providers.cgroups.provider import LinuxHostProvider
+from rarms_iac.providers.cgroups.provider import STATE_FOLDER, LinuxHostProvider
 from rarms_iac.providers.channel import ProgramChannel
 from rarms_iac.providers.interface import StepwiseHost
 from rarms_iac.providers.simulated.provider import SimulatedHostProvider
@@ -141,6 +142,12 @@ def forget_groups(folder: Path) -> None:
     """Remove the control groups of the host of this folder, where it has any."""
     if not reason_to_skip("control-groups"):
         _remove_slice(slice_of(folder))
+
+
+def forget_host(folder: Path) -> None:
+    """Remove the control groups and the state of the host of this folder."""
+    forget_groups(folder)
+    shutil.rmtree(STATE_FOLDER / slice_of(folder), ignore_errors=True)
 
 
 def _remove_slice(name: str) -> None:

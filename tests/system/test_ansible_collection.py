@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from rarms_iac.model.version import __version__
-from rarms_iac.providers.cgroups.provider import STATE_FOLDER
+from tests.contracts.benches import forget_host, slice_of
 from tests.contracts.test_measuring_contract import JOBS
 from tests.needs import CHECKOUT
 from tests.robot_install import on_robot, robot_rarms
@@ -391,11 +391,12 @@ def slices(robot_rarms: Path, tmp_path: Path) -> Iterator[Fleet]:
     with a_server(tmp_path, partial(on_robot, robot_rarms)) as remote:
         fleet = a_fleet(tmp_path, LINUX, remote.environment["PATH"])
         for number in (1, 2, 3):
-            fleet.add(f"l-{number}", f"hosts: {{ onboard: {{ linux: {{ slice: fleet-{number} }} }} }}\n")
+            slice_name = slice_of(tmp_path / str(number))
+            fleet.add(f"l-{number}", f"hosts: {{ onboard: {{ linux: {{ slice: {slice_name} }} }} }}\n")
         yield fleet
         fleet.play({"rarms.fleet.apply": {"state": "absent"}})
         for number in (1, 2, 3):
-            shutil.rmtree(STATE_FOLDER / f"fleet-{number}", ignore_errors=True)
+            forget_host(tmp_path / str(number))
 
 
 @pytest.mark.alone
@@ -550,7 +551,7 @@ def test_a_robot_behind_ssh_measures_and_proves_itself(robot_rarms: Path, tmp_pa
         (fleet.folder / "jobs.py").write_text(JOBS, encoding="utf-8")
         processors = len(os.sched_getaffinity(0))
         connect = f"{{ ssh: cell, folder: {tmp_path}/robot }}"
-        reached = f"logical_processors: {processors}, connect: {connect}, linux: {{ slice: fleet-bench }}"
+        reached = f"logical_processors: {processors}, connect: {connect}, linux: {{ slice: {slice_of(tmp_path)} }}"
         fleet.add("m-1", f"hosts: {{ onboard: {{ {reached} }} }}\n")
         try:
             measured = fleet.play(
@@ -566,7 +567,7 @@ def test_a_robot_behind_ssh_measures_and_proves_itself(robot_rarms: Path, tmp_pa
             assert proofs, "the proof came back, and names the robot"
         finally:
             fleet.play({"rarms.fleet.apply": {"state": "absent"}})
-            shutil.rmtree(STATE_FOLDER / "fleet-bench", ignore_errors=True)
+            forget_host(tmp_path)
 
 
 def _text(path: Path) -> str:
@@ -608,10 +609,10 @@ def test_a_robot_pulls_its_own_configuration(fleet: Fleet, tmp_path: Path) -> No
 def test_a_linux_robot_pulls_its_own_configuration(robot_rarms: Path, tmp_path: Path) -> None:
     fleet = a_fleet(tmp_path, LINUX.replace(", connect: { ssh: cell }", ""))
     fleet = replace(fleet, wrap=partial(on_robot, robot_rarms))
-    fleet.add("r-1", "hosts: { onboard: { linux: { slice: fleet-pull } } }\n")
+    fleet.add("r-1", f"hosts: {{ onboard: {{ linux: {{ slice: {slice_of(tmp_path)} }} }} }}\n")
     try:
         assert pulled(fleet, tmp_path / "checkout")["changed"] is True
         assert pulled(fleet, tmp_path / "checkout")["changed"] is False
     finally:
         fleet.play({"rarms.fleet.apply": {"state": "absent"}})
-        shutil.rmtree(STATE_FOLDER / "fleet-pull", ignore_errors=True)
+        forget_host(tmp_path)

@@ -1,7 +1,6 @@
 """What messages about control groups recommend, run on real ones in the situation that each message is about."""
 
 import os
-import shutil
 from collections.abc import Iterator
 from contextlib import chdir
 from dataclasses import replace
@@ -12,7 +11,7 @@ import pytest
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.machine import read_machine
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER
-from tests.contracts.benches import forget_groups, groups_of, slice_of
+from tests.contracts.benches import forget_host, groups_of, slice_of
 from tests.unit.cli.running import rarms
 
 pytestmark = [pytest.mark.needs("control-groups")]
@@ -46,8 +45,7 @@ def folder(tmp_path: Path) -> Iterator[Path]:
     (tmp_path / "rarms.yaml").write_text(text, encoding="utf-8")
     run(tmp_path, "apply", "--auto-approve")
     yield tmp_path
-    forget_groups(tmp_path)
-    shutil.rmtree(STATE_FOLDER / slice_name, ignore_errors=True)
+    forget_host(tmp_path)
 
 
 def run(folder: Path, command: str, *words: str, ends: int = 0) -> str:

@@ -1,15 +1,13 @@
 """The whole way on real processes of this machine: measure, plan, apply, prove, drift after a change by hand, undo."""
 
 import os
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from rarms_iac.providers.cgroups.groups import GroupValues
-from rarms_iac.providers.cgroups.provider import STATE_FOLDER
-from tests.contracts.benches import forget_groups, groups_of, slice_of
+from tests.contracts.benches import forget_host, groups_of, slice_of
 from tests.contracts.test_measuring_contract import JOBS
 from tests.unit.cli.running import rarms
 
@@ -57,8 +55,7 @@ def walk(tmp_path: Path) -> Iterator[Path]:
     (tmp_path / "rarms.yaml").write_text(text, encoding="utf-8")
     (tmp_path / "jobs.py").write_text(JOBS, encoding="utf-8")
     yield tmp_path
-    forget_groups(tmp_path)
-    shutil.rmtree(STATE_FOLDER / slice_name, ignore_errors=True)
+    forget_host(tmp_path)
 
 
 def run(folder: Path, command: str, *words: str, ends: int = 0) -> str:

@@ -3,14 +3,12 @@
 It runs on the kernel of this machine, and in `tests/linux_machine/` with control groups of version 2 and with systemd.
 """
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from rarms_iac.providers.cgroups.provider import STATE_FOLDER
-from tests.contracts.benches import forget_groups, groups_of, slice_of
+from tests.contracts.benches import forget_host, groups_of, slice_of
 from tests.unit.cli.running import rarms
 
 MANIFEST = """\
@@ -36,8 +34,7 @@ def folder(tmp_path: Path) -> Iterator[Path]:
     """A manifest whose host is this machine; its control groups are gone after the test."""
     (tmp_path / "rarms.yaml").write_text(MANIFEST.format(slice=slice_of(tmp_path)), encoding="utf-8")
     yield tmp_path
-    forget_groups(tmp_path)
-    shutil.rmtree(STATE_FOLDER / slice_of(tmp_path), ignore_errors=True)
+    forget_host(tmp_path)
 
 
 @pytest.mark.needs("control-groups")

@@ -21,7 +21,7 @@ from rarms_iac.applying.run_report import ReportedStep, RunEnding, RunReporter
 from rarms_iac.model.version import __version__
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from rarms_iac.providers.robot import INSTALLED
-from tests.contracts.benches import forget_groups, groups_of, slice_of
+from tests.contracts.benches import forget_host, groups_of, slice_of
 from tests.needs import CHECKOUT
 from tests.robot_install import on_robot, robot_rarms
 from tests.standin.remote import Remote, a_server, descendants
@@ -74,8 +74,7 @@ def folder(server: Remote, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> I
     (tmp_path / "rarms.yaml").write_text(text, encoding="utf-8")
     monkeypatch.setenv("PATH", server.environment["PATH"])
     yield tmp_path
-    forget_groups(tmp_path)
-    shutil.rmtree(STATE_FOLDER / slice_of(tmp_path), ignore_errors=True)
+    forget_host(tmp_path)
 
 
 def run(folder: Path, command: str, *words: str) -> Ran:
@@ -209,8 +208,7 @@ def test_what_breaks_at_a_step_is_finished_later(
             assert run(robot, "destroy", "--auto-approve", *overlay).code == 0
             assert groups_of(tmp_path).names() == ()
     finally:
-        forget_groups(tmp_path)
-        shutil.rmtree(STATE_FOLDER / slice_of(tmp_path), ignore_errors=True)
+        forget_host(tmp_path)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """Measuring, running and proving on a robot behind a real sshd, which is this machine, with components of its own."""
 
 import json
-import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -10,9 +9,8 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from rarms_iac.storage.datalog.files import read_log
-from tests.contracts.benches import forget_groups, slice_of
+from tests.contracts.benches import forget_host, slice_of
 from tests.contracts.test_measuring_contract import JOBS
 from tests.robot_install import on_robot, robot_rarms
 from tests.standin.remote import Remote, a_server
@@ -67,8 +65,7 @@ def robot(server: Remote, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> It
     (robot.here / "rarms.yaml").write_text(text, encoding="utf-8")
     monkeypatch.setenv("PATH", server.environment["PATH"])
     yield robot
-    forget_groups(tmp_path)
-    shutil.rmtree(STATE_FOLDER / slice_of(tmp_path), ignore_errors=True)
+    forget_host(tmp_path)
 
 
 def test_measure_plan_apply_prove_over_ssh(robot: Robot) -> None:

@@ -150,8 +150,8 @@ def _measure_on_each(hosts: Hosts, request: MeasureRequest, control: Control) ->
             outcomes.append(measure_components(hosts.only(name), part, control))
         if outcomes[-1].stopped:
             break
-    left = (group[0] for _, experiments in parts[len(outcomes) :] for group in by_partition(experiments))
-    return _together(outcomes, left)
+    unmeasured = (group[0] for _, experiments in parts[len(outcomes) :] for group in by_partition(experiments))
+    return _together(outcomes, unmeasured)
 
 
 def _parts(

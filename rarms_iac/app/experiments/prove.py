@@ -278,7 +278,7 @@ def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]
         for component in proof.layout.judged:
             entry = Proven(
                 component=component.name,
-                when=now(),
+                when=now("microseconds"),
                 rarms_version=__version__,
                 host=proof.host,
                 interference=proof.interference,

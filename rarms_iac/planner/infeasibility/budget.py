@@ -38,7 +38,11 @@ class SearchBudget:
 
     @classmethod
     def of(cls, nodes: int) -> "SearchBudget":
-        """Return a new budget of so many solver nodes."""
+        """Return a new budget.
+
+        Args:
+            nodes: The number of the solver's nodes that it allows.
+        """
         return cls(Nodes(nodes, ITERATIONS_OF_A_NODE))
 
     def takes(self, part: str, pairs: int) -> bool:

@@ -63,7 +63,7 @@ class Proven:
 
     kind: Literal["proven"] = "proven"
     component: str
-    when: str
+    when: str  # UTC, as 2027-01-31T12:00:00.123456Z
     rarms_version: str
     host: str
     partition: str

@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -14,10 +13,9 @@ import jsonschema
 import pytest
 
 from rarms_iac import rcss
-from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from rarms_iac.storage.shipped import shipped
 from scripts.output_schema import output_schema
-from tests.contracts.benches import forget_groups, groups_of, slice_of
+from tests.contracts.benches import forget_host, groups_of, slice_of
 from tests.needs import CHECKOUT
 from tests.unit.cli.running import rarms
 from tests.unit.running.programs import same_everywhere
@@ -279,8 +277,7 @@ while True:
 def linux_folder(tmp_path: Path) -> Iterator[Path]:
     """A folder whose host makes control groups; they are gone after the test."""
     yield tmp_path
-    forget_groups(tmp_path)
-    shutil.rmtree(STATE_FOLDER / slice_of(tmp_path), ignore_errors=True)
+    forget_host(tmp_path)
 
 
 def on_linux(folder: Path, component: str = "", settings: str = "") -> Path:
