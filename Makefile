@@ -8,7 +8,7 @@ RUNS := $(VENV)/.installed
 TESTS := $(VENV)/.installed-dev
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-linux test test-long coverage test-lowest lint test-laboratory test-windows generated lock figures evaluation pictures docs bench clean
+.PHONY: help demo demo-linux test test-long coverage test-lowest lint test-benchmarks test-windows generated lock figures evaluation pictures docs bench clean
 
 help: ## Show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | while IFS='|' read -r name says; do printf '%-20s %s\n' "$$name" "$$says"; done
@@ -31,8 +31,8 @@ coverage: $(TESTS) ## All that CI tests, and the share of branches that it takes
 test-lowest: $(TESTS) ## The unit tests and laws with the lowest allowed versions of all dependencies
 	@scripts/lowest-versions
 
-test-laboratory: $(TESTS) ## The tests of benchmarks, the paper's figures and the Linux evaluation
-	@.venv/bin/python -m pytest --numprocesses auto laboratory/tests
+test-benchmarks: $(TESTS) ## The tests of benchmarks, the paper's figures and the Linux evaluation
+	@.venv/bin/python -m pytest --numprocesses auto benchmarks/tests
 
 lint: $(TESTS) ## ruff, mypy, the import contracts, dead code and the house rules
 	@scripts/lint

@@ -27,7 +27,7 @@ from rarms_iac.storage import disk
 from rarms_iac.storage.lock import hold
 from tests.crashing import CrashingDisk, When
 from tests.effort import Attempt, tried
-from tests.standin import powershell
+from tests.fake_powershell import program as powershell
 from tests.unit.cli.running import rarms
 
 ATTEMPTS = 4

@@ -1,4 +1,4 @@
-"""A laboratory: a system, its simulated hosts in a folder, and the route between them as the commands take it."""
+"""A test bench: a system, its simulated hosts in a folder, and the route between them as the commands take it."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -96,7 +96,7 @@ class Lab:
 
 @contextmanager
 def a_lab(system: System) -> Iterator[Lab]:
-    """A laboratory in a folder that goes away, also for properties, which run many times in one test."""
+    """A bench in a folder that goes away, also for properties, which run many times in one test."""
     with TemporaryDirectory() as folder:
         yield Lab(system, Path(folder))
 

@@ -25,7 +25,7 @@ LOOK_ERROR: Final = ERROR / 43
 """The error of each look at a setting, at any count of samples: a constant boundary.
 
 The standardised mean of the first n samples lies above 3.5 at any n from 40 to 40,000 in 1 % of series, where one lies
-with a probability of 0.00023 (`laboratory/benchmarks/verdicts.py` simulates it). So what is said of a setting holds
+with a probability of 0.00023 (`benchmarks/verdicts.py` simulates it). So what is said of a setting holds
 however often it was looked at, whenever it ended, and after any further samples.
 """
 

@@ -25,9 +25,9 @@ from rarms_iac.storage.plan_file import read_plan
 from rarms_iac.views.console import render
 from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.plan import plan_text
+from tests.fake_powershell.host import WindowsHost
+from tests.fake_powershell.observing import host_from
 from tests.recorded_hosts import read_observation
-from tests.twin.host import WindowsHost
-from tests.twin.observing import host_from
 from tests.unit.cli.running import rarms
 
 CASES = Path(__file__).parent

@@ -10,8 +10,8 @@ from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.templates import ScriptForm
 from rarms_iac.storage.plan_file import read_plan, write_plan
 from tests.cases.situations import command_of, folders, made, outputs, stand_in
-from tests.twin.cell import apply, in_one_file, undo
-from tests.twin.observing import document_of
+from tests.fake_powershell.cell import apply, in_one_file, undo
+from tests.fake_powershell.observing import document_of
 
 FOLDERS = folders()
 situations = pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)

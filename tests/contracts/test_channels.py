@@ -17,7 +17,7 @@ from rarms_iac.providers.channel import SSH_FAILED, CommandChannel, ssh_channel
 from rarms_iac.providers.interface import HostUnreachable
 from tests.contracts.benches import shell_channel
 from tests.needs import CHECKOUT, require
-from tests.standin.remote import a_server
+from tests.remote import a_server
 
 pytestmark = [pytest.mark.needs("posix")]
 

@@ -18,8 +18,8 @@ from rarms_iac.model.version import __version__
 from tests.contracts.benches import forget_host, slice_of
 from tests.contracts.test_measuring_contract import JOBS
 from tests.needs import CHECKOUT
+from tests.remote import WINRM_PASSWORD, a_remote, a_server, by_winrm
 from tests.robot_install import on_robot, robot_rarms
-from tests.standin.remote import WINRM_PASSWORD, a_remote, a_server, by_winrm
 from tests.system.test_remote_host import an_empty_host
 from tests.unit.cli.running import rarms
 
@@ -416,7 +416,7 @@ INSTALLED_ELSEWHERE = """\
 from rarms_iac.app import install
 from rarms_iac.app.install_there import RobotPlaces
 from rarms_iac.model.version import __version__
-from tests.standin.robot_wheels import wheels_of
+from tests.robot_wheels import wheels_of
 names = ("versions", "state", "units", "systemd", "cron")
 install.PLACES = RobotPlaces(**{{name: "{root}/" + name for name in names}})
 install.wheels_for = lambda _python, _folder: wheels_of(__version__, install.PLACES.state, extra_bytes=40_000_000)

@@ -197,10 +197,10 @@ def test_a_plan_made_elsewhere_is_applied_beside_the_manifest_that_is_named(robo
     here = robot.planned()
     other = tmp_path / "other"
     other.mkdir()
-    twin = Robot(other)
+    other_robot = Robot(other)
 
-    assert twin.run("apply", here).code == 0
-    assert twin.run("plan").code == 0
+    assert other_robot.run("apply", here).code == 0
+    assert other_robot.run("plan").code == 0
     assert robot.run("plan").code == 0
 
 

@@ -19,13 +19,13 @@ from rarms_iac.storage import disk
 from tests.crashing import CrashingDisk
 from tests.disturbing import ON_START, START, Disturbance, End, Fault, disturb, disturbances_of, end_after, end_of
 from tests.effort import LONG
+from tests.fake_powershell import program as powershell
+from tests.fake_powershell.observing import host_from
 from tests.files import copy_files
 from tests.fluid import without_scheduler
 from tests.measured_cell import MANIFEST
 from tests.recorded_hosts import document
-from tests.standin import powershell
-from tests.standin.remote import pwsh
-from tests.twin.observing import host_from
+from tests.remote import pwsh
 from tests.unit.cli.running import rarms
 
 __all__ = ["pwsh"]

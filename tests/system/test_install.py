@@ -15,7 +15,7 @@ from rarms_iac.app.install_there import RobotPlaces
 from rarms_iac.app.install_wheels import own_wheel
 from rarms_iac.model.version import __version__
 from rarms_iac.providers import robot as providers_robot
-from tests.standin.remote import a_server
+from tests.remote import a_server
 from tests.unit.cli.running import Ran, rarms
 
 MANIFEST = """\

@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.cli.main import main
+from tests.fake_powershell import program as powershell
+from tests.fake_powershell.host import WindowsHost
+from tests.fake_powershell.measuring import MANIFEST, a_measurable_windows
 from tests.needs import CHECKOUT
-from tests.standin import powershell
-from tests.standin.remote import pwsh
-from tests.twin.host import WindowsHost
-from tests.twin.measuring import MANIFEST, a_measurable_windows
+from tests.remote import pwsh
 
 __all__ = ["pwsh"]
 

@@ -17,14 +17,14 @@ import pytest
 
 from rarms_iac.cli.group import root_group
 from rarms_iac.cli.table import COMMANDS
+from tests.fake_powershell import program as powershell
+from tests.fake_powershell.host import Program
+from tests.fake_powershell.observing import host_from
+from tests.fake_powershell.server import a_bare_server, typed
 from tests.files import copy_files
 from tests.needs import CHECKOUT
 from tests.recorded_hosts import document
-from tests.standin import powershell
-from tests.standin.remote import pwsh
-from tests.standin.server import a_bare_server, typed
-from tests.twin.host import Program
-from tests.twin.observing import host_from
+from tests.remote import pwsh
 from tests.unit.cli.running import rarms
 
 __all__ = ["pwsh"]

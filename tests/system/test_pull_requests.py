@@ -58,7 +58,7 @@ def rarms_repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("rarms")
     names = git(CHECKOUT, "ls-files", "--cached", "--others", "--exclude-standard", "-z").split("\0")
     for name in filter(None, names):
-        if (CHECKOUT / name).is_file() and not name.startswith(("tests/", "laboratory/")):
+        if (CHECKOUT / name).is_file() and not name.startswith(("tests/", "benchmarks/")):
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(CHECKOUT / name, folder / name)
     git(folder, "init", "-q")

@@ -12,12 +12,12 @@ import pytest
 
 from rarms_iac.model.version import __version__
 from rarms_iac.powershell.templates import without_signature
+from tests.fake_powershell.host import WindowsHost
+from tests.fake_powershell.observing import JOURNAL, host_from
+from tests.fake_powershell.program import STAND_IN
+from tests.fake_powershell.signing import signed
 from tests.needs import CHECKOUT, require
-from tests.standin.powershell import STAND_IN
-from tests.standin.remote import Ended, Remote, a_remote, finish
-from tests.twin.host import WindowsHost
-from tests.twin.observing import JOURNAL, host_from
-from tests.twin.signing import signed
+from tests.remote import Ended, Remote, a_remote, finish
 
 pytestmark = [pytest.mark.needs("ssh", "linux")]
 

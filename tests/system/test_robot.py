@@ -23,8 +23,8 @@ from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from rarms_iac.providers.robot import INSTALLED
 from tests.contracts.benches import forget_host, groups_of, slice_of
 from tests.needs import CHECKOUT
+from tests.remote import Remote, a_server, descendants
 from tests.robot_install import on_robot, robot_rarms
-from tests.standin.remote import Remote, a_server, descendants
 from tests.system.test_linux_walk import MANIFEST
 from tests.unit.cli.running import Ran, rarms
 

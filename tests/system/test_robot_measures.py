@@ -12,8 +12,8 @@ import pytest
 from rarms_iac.storage.datalog.files import read_log
 from tests.contracts.benches import forget_host, slice_of
 from tests.contracts.test_measuring_contract import JOBS
+from tests.remote import Remote, a_server
 from tests.robot_install import on_robot, robot_rarms
-from tests.standin.remote import Remote, a_server
 from tests.system.test_linux_measured import MANIFEST
 from tests.unit.cli.running import Ran, rarms
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.standin.remote import Remote, by_winrm
+from tests.remote import Remote, by_winrm
 from tests.system.test_remote_host import (
     MANIFEST,
     an_empty_host,

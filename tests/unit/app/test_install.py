@@ -19,7 +19,7 @@ from rarms_iac.providers.interface import HostFailed, HostLocked, HostRefused
 from rarms_iac.storage.lock import hold
 from rarms_iac.storage.shipped import shipped_module
 from tests.effort import Attempt, every_few, tried
-from tests.standin.robot_wheels import wheels_of
+from tests.robot_wheels import wheels_of
 
 pytestmark = pytest.mark.needs("linux", "root")
 

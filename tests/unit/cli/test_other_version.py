@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.model.version import __version__
-from tests.standin.remote import write_script
+from tests.remote import write_script
 from tests.unit.cli.running import rarms
 
 MANIFEST = """\

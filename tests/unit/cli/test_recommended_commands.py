@@ -540,7 +540,7 @@ OTHER_TESTS = {
     "Run the script there by hand and look": "tests/unit/cli/test_hyperv_snapshots.py",
     "Say how the host is reached": "tests/unit/cli/test_hyperv_snapshots.py",
     "(`rarms show PLAN --script --guest ": "tests/unit/cli/test_show_scripts.py",
-    "yourself: `rarms prove` runs it in its own partition": "tests/twin/test_measuring.py",
+    "yourself: `rarms prove` runs it in its own partition": "tests/fake_powershell/test_measuring.py",
     "or let `rarms destroy --remove-disks` delete": "tests/cases/destroy-with-disks",
     "cpuset.cpus of its group was changed by hand": "tests/system/test_linux_advice.py",
     "`rarms apply` starts what is off": "tests/system/test_linux_advice.py",  # after a restart

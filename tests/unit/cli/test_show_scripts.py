@@ -14,7 +14,7 @@ from rarms_iac.model.version import __version__
 from rarms_iac.powershell.inspection import inspect as inspection
 from rarms_iac.storage.shipped import shipped
 from rarms_iac.views.scripts import script_text
-from tests.twin.signing import signed
+from tests.fake_powershell.signing import signed
 from tests.unit.cli.running import rarms
 
 CELL = shipped("manifests/hyperv-cell")

@@ -7,10 +7,10 @@ import pytest
 
 from rarms_iac.powershell.templates import MEASURING_PARTS, part_text, template_text
 from rarms_iac.powershell.tokens import TokenKind, tokens
-from tests.twin.cell import apply, undo
-from tests.twin.cells import fresh
-from tests.twin.observing import PROFILE
-from tests.twin.values import Table, Unsupported
+from tests.fake_powershell.cell import apply, undo
+from tests.fake_powershell.cells import fresh
+from tests.fake_powershell.observing import PROFILE
+from tests.fake_powershell.values import Table, Unsupported
 
 TEXTS = {
     "module": template_text("Rarms/Rarms.psm1"),

@@ -7,7 +7,7 @@ import pytest
 from rarms_iac.manifest.checks import run_checks
 from rarms_iac.model.system import Policy, RunsOn, System
 from tests.builders import PathPlaces, a_component, a_host, a_partition, a_system, codes, the_delivery_robot
-from tests.twin.text import RESERVED
+from tests.fake_powershell.text import RESERVED
 from tests.unit.manifest.checks.violations import found
 
 VISION = a_component("vision", criticality=30)

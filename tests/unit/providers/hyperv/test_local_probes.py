@@ -11,9 +11,9 @@ from rarms_iac.providers.hyperv.observation import observation_of
 from rarms_iac.providers.hyperv.parse import identity_of, to_state
 from rarms_iac.providers.hyperv.wmi_machines import QUERIES, STATES, NotRead, WmiInstance
 from tests.cases.situations import folders
+from tests.fake_powershell.observing import document_of, host_from
 from tests.needs import SHARED, require
 from tests.recorded_hosts import NAMES, document
-from tests.twin.observing import document_of, host_from
 from tests.unit.providers.hyperv.made_windows import FACTS, MadeWindows
 
 NOT_IN_WMI = ("powershell", "execution_policy")

@@ -1,0 +1,152 @@
+"""What `rarms measure` answers beside all loads of the policy, and a sweep beside the same loads, on this Linux.
+
+`python -m benchmarks.linux.loads [COMPONENT...]`: the four components of the Linux delivery robot, whose policy is a
+busy loop, and three programs beside the default's loads: a control loop (4.4 ms every 20 ms, 95th percentile at most 12
+ms), job after job (20 ms, mean at most 45 ms), and two threads (20 ms, mean at most 30 ms). The sweep writes groups by
+hand, halves what lies around the answer beside each load, and takes the highest. Needs root, what
+`scripts/make-robot` needs, and a quiet machine, on which it takes about 30 minutes; 1 where an answer is more than
+two points from its sweep.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+
+from benchmarks.linux.evaluation import PRIORITIES
+from benchmarks.linux.experiments import Workbench, meets, percent_of_host, series_of, values_of, workbench
+from benchmarks.linux.prediction import PROGRAM, least
+from rarms_iac.manifest.load import load_system
+from rarms_iac.model.loads import DEFAULT_LOADS, LOADS_WITHOUT_ENTRY
+from rarms_iac.model.system import Component
+
+CHECKOUT = Path(__file__).parents[2]
+
+BUDGET = "policy: { measuring: { setting: 2 min } }\n"
+"""Where all loads together had 40 s for a setting, job after job was measured 5 points above its sweep."""
+
+MANIFEST = """\
+schema: rarms/v1
+application: {{ name: loads }}
+hosts:
+  onboard: {{ provider: linux, logical_processors: {processors}, memory: 1 GiB, linux: {{ slice: rarms-loads }} }}
+policy: {{ interference: [{loads}] }}
+components:
+"""
+
+COMPONENT = """\
+  {name}:
+    criticality: 10
+    apt: {{ {apt} }}
+    run:
+      command: [python3, program.py, {words}]
+      files: [program.py]
+      arrival: {arrival}
+      samples: {{ from: json_lines, response_time: {{ field: ms, unit: ms }} }}
+    processors: {processors}
+    memory: 64 MiB
+"""
+
+PROGRAMS = (
+    ("control-loop", "p95_response_time: { at_most: 12 ms }", '"4.4", "0", "1", "20"', "{ every: 20 ms }"),
+    ("job-after-job", "mean_response_time: { at_most: 45 ms }", '"20", "0", "1", "0"', "closed"),
+    ("two-threads", "mean_response_time: { at_most: 30 ms }", '"20", "0", "2", "0"', "closed"),
+)
+"""Name, threshold, words of the program, arrival."""
+
+SECONDS = 6.0
+"""So long a run of the sweep lasts: 300 jobs of the control loop."""
+
+BELOW, ABOVE, HIGHEST = 10, 6, 97
+"""So many points around the answer are swept, and no reservation above the last."""
+
+NEAR = 2
+
+
+def main() -> int:
+    """Print a line for each component and load."""
+    processors = len(os.sched_getaffinity(0))
+    own = f"{CHECKOUT / '.cache/robot/bin'}:{Path(sys.executable).parent}"
+    environment = {**os.environ, "PATH": f"{own}:{os.environ['PATH']}"}
+    chosen = frozenset(sys.argv[1:])
+    is_near = True
+    with tempfile.TemporaryDirectory() as folder:
+        robots = [make_programs(Path(folder) / "programs", processors)]
+        if not chosen or chosen - {name for name, *_ in PROGRAMS}:
+            robots.append(make_robot(Path(folder) / "robot"))
+        for robot in robots:
+            system = load_system(str(robot / "rarms.yaml"), today=datetime.now(UTC).date()).system
+            assert system is not None
+            names = [name for name in system.components if name in chosen or not chosen]
+            answers = {name: measured(robot, environment, name) for name in names}
+            with workbench(robot, environment, processors) as machine:
+                for name in names:
+                    is_near &= report(machine, system.components[name], answers[name])
+    return 0 if is_near else 1
+
+
+def make_robot(folder: Path) -> Path:
+    """Copy the Linux delivery robot there, with what it sees and hears."""
+    folder.mkdir()
+    subprocess.run((str(CHECKOUT / "scripts/make-robot"), "--as-root", str(folder)), check=True)
+    (folder / "budget.yaml").write_text(BUDGET, encoding="utf-8")
+    return folder
+
+
+def make_programs(folder: Path, processors: int) -> Path:
+    """Write the manifest of the other three there, and their program."""
+    folder.mkdir()
+    components = (
+        COMPONENT.format(name=name, apt=apt, words=words, arrival=arrival, processors=processors)
+        for name, apt, words, arrival in PROGRAMS
+    )
+    manifest = MANIFEST.format(processors=processors, loads=", ".join(DEFAULT_LOADS)) + "".join(components)
+    (folder / "rarms.yaml").write_text(manifest, encoding="utf-8")
+    (folder / "program.py").write_text(PROGRAM, encoding="utf-8")
+    (folder / "budget.yaml").write_text(BUDGET, encoding="utf-8")
+    return folder
+
+
+def report(machine: Workbench, component: Component, answers: Mapping[str, float | None]) -> bool:
+    """Print what a component was measured to need beside each load, and what the sweep says; whether they are near."""
+    found = [answer for answer in answers.values() if answer is not None]
+    if len(found) < len(answers):
+        print(f"{component.name}: no answer beside {', '.join(name for name in answers if answers[name] is None)}")
+        return False
+    swept = {name: sweep(machine, component, name, round(max(found))) for name in answers}
+    for name, reserve in swept.items():
+        print(f"{component.name} beside {name}: measured {answers[name]:g} %, swept {reserve or 'more'} %")
+    most = max(reserve or HIGHEST + 1 for reserve in swept.values())
+    apart = max(found) - most
+    print(f"{component.name}: measured {max(found):g} %, swept {most} %, {apart:+g} points", flush=True)
+    return abs(apart) <= NEAR
+
+
+def measured(robot: Path, environment: Mapping[str, str], name: str) -> dict[str, float | None]:
+    """What `rarms measure` answers by load, in per cent of the host; None: nothing."""
+    words = (sys.executable, "-m", "rarms_iac", "measure", name, "--overlay", "budget.yaml", "--json")
+    done = subprocess.run(words, cwd=robot, env=dict(environment), stdout=subprocess.PIPE, text=True, check=False)
+    if done.returncode not in (0, 4):
+        raise RuntimeError(f"measure {name} ended with {done.returncode}")
+    found = json.loads(done.stdout)["experiments"]
+    return {each["interference"]: percent_of_host(each) if each["planned"] else None for each in found}
+
+
+def sweep(machine: Workbench, component: Component, name: str, around: int) -> int | None:
+    """The least reservation that is enough beside a load, within what is swept, in per cent of the host."""
+
+    def is_enough(reserve: int) -> bool:
+        record = machine.at_reserve(
+            component, reserve, PRIORITIES.get(component.name), load=LOADS_WITHOUT_ENTRY[name], seconds=SECONDS
+        )
+        return meets(component, values_of(component, series_of(component.name, record["series"])))
+
+    return least(max(1, around - BELOW), min(HIGHEST, around + ABOVE), is_enough)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,524 @@
+"""The cmdlets of the Hyper-V module, with what Hyper-V refuses (windows.md 1.2, 3, 4)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+
+from rarms_iac.providers.simulated.reserve_packing import reserves_fit
+from tests.fake_powershell import guests
+from tests.fake_powershell.host import Vm, WindowsHost
+from tests.fake_powershell.members import cast
+from tests.fake_powershell.scopes import Scope
+from tests.fake_powershell.values import (
+    EMPTY,
+    Enumerated,
+    Guid,
+    Long,
+    Record,
+    ScriptError,
+    Thing,
+    Value,
+    elements,
+    number,
+    text,
+)
+
+Given = Mapping[str, Value]
+WINDOWS_10 = 10240
+CORE, ROOT = 3, 4
+"""Event data of the schedulers that are told apart."""
+
+ADAPTER = "Network Adapter"
+FIVE_MINUTES = 300_000
+"""What Stop-VM -Force gives the programs of a guest."""
+MOST_PROCESSORS = {1: 64, 2: 240}
+
+
+class Machine(Thing):
+    """What Get-VM gives: the machine as it was then."""
+
+    machine_folder = "C:\\ProgramData\\Microsoft\\Windows\\Hyper-V"
+
+    type_name = "Microsoft.HyperV.PowerShell.VirtualMachine"
+
+    def __init__(self, vm: Vm) -> None:
+        super().__init__(
+            Id=Guid(vm.id),
+            Name=vm.name,
+            Path=vm.folder or self.machine_folder,
+            State=Enumerated(vm.state),
+            Generation=vm.generation,
+            Version=vm.version,
+            Notes=vm.notes,
+            ProcessorCount=Long(vm.processors),
+            MemoryStartup=Long(vm.memory),
+            DynamicMemoryEnabled=vm.dynamic_memory,
+            AutomaticStartAction=Enumerated(vm.start_action),
+            AutomaticStartDelay=vm.start_delay,
+            AutomaticStopAction=Enumerated(vm.stop_action),
+            CheckpointType=Enumerated(vm.checkpoints),
+            ReplicationMode=Enumerated(vm.replication_mode),
+        )
+        if vm.automatic_checkpoints:
+            self.properties["AutomaticCheckpointsEnabled"] = vm.automatic_checkpoints == "True"
+        if vm.clustered:
+            self.properties["IsClustered"] = vm.clustered == "True"
+
+
+def settle(host: WindowsHost) -> None:
+    """Guests that were asked to shut down are off when their time has come."""
+    for vm in host.vms.values():
+        if vm.stopping is not None and vm.stopping <= host.clock:
+            vm.state, vm.stopping = "Off", None
+        if vm.services_at is not None and vm.services_at <= host.clock:
+            vm.shutdown_service = True
+
+
+def refuse(says: str, command: str, error_id: str = "InvalidState") -> ScriptError:
+    where = f"Microsoft.HyperV.PowerShell.Commands.{command}"
+    return ScriptError(says, error_id=f"{error_id},{where}", category="InvalidOperation")
+
+
+def _vm(scope: Scope, given: Given) -> Vm:
+    machine = given.get("vm")
+    if not isinstance(machine, Machine):
+        raise ScriptError("Cannot bind parameter 'VM'.", error_id="ParameterArgumentTransformationError")
+    found = scope.session.host.vms.get(str(machine.get("Id")))
+    if found is None:
+        raise ScriptError("Hyper-V was unable to find the virtual machine.", error_id="ObjectNotFound")
+    return found
+
+
+def _each(read: Callable[[Vm], Value]) -> Callable[[Scope, Given], Value]:
+    """A cmdlet that reads one machine or several: what it gives of each, one after another."""
+
+    def read_all(scope: Scope, given: Given) -> Value:
+        machines = given.get("vm")
+        if not isinstance(machines, list):
+            return read(_vm(scope, given))
+        if not machines:
+            raise ScriptError("Cannot bind argument to parameter 'VM': it is an empty array.")
+        return [found for machine in machines for found in elements(read(_vm(scope, {"vm": machine})))]
+
+    return read_all
+
+
+def _changing(scope: Scope) -> None:
+    if not scope.session.host.elevated:
+        raise ScriptError(
+            "You do not have the required permission.", error_id="AccessDenied", category="PermissionDenied"
+        )
+
+
+def _off(vm: Vm, what: str, command: str) -> None:
+    if vm.state != "Off":
+        raise refuse(f"Failed to modify {what} of '{vm.name}': it is {vm.state}, not off.", command)
+
+
+def get_vm(scope: Scope, given: Given) -> Value:
+    host = scope.session.host
+    settle(host)
+    if "id" not in given:
+        return [Machine(vm) for vm in host.vms.values()] if host.elevated else []
+    found = host.vms.get(str(cast("guid", given["id"], scope)))
+    if found is None:
+        raise ScriptError(
+            "Hyper-V was unable to find a virtual machine with that id.",
+            error_id="InvalidParameter,Microsoft.HyperV.PowerShell.Commands.GetVM",
+            category="InvalidArgument",
+        )
+    return Machine(found)
+
+
+def get_host(scope: Scope, given: Given) -> Thing:
+    host = scope.session.host
+    return Record(
+        Name=host.computer,
+        LogicalProcessorCount=host.logical_processors,
+        MemoryCapacity=Long(host.memory),
+        NumaSpanningEnabled=host.numa_spanning,
+        VirtualMachinePath=host.machine_folder,
+        VirtualHardDiskPath=host.disk_folder,
+    )
+
+
+def get_processor(vm: Vm) -> Thing:
+    found = Record(
+        VMId=Guid(vm.id),
+        VMName=vm.name,
+        Count=Long(vm.processors),
+        Reserve=Long(vm.reserve),
+        Maximum=Long(vm.limit),
+        RelativeWeight=vm.weight,
+    )
+    if vm.threads_per_core:
+        found.properties["HwThreadCountPerCore"] = Long(int(vm.threads_per_core))
+    return found
+
+
+def get_memory(vm: Vm) -> Thing:
+    sizes = {"Startup": vm.memory, "Minimum": vm.memory_minimum, "Maximum": vm.memory_maximum}
+    dynamic = vm.dynamic_memory
+    return Record(VMId=Guid(vm.id), DynamicMemoryEnabled=dynamic, **{name: Long(size) for name, size in sizes.items()})
+
+
+def new_vm(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    host = scope.session.host
+    name, switch = text(given["name"]), text(given.get("switchname", ""))
+    generation = number(given.get("generation", 1))
+    if "switchname" in given and switch not in host.switches:
+        raise refuse(f'Hyper-V was unable to find a virtual switch with name "{switch}".', "NewVM", "InvalidParameter")
+    if generation not in MOST_PROCESSORS or not 0 < len(name) <= 100:
+        raise refuse("New-VM: the parameter is incorrect.", "NewVM", "InvalidParameter")
+    memory = _memory_of(given.get("memorystartupbytes", 512 * 2**20), "NewVM")
+
+    def make() -> None:
+        host.made += 1
+        new = f"{host.made:08x}-5ade-4000-8000-{host.made:012x}"
+        host.vms[new] = Vm(id=new, name=name, generation=generation, memory=memory, adapters=[(ADAPTER, switch)])
+        if "path" in given:
+            host.vms[new].folder = f"{text(given['path']).rstrip(chr(92))}\\{name}"
+            host.write_file(host.vms[new].folder, None)
+        host.vms[new].dynamic_memory = True  # as on a client; a server's is static: a script may rely on neither
+
+    host.effect(f"New-VM {name}", make)
+    return Machine(list(host.vms.values())[-1])
+
+
+def _memory_of(value: Value, command: str) -> int:
+    size = number(value)
+    if size < 32 * 2**20 or size % 2**21:
+        raise refuse(f"Invalid startup memory {size}.", command, "InvalidParameter")
+    return size
+
+
+def set_vm(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm = _vm(scope, given)
+    if "automaticstopaction" in given:
+        _off(vm, "the automatic stop action", "SetVM")
+    names = {
+        "notes": "notes",
+        "automaticstartaction": "start_action",
+        "automaticstopaction": "stop_action",
+        "checkpointtype": "checkpoints",
+    }
+    _set(scope, vm, "Set-VM", {names[key]: text(value) for key, value in given.items() if key != "vm"})
+    return EMPTY
+
+
+def _set(scope: Scope, vm: Vm, command: str, values: Mapping[str, Value]) -> None:
+    def do() -> None:
+        for name, value in values.items():
+            setattr(vm, name, value)
+
+    scope.session.host.effect(f"{command} {vm.name} {', '.join(values)}", do)
+
+
+def set_processor(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm = _vm(scope, given)
+    names = {"count": "processors", "reserve": "reserve", "maximum": "limit", "relativeweight": "weight"}
+    wanted = {names[key]: number(value) for key, value in given.items() if key != "vm"}
+    if "processors" in wanted:
+        _off(vm, "the processor count", "SetVMProcessor")
+        if not 1 <= wanted["processors"] <= MOST_PROCESSORS[vm.generation]:
+            raise refuse("Failed to modify device 'Processor'.", "SetVMProcessor", "InvalidParameter")
+    if vm.state == "Saved":
+        _off(vm, "the processor", "SetVMProcessor")
+    reserve, limit = wanted.get("reserve", vm.reserve), wanted.get("limit", vm.limit)
+    weight = wanted.get("weight", vm.weight)
+    if not 0 <= reserve <= limit <= 100 or not 1 <= weight <= 10_000:
+        raise refuse("Failed to modify device 'Processor'.", "SetVMProcessor", "InvalidParameter")
+    _set(scope, vm, "Set-VMProcessor", wanted)
+    return EMPTY
+
+
+def set_memory(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm, host = _vm(scope, given), scope.session.host
+    size = _memory_of(given.get("startupbytes", vm.memory), "SetVMMemory")
+    dynamic = given.get("dynamicmemoryenabled", vm.dynamic_memory)
+    is_live = vm.state == "Running" and not vm.dynamic_memory and vm.guest_build >= WINDOWS_10
+    if dynamic != vm.dynamic_memory or (size != vm.memory and not is_live):
+        _off(vm, "the memory", "SetVMMemory")
+    if vm.state == "Running" and size > vm.memory:
+        _check_memory(host, vm, size, "SetVMMemory")
+    _set(scope, vm, "Set-VMMemory", {"memory": size, "dynamic_memory": dynamic})
+    return EMPTY
+
+
+def _check_memory(host: WindowsHost, vm: Vm, size: int, command: str) -> None:
+    taken = sum(other.memory for other in host.vms.values() if other.active and other.id != vm.id)
+    if taken + size > host.memory:
+        raise refuse(f"Not enough memory in the system to start '{vm.name}'. (0x800705AA)", command, "Unspecified")
+
+
+def start_vm(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm, host = _vm(scope, given), scope.session.host
+    settle(host)
+    if vm.state == "Running":
+        return EMPTY
+    if vm.state not in ("Off", "Saved", "Paused"):
+        raise refuse(f"'{vm.name}' failed to start: it is {vm.state}.", "StartVM")
+    _check_memory(host, vm, vm.memory, "StartVM")
+    claims = [vm, *(other for other in host.vms.values() if other.active and other.id != vm.id)]
+    smt = host.scheduler == CORE and any(each["logical"] != each["cores"] for each in host.processors)
+    places = host.logical_processors // (2 if smt else 1)
+    sizes: Counter[int] = Counter()
+    for claim in claims:
+        sizes[claim.reserve] += places_of(claim, smt=smt)
+    wide = vm.reserve and places_of(vm, smt=smt) > places
+    if host.scheduler != ROOT and (wide or (vm.reserve and not reserves_fit(sizes, places))):
+        raise refuse(f"'{vm.name}' failed to start: the reserve cannot be met.", "StartVM", "Unspecified")
+    writes = vm.wrote_entry or (vm.generation == 2 and bool(vm.disks))  # as Windows, shim and grub do
+    _set(scope, vm, "Start-VM", {"state": "Running", "started_at": host.clock, "wrote_entry": writes})
+    return EMPTY
+
+
+def places_of(vm: Vm, *, smt: bool) -> int:
+    """The LPs of a machine, or its cores where no core runs two machines: core scheduler with SMT (windows.md 2)."""
+    return -(-vm.processors // 2) if smt and vm.threads_per_core != "1" else vm.processors
+
+
+def stop_vm(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm, host = _vm(scope, given), scope.session.host
+    settle(host)
+    if vm.state == "Off":
+        return EMPTY
+    if given.get("turnoff"):
+        _set(scope, vm, "Stop-VM", {"state": "Off", "stopping": None, "was_cut": vm.stopping is not None or vm.was_cut})
+        for process in host.processes:
+            process.alive &= process.vm != vm.id
+    elif vm.state != "Running":
+        raise refuse(f"'{vm.name}' cannot shut down: it is {vm.state}.", "StopVM")
+    elif not given.get("asjob"):
+        raise AssertionError("a shutdown that waits for ever")
+    else:
+        force = bool(given.get("force"))
+        refuses = vm.stop_fails or not vm.shutdown_service or (vm.locked and not force) or vm.stopping is not None
+        if not refuses:
+            allowed = FIVE_MINUTES if force else vm.needs_ms
+            off = host.clock + min(vm.needs_ms, allowed)
+            cut = vm.was_cut or off < (vm.asked_at or host.clock) + vm.needs_ms
+            asked: dict[str, Value] = {"asked_at": vm.asked_at or host.clock, "was_forced": force}
+            goes = vm.obeys and (force or not vm.unsaved)
+            _set(scope, vm, "Stop-VM", asked | ({"stopping": off, "was_cut": cut} if goes else {}))
+        return StopJob(scope, failed=refuses)
+    return EMPTY
+
+
+class StopJob(Thing):
+    """What Stop-VM -AsJob gives."""
+
+    type_name = "Microsoft.HyperV.PowerShell.VMJob"
+
+    def __init__(self, scope: Scope, *, failed: bool) -> None:
+        super().__init__(State=Enumerated("Failed" if failed else "Running"))
+        scope.session.jobs.append(self)
+
+
+def remove_job(scope: Scope, given: Given) -> Value:
+    job = given["job"]
+    if not isinstance(job, StopJob):
+        return guests.remove_job(scope, given)
+    scope.session.jobs.remove(job)
+    return EMPTY
+
+
+def receive_job(scope: Scope, given: Given) -> Value:
+    if isinstance(given["job"], guests.Job):
+        return guests.receive(scope, given["job"])
+    if text(given["job"].get("State")) == "Running":
+        return EMPTY
+    raise ScriptError("The guest refused to shut down. (0x80070015)", error_id="OperationFailed")
+
+
+def get_services(scope: Scope, given: Given) -> Value:
+    vm = _vm(scope, given)
+    answers = "Ok" if vm.shutdown_service and vm.state == "Running" else "NoContact"
+    return [
+        Record(Id=f"Microsoft:{vm.id.upper()}\\{guid}", Enabled=True, PrimaryOperationalStatus=Enumerated(answers))
+        for guid in ("2A34B1C2-FD73-4043-8A5B-DD2159BC743F", "9F8233AC-BE49-4C79-8EE3-E7E1985B2077")
+    ]
+
+
+def remove_vm(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm, host = _vm(scope, given), scope.session.host
+    if vm.state not in ("Off", "Saved"):
+        raise refuse(f"'{vm.name}' is {vm.state} and cannot be removed.", "RemoveVM")
+    if not given.get("force"):
+        raise ScriptError("nobody is there to answer the prompt of Remove-VM")
+    host.effect(f"Remove-VM {vm.name}", lambda: host.vms.pop(vm.id))
+    return EMPTY
+
+
+def get_firmware(vm: Vm) -> Thing:
+    if vm.generation == 1:
+        raise refuse(f"'{vm.name}' is of generation 1, which has no firmware.", "GetVMFirmware", "InvalidParameter")
+    order = [Record(BootType=Enumerated(entry)) for entry in ("File", vm.boots_from)[not vm.wrote_entry :]]
+    known = {"SecureBoot": Enumerated(vm.secure_boot), "SecureBootTemplate": vm.template, "BootOrder": order}
+    return Record(VMId=Guid(vm.id), **known)
+
+
+def set_firmware(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm = _vm(scope, given)
+    get_firmware(vm)
+    _off(vm, "the firmware", "SetVMFirmware")
+    values: dict[str, Value] = {}
+    if "enablesecureboot" in given:
+        values["secure_boot"] = text(given["enablesecureboot"])
+    if "secureboottemplate" in given:
+        values["template"] = text(given["secureboottemplate"])
+        if values["template"] not in ("MicrosoftWindows", "MicrosoftUEFICertificateAuthority"):
+            raise refuse("Set-VMFirmware: there is no such template.", "SetVMFirmware", "InvalidParameter")
+    if "firstbootdevice" in given:
+        if not vm.disks:
+            raise refuse("Set-VMFirmware: the device is not the machine's.", "SetVMFirmware", "InvalidParameter")
+        values |= {"boots_from": "Drive", "wrote_entry": False}
+    _set(scope, vm, "Set-VMFirmware", values)
+    return EMPTY
+
+
+def move_storage(scope: Scope, given: Given) -> Value:
+    """The old folder stays, empty."""
+    _changing(scope)
+    vm, host, path = _vm(scope, given), scope.session.host, text(given["virtualmachinepath"])
+    if path.lower() == vm.folder.lower():
+        raise refuse("The virtual machine is there already.", "MoveVMStorage")
+
+    def do() -> None:
+        host.write_file(path, None)
+        vm.folder = path
+
+    host.effect(f"Move-VMStorage {vm.name}", do)
+    return EMPTY
+
+
+def rename_vm(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    new = text(given["newname"])
+    if not 0 < len(new) <= 100:
+        raise refuse("Rename-VM: the parameter is incorrect.", "RenameVM", "InvalidParameter")
+    _set(scope, _vm(scope, given), "Rename-VM", {"name": new})
+    return EMPTY
+
+
+def new_vhd(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    host, path, parent = scope.session.host, text(given["path"]), text(given["parentpath"])
+    if host.file(parent) is None or not path.lower().endswith(".vhdx"):
+        raise refuse(f"Failed to create the virtual hard disk: '{parent}' is not there.", "NewVHD", "ObjectNotFound")
+    if host.file(path) is not None:
+        raise refuse(f"Failed to create the virtual hard disk: '{path}' exists.", "NewVHD", "OperationFailed")
+    folder = path.rpartition("\\")[0]
+    if folder.lower() != host.disk_folder.lower() and host.file(folder) is None:
+        says = "Failed to create the virtual hard disk: the system cannot find the path specified. (0x80070003)"
+        raise refuse(says, "NewVHD", "ObjectNotFound")
+    host.effect(f"New-VHD {path}", lambda: host.write_file(path, CHILD + parent.encode()))
+    return Record(Path=path)
+
+
+CHILD = b"child of "
+"""Begins what the stand-in keeps as the content of a differencing disk; its parent's path follows."""
+
+
+def get_vhd(scope: Scope, given: Given) -> Value:
+    if isinstance(given["path"], list):
+        return [get_vhd(scope, {"path": path}) for path in given["path"]]
+    path = text(given["path"])
+    if set(path) & set("*?[]`"):
+        raise AssertionError(f"Get-VHD reads {path} as a pattern")
+    file = scope.session.host.file(path)
+    if not path or file is None or file.data is None:
+        raise refuse(f"Getting the virtual disk failed: '{path}' is not there.", "GetVHD", "ObjectNotFound")
+    child = file.data.startswith(CHILD)
+    parent = file.data.removeprefix(CHILD).decode() if child else None
+    return Record(Path=file.path, VhdType=Enumerated("Differencing" if child else "Dynamic"), ParentPath=parent)
+
+
+def get_drives(scope: Scope, given: Given) -> Value:
+    if "vmsnapshot" in given:
+        return [Record(Path=text(element)) for element in elements(given["vmsnapshot"].get("Disks"))]
+    return _each(lambda vm: [Record(VMId=Guid(vm.id), Path=disk) for disk in vm.disks])(scope, given)
+
+
+def get_snapshots(vm: Vm) -> Value:
+    known = Guid(vm.id)
+    return [
+        Record(VMId=known, Name=str(number), Disks=list(vm.checkpoint_disks)) for number in range(vm.checkpoint_count)
+    ]
+
+
+def add_disk(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm, host, path = _vm(scope, given), scope.session.host, text(given["path"])
+    if host.file(path) is None:
+        raise refuse(f"'{path}' is not there.", "AddVMHardDiskDrive", "ObjectNotFound")
+    _set(scope, vm, "Add-VMHardDiskDrive", {"disks": [*vm.disks, path]})
+    return EMPTY
+
+
+def remove_adapter(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm = _vm(scope, given)
+    if vm.generation == 1:
+        _off(vm, "the network adapters", "RemoveVMNetworkAdapter")
+    _set(scope, vm, "Remove-VMNetworkAdapter", {"adapters": []})
+    return EMPTY
+
+
+def update_cluster(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm, host = scope.session.host.vms[text(given["vmid"])], scope.session.host
+    host.effect(f"Update-ClusterVirtualMachineConfiguration {vm.name}", lambda: setattr(vm, "cluster_knows", True))
+    return EMPTY
+
+
+CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
+    "get-vm": get_vm,
+    "get-vmhost": get_host,
+    "get-vmprocessor": _each(get_processor),
+    "get-vmmemory": _each(get_memory),
+    "get-vmharddiskdrive": get_drives,
+    "get-vhd": get_vhd,
+    "get-vmnetworkadapter": _each(
+        lambda vm: [Record(VMId=Guid(vm.id), Name=name, SwitchName=switch) for name, switch in vm.adapters]
+    ),
+    "get-vmsecurity": _each(lambda vm: Record(Shielded=vm.shielded)),
+    "update-clustervirtualmachineconfiguration": update_cluster,
+    "get-vmintegrationservice": get_services,
+    "receive-job": receive_job,
+    "remove-job": remove_job,
+    "get-vmsnapshot": _each(get_snapshots),
+    "get-vmswitch": lambda scope, given: [Record(Name=switch) for switch in scope.session.host.switches],
+    "get-vmhostnumanode": lambda scope, given: [
+        Record(
+            NodeId=node["node"],
+            MemoryAvailable=node["memory_available"],
+            MemoryTotal=node["memory"],
+            ProcessorsAvailability=[0] * node.get("processors", scope.session.host.logical_processors),
+        )
+        for node in scope.session.host.numa
+    ],
+    "get-vmfirmware": _each(get_firmware),
+    "set-vmfirmware": set_firmware,
+    "new-vm": new_vm,
+    "set-vm": set_vm,
+    "set-vmprocessor": set_processor,
+    "set-vmmemory": set_memory,
+    "start-vm": start_vm,
+    "stop-vm": stop_vm,
+    "remove-vm": remove_vm,
+    "rename-vm": rename_vm,
+    "move-vmstorage": move_storage,
+    "new-vhd": new_vhd,
+    "add-vmharddiskdrive": add_disk,
+    "remove-vmnetworkadapter": remove_adapter,
+}

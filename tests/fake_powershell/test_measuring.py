@@ -1,0 +1,388 @@
+"""Measuring on the stand-in for Hyper-V: what it finds, what it records, and that nothing of it stays."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.app import hosts as app_hosts
+from rarms_iac.app.experiments import measure
+from rarms_iac.app.experiments.measure_request import MeasureRequest
+from rarms_iac.app.use_case_errors import UseCaseError
+from rarms_iac.cli.main import main
+from rarms_iac.model.outcomes import Sufficient
+from rarms_iac.powershell.inspection.inspect import inspect
+from rarms_iac.powershell.templates import MEASURING_ENTRY
+from rarms_iac.providers.hyperv import provider
+from rarms_iac.providers.hyperv.guest_samples import FORMAT, read_seen
+from tests.fake_powershell import guests
+from tests.fake_powershell.host import Program, WindowsHost
+from tests.fake_powershell.measuring import CREDENTIAL, MANIFEST, a_measurable_windows
+from tests.fake_powershell.run import put
+from tests.fake_powershell.run import run as run_script
+from tests.fake_powershell.transport import Conversation, FakePowerShellTransport
+from tests.fake_powershell.values import Value
+
+Measured = Callable[..., measure.MeasureOutcome]
+
+
+@pytest.fixture
+def measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Measured:
+    """`rarms measure` with this manifest, on this host."""
+
+    def run(host: WindowsHost, manifest: str = MANIFEST, **asked: object) -> measure.MeasureOutcome:
+        (tmp_path / "rarms.yaml").write_text(manifest, encoding="utf-8")
+        monkeypatch.setattr(provider, "transport_to", lambda _host: FakePowerShellTransport(host))
+        request = MeasureRequest(**asked)  # type: ignore[arg-type]  # fields, said by tests
+        return measure.measure_components(app_hosts.load(str(tmp_path)), request)
+
+    return run
+
+
+def leftovers(host: WindowsHost) -> list[str]:
+    """What a measurement must not leave."""
+    disks = [path for path in host.files if "rarms-p" in path]
+    alive = [process.program for process in host.processes if process.alive]
+    return [*(vm.name for vm in host.vms.values()), *disks, *alive]
+
+
+def test_the_least_reservation_is_found_and_nothing_stays(measured: Measured) -> None:
+    host = a_measurable_windows()
+
+    (result,) = measured(host).experiments
+
+    assert isinstance(result.conclusion, Sufficient)
+    assert 20 < result.conclusion.reserve <= 25  # 20 ms of work in 100 ms
+    assert leftovers(host) == []
+    assert host.lock == ""
+
+
+def test_a_setting_carries_what_the_hypervisor_counted(measured: Measured) -> None:
+    (result,) = measured(a_measurable_windows(), reserves=(40,)).experiments
+
+    (setting,) = result.settings
+    evidence = setting.evidence
+    assert evidence is not None
+    assert evidence.dispatch_wait_ns is not None
+    assert evidence.dispatch_wait_ns["rarms-p1"] > evidence.dispatch_wait_ns["rarms-p2"] > 0
+    assert evidence.cpu_ms["rarms-p1"] / evidence.elapsed_ms == pytest.approx(0.4, rel=0.05)
+    assert evidence.hypervisor_ms is not None
+    assert {name: time / evidence.elapsed_ms for name, time in evidence.hypervisor_ms.items()} == pytest.approx(
+        {
+            f"{counter_set}\\% {part} Run Time": share * processors
+            for counter_set, processors in {
+                "Hyper-V Hypervisor Virtual Processor(rarms-p1)": 0.4,
+                "Hyper-V Hypervisor Virtual Processor(rarms-p2)": 3.56,  # 2.4 reserved, and what P1 and the root leave
+                "Hyper-V Hypervisor Logical Processor": 4,
+                "Hyper-V Hypervisor Root Virtual Processor": 0.04,
+            }.items()
+            for part, share in {"Total": 1, "Guest": 0.95, "Hypervisor": 0.05}.items()
+        },
+        rel=0.05,
+    )
+    (series,) = setting.series
+    assert series.cpu_ms == pytest.approx(0.4 * series.elapsed_ms, rel=0.05)
+    assert all(sample.response_ms == pytest.approx(50, rel=0.05) for sample in series.samples)
+
+
+def test_a_task_class_is_not_measured_but_proven(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    host = a_measurable_windows()
+    monkeypatch.setattr(provider, "transport_to", lambda _host: FakePowerShellTransport(host))
+    monkeypatch.chdir(tmp_path)
+    with_class = MANIFEST.replace("processors: 1", "processors: 1\n    task: SpeechRecognition")
+    Path("rarms.yaml").write_text(with_class, encoding="utf-8")
+
+    assert main(["measure"]) == 4
+    refusal = " ".join(capsys.readouterr().err.split())
+    assert "only after a restart, which rarms does not do. Write its `cpu: { reserve: ... }` yourself" in refusal
+    assert leftovers(host) == []
+
+    Path("rarms.yaml").write_text(f"{with_class}    cpu: {{ reserve: 10 % }}\n", encoding="utf-8")
+    assert [main(words) for words in (["apply", "--auto-approve"], ["prove", "--load-host"])] == [0, 0], (
+        capsys.readouterr()
+    )
+
+
+def test_lines_are_read_as_the_manifest_says(measured: Measured) -> None:
+    host = a_measurable_windows(vision=Program(work_ms=20, line='{{"took": {ms:.3f}}}'))
+    fields = "samples: { from: json_lines, response_time: { field: took, unit: ms } }, until"
+
+    (result,) = measured(host, MANIFEST.replace("until", fields), reserves=(50,)).experiments
+
+    (series,) = result.settings[0].series
+    assert len(series.samples) >= 60
+    assert all(sample.response_ms == pytest.approx(40, rel=0.05) for sample in series.samples)
+
+
+def test_what_cannot_be_removed_is_told_and_removed_the_next_time(measured: Measured) -> None:
+    host = a_measurable_windows()
+
+    def keep_machines(changed: WindowsHost) -> None:
+        if changed.processes:
+            changed.refusals["Remove-VM"] = ("Unspecified", "NotSpecified", "The disk is in use.")
+
+    host.watch = keep_machines
+    with pytest.raises(UseCaseError) as raised:
+        measured(host, reserves=(40,))
+    assert "The disk is in use." in str([finding.detail for finding in raised.value.findings])
+    assert len(host.vms) == 2
+
+    host.watch = None
+    host.refusals.clear()
+    (result,) = measured(host, reserves=(40,)).experiments
+    assert [setting.reserve for setting in result.settings] == [40]
+    assert leftovers(host) == []
+
+
+def test_of_settings_that_ssh_brings_as_one_text_the_newest_counts(
+    measured: Measured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    send = Conversation.send
+    monkeypatch.setattr(Conversation, "send", lambda talk, text: send(talk, f"1 rest.{text}" if "." in text else text))
+
+    (result,) = measured(a_measurable_windows(), reserves=(40, 50)).experiments
+
+    assert [setting.reserve for setting in result.settings] == [40, 50]
+
+
+def test_a_job_that_closes_its_output_and_stays_is_late(measured: Measured) -> None:
+    host = a_measurable_windows(vision=Program(work_ms=20, stays=True))
+    short = MANIFEST.replace("samples: 60 }", "samples: 3 }, timeout: 1 s, failures: 9")
+
+    (result,) = measured(host, short, reserves=(40,)).experiments
+
+    assert {sample.failure for sample in result.settings[0].series[0].samples} == {"no exit within 1 s"}
+    assert leftovers(host) == []
+
+
+def test_a_session_that_cannot_be_removed_does_not_keep_the_test_partitions(measured: Measured) -> None:
+    host = a_measurable_windows()
+    host.refusals["Remove-PSSession"] = ("Unspecified", "NotSpecified", "The session is broken.")
+
+    with pytest.raises(UseCaseError) as raised:
+        measured(host, reserves=(40,))
+
+    assert "The session is broken." in str([finding.detail for finding in raised.value.findings])
+    assert leftovers(host) == []
+
+
+def test_a_script_that_waits_for_the_host_may_be_silent_as_long(
+    measured: Measured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    allowed: list[float] = []
+    next_line = Conversation.next_line
+
+    def heard(talk: Conversation, silence_s: float) -> str | None:
+        allowed.append(silence_s)
+        return next_line(talk, silence_s)
+
+    monkeypatch.setattr(Conversation, "next_line", heard)
+
+    measured(a_measurable_windows(), reserves=(40,), lock_timeout_ms=300_000)
+
+    assert allowed[0] == 420  # 300 s for the lock
+    assert min(filter(None, allowed)) == 120  # once it is held
+
+
+def test_counters_that_are_slow_to_read_do_not_pile_up(measured: Measured, monkeypatch: pytest.MonkeyPatch) -> None:
+    counters, next_line = guests.counters, Conversation.next_line
+    behind: list[int] = []
+
+    def slowly(host: WindowsHost, counter_set: str) -> list[Value]:
+        host.clock += 500
+        return counters(host, counter_set)
+
+    def heard(talk: Conversation, silence_s: float) -> str | None:
+        line = next_line(talk, silence_s)
+        seen = read_seen(line or "")
+        if seen and seen.seen.startswith("counted") and "Virtual Processor(rarms-p1)" in seen.name:
+            behind.append(seen.at_ms - int(seen.seen.split(" ")[1]))
+        return line
+
+    monkeypatch.setattr(guests, "counters", slowly)
+    monkeypatch.setattr(Conversation, "next_line", heard)
+    measured(a_measurable_windows(), reserves=(40,))
+
+    assert len(behind) > 2
+    assert max(behind) < 1000
+
+
+@pytest.mark.parametrize(
+    ("source", "ticks"),
+    [("", 330_000), ("samples: { from: json_lines, response_time: { field: took, unit: ms } }, ", 0)],
+)
+def test_only_a_process_a_job_is_started_by_its_period(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, source: str, ticks: int
+) -> None:
+    (tmp_path / "rarms.yaml").write_text(
+        MANIFEST.replace("until", f"arrival: {{ every: 33 ms }}, {source}until"), encoding="utf-8"
+    )
+    monkeypatch.setattr(provider, "transport_to", lambda _host: FakePowerShellTransport(a_measurable_windows()))
+
+    script, _removal = measure.measuring_scripts(app_hosts.load(str(tmp_path)))
+
+    assert f"-PeriodTicks {ticks} " in script.text
+
+
+def test_what_a_guest_prints_besides_is_passed_over() -> None:
+    said = ("counted", "counted 5 x 1 1", "counted 5 1 1", "line x", "ended 1 2", "started", "", "WARNING: 5")
+    lines = [
+        json.dumps({"format": FORMAT, "setting": "1 rest.", "name": "p", "seen": seen, "at_ms": 1}) for seen in said
+    ]
+
+    assert [read_seen(line) for line in lines] == [None] * len(said)
+    assert read_seen(lines[0].replace("counted", "counted 5 1 2 3")) is not None
+
+
+@pytest.mark.parametrize("step", [1, 9, 14, 20, 28, 31])
+def test_what_a_killed_measurement_left_the_next_one_removes(measured: Measured, step: int) -> None:
+    host = a_measurable_windows()
+    host.kill_before = step
+
+    with pytest.raises(UseCaseError):
+        measured(host, reserves=(40,))
+
+    host.kill_before, host.effects = None, []
+    (result,) = measured(host, reserves=(40,)).experiments
+    assert [setting.reserve for setting in result.settings] == [40]
+    assert leftovers(host) == []
+
+
+def test_the_guard_in_a_guest_ends_what_a_dead_session_started(measured: Measured) -> None:
+    host = a_measurable_windows()
+
+    def kill_while_it_runs(changed: WindowsHost) -> None:
+        changed.kill_before = len(changed.effects) if any(process.alive for process in changed.processes) else None
+
+    host.watch = kill_while_it_runs
+    with pytest.raises(UseCaseError):
+        measured(host, reserves=(40, 50))
+
+    assert host.vms != {}  # the test partitions are not removed yet
+    assert [process.program for process in host.processes if process.alive] == []
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda host: setattr(host, "guest_secret", "changed"), "The credential is invalid."),
+        (lambda host: host.files.pop(CREDENTIAL.lower()), "there is no credential"),
+        (lambda host: setattr(host.file(CREDENTIAL), "owner", "S-1-5-21-1"), "not to Administrators or SYSTEM"),
+        (lambda host: host.programs.pop("vision.exe"), "The system cannot find the file specified."),
+        (lambda host: setattr(host, "scheduler", 4), "root scheduler"),
+        (lambda host: setattr(host, "lock", "held"), "it is held by"),
+    ],
+    ids=["wrong password", "no credential", "planted credential", "no program", "root scheduler", "held"],
+)
+def test_what_windows_refuses_is_told_and_nothing_stays(
+    measured: Measured, spoil: Callable[[WindowsHost], object], words: str
+) -> None:
+    host = a_measurable_windows()
+    spoil(host)
+
+    with pytest.raises(UseCaseError) as raised:
+        measured(host, reserves=(40,))
+
+    assert words in str([finding.detail for finding in raised.value.findings])
+    assert leftovers(host) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("Add-GuestWork -Partition 'rarms-p1'", "Get-GuestSecret -Name 'rarms-p1'"),
+        ("-Program 'vision.exe'", "-Program (Get-PendingName -Name 'x' | Sort-Object)"),
+        ("['Invoke-RarmsMeasuring']", "['Invoke-RarmsPlan']"),
+        ("Stop-Process -Id $_.ProcessId -Force", "Stop-Computer -Force"),
+        ("    Add-TestPartition", "    Hyper-V\\Remove-VM -Name '*'\r\n    Add-TestPartition"),
+    ],
+)
+def test_a_script_that_another_tool_edited_must_not_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str
+) -> None:
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+    monkeypatch.setattr(provider, "transport_to", lambda _host: FakePowerShellTransport(a_measurable_windows()))
+    script, removal = measure.measuring_scripts(app_hosts.load(str(tmp_path)))
+
+    assert [made.name for made in (script, removal)] == ["cell.vision.busy-loop.measure.ps1", "cell.remove.measure.ps1"]
+    assert old in script.text
+    for made in (script, removal):
+        assert inspect(made.text.encode("ascii"), entry=MEASURING_ENTRY) == ()
+    assert inspect(script.text.replace(old, new, 1).encode("ascii"), entry=MEASURING_ENTRY) != ()
+
+
+@pytest.mark.parametrize(
+    ("given", "code", "words"),
+    [
+        ({"what_if": True}, 0, "would be made"),
+        ({"abandon": True}, 1, "a measurement leaves no unfinished run: start it without -Abandon"),
+        ({"lock_timeout": -5}, 1, "-LockTimeout takes 0 to 86400 seconds"),
+        ({"lock_timeout": 3_000_000}, 1, "-LockTimeout takes 0 to 86400 seconds"),
+    ],
+    ids=["-WhatIf", "-Abandon", "too short", "too long"],
+)
+def test_a_script_run_by_hand_makes_nothing_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: dict[str, int], code: int, words: str
+) -> None:
+    host = a_measurable_windows()
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+    monkeypatch.setattr(provider, "transport_to", lambda _host: FakePowerShellTransport(host))
+    script, _removal = measure.measuring_scripts(app_hosts.load(str(tmp_path)))
+    put(host, {script.name: script.text.encode("ascii")})
+    host.effects = []
+
+    ran = run_script(host, script.name, **given)  # type: ignore[arg-type]  # switches, said by cases
+
+    assert (ran.code, words in ran.says) == (code, True)
+    assert host.effects == []
+
+
+def test_what_was_measured_is_applied_and_proven(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    host = a_measurable_windows()
+    monkeypatch.setattr(provider, "transport_to", lambda _host: FakePowerShellTransport(host))
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+
+    routes = (["measure"], ["apply", "--auto-approve"], ["prove", "--load-host"])
+    assert [main(words) for words in routes] == [0, 0, 0], capsys.readouterr()
+
+    assert "94 ms     met" in capsys.readouterr().out  # 20 ms of work on 21 % of a processor
+    assert [(vm.name, vm.reserve) for vm in host.vms.values()] == [("vision", 21)]
+    assert not any(process.alive for process in host.processes)
+
+
+BURSTS = MANIFEST.replace("busy-loop", "bursts-50")
+
+
+COUNTS = Program(work_ms=500, line="calibrated")
+"""`bursts.ps1` on the fake: it writes its line when it has counted, and goes on."""
+
+
+def test_components_begin_when_bursts_have_counted_what_a_processor_does(measured: Measured) -> None:
+    host = a_measurable_windows(powershell=COUNTS)
+
+    (result,) = measured(host, BURSTS, reserves=(40,)).experiments
+
+    (setting,) = result.settings
+    (load,) = (process for process in host.processes if "bursts.ps1" in process.arguments)
+    first = next(process for process in host.processes if process.program == "vision.exe")
+    assert first.began - load.began >= COUNTS.work_ms * 100 / int(load.reserve) * 0.97
+    assert setting.series[0].samples
+
+
+def test_bursts_in_a_guest_are_told_what_their_partition_reserves(measured: Measured) -> None:
+    host = a_measurable_windows(powershell=COUNTS)
+
+    (result,) = measured(host, BURSTS, reserves=(40, 70)).experiments
+    loads = [process for process in host.processes if "bursts.ps1" in process.arguments]
+
+    load_reserves = [setting.beside for setting in result.settings]
+    assert {process.arguments for process in loads} == {"-NoProfile -ExecutionPolicy Bypass -File bursts.ps1 4 50000 0"}
+    assert [int(process.reserve) for process in loads] == load_reserves
+    assert load_reserves[0] > load_reserves[1] > 0
+    assert leftovers(host) == []

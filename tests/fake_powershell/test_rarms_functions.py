@@ -1,0 +1,219 @@
+"""What the module Rarms gives a person at a prompt: a plan by its script's path, and what is said of the last run."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from rarms_iac.model.plan import Purpose
+from rarms_iac.powershell.render import render_observe
+from tests.fake_powershell.cell import apply, apply_script, files_of, in_one_file, scripts_of, undo
+from tests.fake_powershell.cells import Prepared, fresh
+from tests.fake_powershell.host import WindowsHost
+from tests.fake_powershell.observing import document_of, seen
+from tests.fake_powershell.run import FOLDER, Ran, put, run
+from tests.fake_powershell.signing import signed
+from tests.fake_powershell.values import Thing, Value
+
+IMPORTED = f"""[CmdletBinding()]
+param([switch] $AsJson, [switch] $Abandon, [switch] $Force, [int] $LockTimeout = 0, [switch] $Test)
+Set-StrictMode -Version 3.0
+$ErrorActionPreference = 'Stop'
+$rarms = Import-Module -Name '{FOLDER}\\Rarms\\Rarms.psd1' -PassThru
+"""
+
+
+def at_prompt(host: WindowsHost, line: str, output: list[Value] | None = None, **how: bool) -> Ran:
+    """The line, typed where the module is imported."""
+    put(host, {"prompt.ps1": (IMPORTED + line + "\n").replace("\n", "\r\n").encode("ascii")})
+    return run(host, "prompt.ps1", as_json=False, output=output, **how)  # type: ignore[arg-type]  # names of options
+
+
+@pytest.fixture
+def prepared() -> Prepared:
+    return fresh()
+
+
+@pytest.fixture
+def host(prepared: Prepared) -> WindowsHost:
+    return prepared.furnished()
+
+
+def test_a_plan_is_done_and_tested_by_the_path_of_its_script(prepared: Prepared, host: WindowsHost) -> None:
+    path = f"-Path '{FOLDER}\\{apply_script(prepared.plan)}'"
+    before: list[Value] = []
+    after: list[Value] = []
+
+    tested = at_prompt(host, f"Test-RarmsPlan {path}", before)
+    assert (tested.code, host.effects) == (0, []), tested.says
+    done = at_prompt(host, f"Invoke-RarmsPlan {path} -AsJson")
+    again = at_prompt(host, f"Test-RarmsPlan {path}", after)
+
+    assert (done.code, again.code) == (0, 0), done.says
+    assert done.events[-1]["status"] == "done"
+    for given, wanted in ((before, False), (after, True)):
+        assert {thing.get("InDesiredState") for thing in given if isinstance(thing, Thing)} == {wanted}
+        assert any(str(thing.get("Address")).startswith("partition/") for thing in given if isinstance(thing, Thing))
+
+
+def test_a_script_that_takes_something_away_asks_also_by_its_path(prepared: Prepared, host: WindowsHost) -> None:
+    """The module's own preference is that nothing is asked; a script that its function calls does not see that."""
+    assert apply(host, prepared.plan).code == 0
+    removal = prepared.cell.on(host).plan(purpose=Purpose.DESTROY)
+    put(host, files_of(removal))
+    before = seen(host)
+
+    ran = at_prompt(host, f"Invoke-RarmsPlan -Path '{FOLDER}\\{apply_script(removal)}'", unanswered=True)
+
+    assert "no console answers here" in ran.says
+    assert seen(host) == before
+
+
+def test_a_path_or_what_a_script_hands_over_must_be_given(host: WindowsHost) -> None:
+    for name in ("Invoke-RarmsPlan", "Test-RarmsPlan"):
+        assert "give -Path: the script of a plan" in at_prompt(host, name).says
+
+
+@pytest.mark.parametrize("data", [render_observe(), signed(render_observe())], ids=["as made", "signed"])
+def test_a_computer_is_observed_by_the_script_in_the_folder_of_the_module(host: WindowsHost, data: bytes) -> None:
+    put(host, {"Rarms/observe.ps1": data})
+
+    ran = at_prompt(host, "Get-RarmsObservation")
+
+    assert (ran.code, host.effects) == (0, []), ran.says
+    assert json.loads(ran.lines[0]) == document_of(host)
+
+
+@pytest.mark.parametrize(
+    ("files", "says"),
+    [
+        ({}, "observe.ps1 is missing: put it there as rarms wrote it"),
+        ({"Rarms/observe.ps1": render_observe() + b"Remove-Item C:\\\r\n"}, "observe.ps1 was edited"),
+        ({"Rarms/observe.ps1": signed(render_observe()) + b"Remove-Item C:\\\r\n"}, "observe.ps1 was edited"),
+        ({"Rarms/observe.ps1": render_observe().replace(b"\r\n", b"\n")}, "observe.ps1 was edited"),
+    ],
+    ids=["missing", "a line more", "a line behind the block", "line ends"],
+)
+def test_no_other_script_observes_for_the_module(host: WindowsHost, files: dict[str, bytes], says: str) -> None:
+    put(host, files)
+
+    ran = at_prompt(host, "Get-RarmsObservation")
+
+    assert (ran.code, ran.lines, host.effects) == (1, (), []), ran.says
+    assert says in ran.says
+
+
+def test_the_runs_of_a_computer_are_told_in_their_order(prepared: Prepared, host: WindowsHost) -> None:
+    none: list[Value] = []
+    runs: list[Value] = []
+    assert at_prompt(host, "Get-RarmsRun", none).code == 0
+    assert apply(host, prepared.plan).code == 0
+    assert undo(host, prepared.plan).code == 0
+    effects = len(host.effects)
+
+    told = at_prompt(host, "Get-RarmsRun", runs)
+
+    assert (told.code, len(host.effects), none) == (0, effects, []), told.says
+    things = [thing for thing in runs if isinstance(thing, Thing)]
+    assert [(thing.get("run"), thing.get("closing")) for thing in things] == [("apply", "done"), ("undo", "done")]
+    assert {thing.get("plan") for thing in things} == {prepared.plan.id}
+
+
+@pytest.mark.parametrize("single", [False, True], ids=["module", "single file"])
+@pytest.mark.parametrize("finished", [True, False], ids=["done", "killed"])
+def test_the_last_run_is_taken_back_by_the_undo_script_that_the_computer_holds(
+    prepared: Prepared, single: bool, finished: bool
+) -> None:
+    plan = in_one_file(prepared.plan) if single else prepared.plan
+    host = prepared.copy() if finished else prepared.copy(kill_after=20)
+    assert apply(host, plan).code == (0 if finished else None)
+    host = host.copy()
+    for name in scripts_of(plan):
+        del host.files[f"{FOLDER}\\{name}".lower()]
+    put(host, files_of(prepared.plan))  # the module that is imported at the prompt
+
+    ran = at_prompt(host, "Undo-RarmsRun -AsJson")
+
+    assert (ran.code, ran.events[-1]["status"]) == (0, "done"), ran.says
+    assert seen(host) == seen(prepared.copy())
+    assert [path for path in host.files if "\\undo" in path and FOLDER.lower() not in path] == [], "nothing stays"
+
+
+def test_an_undo_that_was_cut_off_is_gone_on_with(prepared: Prepared) -> None:
+    host = prepared.after_a_run()
+    host = host.copy(kill_after=4)
+    assert undo(host, prepared.plan).code is None
+    host = host.copy()
+
+    ran = at_prompt(host, "Undo-RarmsRun -AsJson")
+
+    assert (ran.code, ran.events[-1]["status"]) == (0, "done"), ran.says
+    assert seen(host) == seen(prepared.copy())
+
+
+def test_an_undo_is_previewed_and_where_there_is_none_that_is_said(prepared: Prepared, host: WindowsHost) -> None:
+    assert "there is nothing to take back" in at_prompt(host, "Undo-RarmsRun").says
+    assert apply(host, prepared.plan).code == 0
+    before = seen(host)
+
+    ran = at_prompt(host, "Undo-RarmsRun -AsJson -WhatIf")
+
+    assert (ran.code, seen(host)) == (0, before), ran.says
+    assert {event["status"] for event in ran.events} == {"previewed"}
+    assert at_prompt(host, "Undo-RarmsRun -AsJson").code == 0
+    assert "there is nothing to take back" in at_prompt(host, "Undo-RarmsRun").says
+
+
+def test_an_unfinished_run_is_among_them_without_a_closing(prepared: Prepared) -> None:
+    runs: list[Value] = []
+
+    assert at_prompt(prepared.after_a_run(kill_after=20), "Get-RarmsRun", runs).code == 0
+
+    assert [thing.get("closing") for thing in runs if isinstance(thing, Thing)] == [None]
+
+
+@pytest.mark.parametrize(("line", "closed"), [("-Force", True), ("-WhatIf", False)])
+def test_an_unfinished_run_of_any_plan_is_closed(prepared: Prepared, line: str, closed: bool) -> None:
+    host = prepared.after_a_run(kill_after=20)
+    before = seen(host)
+    runs: list[Value] = []
+
+    ran = at_prompt(host, f"Close-RarmsRun {line}")
+
+    assert ran.code == 0, ran.says
+    assert at_prompt(host, "Get-RarmsRun", runs).code == 0
+    assert [thing.get("closing") for thing in runs if isinstance(thing, Thing)] == ["abandoned" if closed else None]
+    assert seen(host) == before
+
+
+def test_closing_a_run_is_asked_for(prepared: Prepared) -> None:
+    host = prepared.after_a_run(kill_after=20)
+
+    ran = at_prompt(host, "Close-RarmsRun", unanswered=True)
+
+    assert (ran.code, "no console answers here" in ran.says) == (1, True), ran.says
+
+
+def test_a_run_is_asked_to_end_before_its_next_step_and_goes_on_when_it_is_run_again(
+    prepared: Prepared, host: WindowsHost
+) -> None:
+    script = apply_script(prepared.plan)
+
+    assert at_prompt(host, f"Stop-RarmsRun -Path '{FOLDER}\\{script}'").code == 0
+    stopped = run(host, script)
+    again = run(host, script)
+
+    assert (stopped.code, stopped.events[-1]["status"]) == (1, "stopped"), stopped.says
+    assert (again.code, again.events[-1]["status"]) == (0, "done"), again.says
+    said = at_prompt(host, f"Stop-RarmsRun -Path '{FOLDER}\\none.ps1'").says
+    assert f"there is no script {FOLDER}\\none.ps1: give the path of the one that runs" in said
+
+
+def test_a_computer_that_is_held_is_not_closed(prepared: Prepared) -> None:
+    host = prepared.after_a_run(kill_after=20)
+    host.lock = "held"
+
+    ran = at_prompt(host, "Close-RarmsRun -Force")
+
+    assert (ran.code, "it is held by" in ran.says) == (1, True), ran.says

@@ -1,0 +1,243 @@
+"""Stopping on the fake: a guest is asked for as long as the manifest says, and only a machine that runs is stopped."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from functools import cache
+from typing import ClassVar
+
+import pytest
+
+from rarms_iac.applying.run_script import apply_job, run_job
+from rarms_iac.applying.run_steps import RunControl
+from rarms_iac.model.plan import Purpose
+from rarms_iac.model.quantities import Milliseconds
+from rarms_iac.providers.hyperv.provider import LiveHypervHost
+from rarms_iac.providers.hyperv.script_session import Listener
+from rarms_iac.providers.interface import ScriptBundle, ScriptExited, ScriptLost, WaitLimits
+from tests.builders import a_component, a_host, a_partition
+from tests.fake_powershell.cell import Cell, apply, undo
+from tests.fake_powershell.cells import a_cell_system, a_windows
+from tests.fake_powershell.host import Vm, WindowsHost
+from tests.fake_powershell.transport import FakePowerShellTransport
+
+OTHER_STATES = ("Saved", "Paused", "Saving", "RunningCritical", "OffCritical")
+
+
+def cell(processors: int, host: WindowsHost, grace_s: int = 120) -> Cell:
+    request = replace(a_partition("vision"), grace=Milliseconds(Fraction(1000 * grace_s)))
+    return Cell(
+        a_cell_system(a_component("vision", reserve="10 %", processors=processors), partitions=(request,)), host
+    )
+
+
+def running() -> WindowsHost:
+    return _running().copy()
+
+
+@cache
+def _running() -> WindowsHost:
+    host = a_windows()
+    assert apply(host, cell(1, host).plan()).code == 0
+    return host
+
+
+def the_machine(host: WindowsHost) -> Vm:
+    (vm,) = host.vms.values()
+    return vm
+
+
+@pytest.mark.parametrize("grace_s", [0, 7, 300])
+def test_a_guest_has_the_grace_of_the_manifest_and_the_script_says_so(grace_s: int) -> None:
+    host = running()
+    the_machine(host).obeys = False
+    begun = host.clock
+    plan = cell(2, host, grace_s).plan()
+    script = plan.hosts[0].scripts["onboard.ps1"]
+
+    ran = apply(host, plan)
+
+    assert ran.code == 0, ran.says
+    assert apply_job(plan.id, plan.hosts[0]).script.longest_grace_ms == grace_s * 1000, "a silence that long is no end"
+    assert grace_s * 1000 <= host.clock - begun < (grace_s + 15) * 1000
+    forced = {7: "3.5", 300: "150"}.get(grace_s)
+    words = f"asked, after {forced} s forced, after {grace_s} s turned off" if forced else "turned off, not asked"
+    assert words in script
+    assert the_machine(host).state == "Running"
+
+
+class Patient(FakePowerShellTransport):
+    """Tells how long it was to wait for a line."""
+
+    silences: ClassVar[list[float]] = []
+
+    def run(
+        self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
+    ) -> ScriptExited | ScriptLost:
+        self.silences.append(silence_s)
+        return FakePowerShellTransport.run(self, script, arguments, silence_s, listener)
+
+
+def test_a_script_may_say_nothing_for_as_long_as_it_waits_for_a_guest() -> None:
+    plan = cell(2, running(), 300).plan()
+    waits = WaitLimits(lock_ms=5_000, silence_ms=60_000)
+
+    job = apply_job(plan.id, plan.hosts[0])
+    run_job(LiveHypervHost(a_host("onboard"), Patient(running())), job, RunControl(waits=waits))
+
+    assert Patient.silences == [365.0]
+
+
+@pytest.mark.parametrize(("grace_s", "needs_s", "stops_s"), [(1200, 700, 700), (600, 30, 30), (200, 150, 150)])
+def test_no_guest_is_cut_off_within_its_grace_in_spite_of_the_cmdlet_after_five_minutes(
+    grace_s: int, needs_s: int, stops_s: int
+) -> None:
+    host = running()
+    the_machine(host).needs_ms = 1000 * needs_s
+    begun = host.clock
+
+    ran = apply(host, cell(2, host, grace_s).plan())
+
+    assert ran.code == 0, ran.says
+    assert stops_s * 1000 <= host.clock - begun < (stops_s + 15) * 1000
+    assert not the_machine(host).was_cut
+
+
+def test_a_guest_that_needs_longer_is_off_when_its_grace_ends() -> None:
+    host = running()
+    the_machine(host).needs_ms = 900_000
+    begun = host.clock
+
+    ran = apply(host, cell(2, host, 600).plan())
+
+    assert ran.code == 0, ran.says
+    assert 600_000 <= host.clock - begun < 615_000
+    assert the_machine(host).was_cut
+
+
+def test_a_guest_that_refuses_to_be_asked_is_waited_for_with_the_reason() -> None:
+    host = running()
+    the_machine(host).stop_fails = True
+    begun = host.clock
+
+    ran = apply(host, cell(2, host).plan())
+
+    assert ran.code == 0, ran.says
+    assert "waited" in ran.status_of("partition/vision")
+    assert "The guest refused to shut down" in ran.says
+    assert 120_000 <= host.clock - begun < 140_000
+
+
+@pytest.mark.parametrize("fault", ["unsaved", "locked"])
+def test_a_guest_is_asked_plainly_first_and_forced_from_half_of_its_grace_on(fault: str) -> None:
+    host = running()
+    machine = the_machine(host)
+    setattr(machine, fault, True)
+    machine.needs_ms = 10_000
+    begun = host.clock
+
+    ran = apply(host, cell(2, host).plan())
+
+    assert ran.code == 0, ran.says
+    assert machine.was_forced
+    assert 70_000 <= host.clock - begun < 85_000
+    assert ("could not be asked" in ran.says) is (fault == "locked")
+
+
+def test_a_guest_that_shuts_down_when_asked_is_never_forced() -> None:
+    host = running()
+    the_machine(host).needs_ms = 50_000
+
+    ran = apply(host, cell(2, host).plan())
+
+    assert ran.code == 0, ran.says
+    assert not the_machine(host).was_forced
+
+
+def test_a_guest_on_its_way_to_be_off_refuses_a_second_request_and_is_waited_for() -> None:
+    host = running()
+    the_machine(host).needs_ms = 100_000
+
+    ran = apply(host, cell(2, host).plan())
+
+    assert ran.code == 0, ran.says
+    assert not the_machine(host).was_cut
+    assert "could not be forced, and is waited for" in ran.says
+
+
+def test_a_guest_that_cannot_be_asked_is_turned_off_at_once_and_the_plan_says_so() -> None:
+    host = running()
+    the_machine(host).shutdown_service = False
+    begun = host.clock
+    wanted = cell(2, host)
+    told = wanted.prepare().findings
+
+    ran = apply(host, wanted.plan())
+
+    assert ran.code == 0, ran.says
+    assert "RARMS255" in [finding.code for finding in told]
+    assert host.clock - begun < 15_000
+
+
+def test_a_guest_that_starts_meanwhile_is_asked_as_soon_as_it_can_be() -> None:
+    host = running()
+    plan = cell(2, host, 120).plan()
+    machine = the_machine(host)
+    machine.shutdown_service, machine.services_at = False, host.clock + 20_000
+    begun = host.clock
+
+    ran = apply(host, plan)
+
+    assert ran.code == 0, ran.says
+    assert 20_000 <= host.clock - begun < 40_000
+    assert not machine.was_cut
+
+
+@pytest.mark.parametrize("state", OTHER_STATES)
+def test_a_machine_that_left_its_state_since_the_plan_is_moved_and_not_stopped(state: str) -> None:
+    host = running()
+    plan = cell(2, host).plan()
+    the_machine(host).state = state
+
+    ran = apply(host, plan)
+
+    assert ran.code == 3, ran.says
+    assert the_machine(host).state == state
+
+
+@pytest.mark.parametrize("state", OTHER_STATES)
+def test_so_is_one_that_was_off(state: str) -> None:
+    host = running()
+    the_machine(host).state = "Off"
+    plan = cell(2, host).plan()
+    the_machine(host).state = state
+
+    ran = apply(host, plan)
+
+    assert ran.code == 3, ran.says
+    assert (the_machine(host).state, the_machine(host).processors) == (state, 1)
+
+
+def test_a_paused_machine_is_turned_off_at_once_before_it_is_removed() -> None:
+    host = running()
+    the_machine(host).state = "Paused"
+    begun = host.clock
+
+    ran = apply(host, cell(1, host).plan(purpose=Purpose.DESTROY))
+
+    assert ran.code == 0, ran.says
+    assert host.vms == {}
+    assert host.clock - begun < 60_000
+
+
+def test_a_saved_machine_that_was_started_is_off_after_the_undo() -> None:
+    host = running()
+    the_machine(host).state = "Saved"
+    plan = cell(1, host).plan()
+    assert apply(host, plan).code == 0
+    assert the_machine(host).state == "Running"
+
+    ran = undo(host, plan)
+
+    assert ran.code == 0, ran.says
+    assert the_machine(host).state == "Off"
