@@ -8,7 +8,7 @@ RUNS := $(VENV)/.installed
 TESTS := $(VENV)/.installed-dev
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-linux test test-long coverage test-lowest lint test-benchmarks test-windows generated lock figures evaluation pictures docs bench clean
+.PHONY: help demo demo-linux test test-long coverage test-lowest lint test-benchmarks test-windows generated counts lock figures evaluation pictures docs bench clean
 
 help: ## Show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | while IFS='|' read -r name says; do printf '%-20s %s\n' "$$name" "$$says"; done
@@ -34,7 +34,7 @@ test-lowest: $(TESTS) ## The unit tests and laws with the lowest allowed version
 test-benchmarks: $(TESTS) ## The tests of benchmarks, the paper's figures and the Linux evaluation
 	@.venv/bin/python -m pytest --numprocesses auto benchmarks/tests
 
-lint: $(TESTS) ## ruff, mypy, the import contracts, dead code and the house rules
+lint: $(TESTS) ## ruff, mypy, the import contracts, dead code and rules of our own
 	@scripts/lint
 
 test-windows: $(TESTS) ## The unit, case and law tests under the real Windows CPython (wine)
@@ -42,6 +42,9 @@ test-windows: $(TESTS) ## The unit, case and law tests under the real Windows CP
 
 generated: $(TESTS) ## Write what is made from the code: schemas, references, the index of findings
 	@scripts/generate
+
+counts: $(TESTS) ## The size of the code base: ids, classes, modules, lines by room, what a plan runs
+	@.venv/bin/python -m scripts.counts
 
 lock: $(TESTS) ## The versions that the Action installs, with their hashes; after a change of dependencies
 	@scripts/lock

@@ -1,0 +1,100 @@
+"""Print the size of the code base: finding ids, dataclasses, modules, lines by room, and what one plan runs.
+
+Lines are those with code: no blank lines, comments or docstrings.
+"""
+
+import ast
+import contextlib
+import io
+import re
+import sys
+from collections import Counter
+from pathlib import Path
+from tokenize import COMMENT, DEDENT, ENCODING, ENDMARKER, INDENT, NEWLINE, NL, tokenize
+from types import FrameType
+
+from rich import print as show
+from rich.table import Table
+
+from rarms_iac.cli.main import main as rarms
+
+PACKAGE = Path("rarms_iac")
+OTHERS = (Path("tests"), Path("benchmarks"), Path("scripts"))
+NO_CODE = frozenset({COMMENT, DEDENT, ENCODING, ENDMARKER, INDENT, NEWLINE, NL})
+CELL = ["plan", "-f", "manifests/hyperv-cell", "--snapshot", "cell=manifests/hyperv-cell/host.json"]
+
+
+def code_lines(path: Path) -> int:
+    """Return how many lines of a module have code."""
+    with path.open("rb") as file:
+        lines = {
+            line
+            for token in tokenize(file.readline)
+            if token.type not in NO_CODE
+            for line in range(token.start[0], token.end[0] + 1)
+        }
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        match node:
+            case ast.Expr(value=ast.Constant(value=str()), lineno=first, end_lineno=int(last)):
+                lines.difference_update(range(first, last + 1))
+            case _:
+                pass
+    return len(lines)
+
+
+def dataclasses_in(path: Path) -> int:
+    """Return how many classes of a module are made by the decorator."""
+    classes = (node for node in ast.walk(ast.parse(path.read_bytes())) if isinstance(node, ast.ClassDef))
+    return sum("dataclass" in ast.unparse(each) for node in classes for each in node.decorator_list)
+
+
+def run_by_a_plan() -> tuple[int, int]:
+    """Return how many functions of the package, and of how many modules, `rarms plan` of the sample cell runs."""
+    functions: set[tuple[str, int]] = set()
+    package = str(PACKAGE.resolve())
+
+    def note(frame: FrameType, event: str, _: object) -> None:
+        code = frame.f_code
+        if event == "call" and code.co_filename.startswith(package) and not code.co_name.startswith("<"):
+            functions.add((code.co_filename, code.co_firstlineno))
+
+    sys.setprofile(note)
+    try:
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            rarms(CELL)
+    finally:
+        sys.setprofile(None)
+    return len(functions), len({path for path, _ in functions})
+
+
+def hops() -> int:
+    """Return how many hops of a reservation docs/architecture.md lists."""
+    text = Path("docs/architecture.md").read_text(encoding="utf-8")
+    _, _, section = text.partition("## One reservation")
+    return len(re.findall(r"^\d+\. ", section.partition("\n## ")[0], re.MULTILINE))
+
+
+def main() -> None:
+    """Print the table."""
+    modules = [path for path in sorted(PACKAGE.rglob("*.py")) if path.name != "__init__.py"]
+    rooms: Counter[str] = Counter()
+    for path in sorted(PACKAGE.rglob("*.py")):
+        inner = path.relative_to(PACKAGE).parts
+        rooms[inner[0] if len(inner) > 1 else "(no room)"] += code_lines(path)
+    functions, of_modules = run_by_a_plan()
+    table = Table("What", "Count")
+    table.add_row("finding ids", str(len(list(Path("docs/findings").glob("RARMS*.md")))))
+    table.add_row("dataclasses", str(sum(map(dataclasses_in, modules))))
+    table.add_row("modules", str(len(modules)))
+    table.add_row("functions that run for a plan", f"{functions} in {of_modules} modules")
+    table.add_row("hops of a reservation", str(hops()))
+    table.add_row("lines of the package", str(rooms.total()))
+    for room, lines in sorted(rooms.items()):
+        table.add_row(f"  {room}", str(lines))
+    for folder in OTHERS:
+        table.add_row(f"lines of {folder}", str(sum(map(code_lines, folder.rglob("*.py")))))
+    show(table)
+
+
+if __name__ == "__main__":
+    main()
