@@ -57,7 +57,8 @@ def _opens_a_file(node: ast.AST) -> bool:
             return True
         case ast.Call(func=ast.Attribute(attr="open"), args=[] | [ast.Constant(), *_]):
             return True
-    return False
+        case _:
+            return False
 
 
 def _reads_a_sentence(node: ast.AST) -> bool:
@@ -67,7 +68,8 @@ def _reads_a_sentence(node: ast.AST) -> bool:
             return attr in READING and name in SENTENCES
         case ast.Compare(ops=[ast.In() | ast.NotIn()], comparators=[ast.Attribute(attr=name)]):
             return name in SENTENCES
-    return False
+        case _:
+            return False
 
 
 if __name__ == "__main__":
