@@ -19,10 +19,10 @@ demo: $(RUNS) ## The delivery robot, from its manifest to an applied plan on the
 demo-linux: $(RUNS) ## The same with real components on this Linux, as root; three to five minutes
 	@scripts/demo-linux
 
-test: $(TESTS) ## The tests, but for those that CI alone waits for
+test: $(TESTS) ## All tests but tests/system, and of these one of each kind
 	@scripts/test
 
-test-long: $(TESTS) ## The same with the large counts, then unit tests and laws on all Pythons (much longer)
+test-long: $(TESTS) ## All tests with the large counts, then unit tests and laws on all Pythons (hours)
 	@RARMS_LONG=1 scripts/test && scripts/all-pythons
 
 coverage: $(TESTS) ## All that CI tests, and the share of branches that it takes (half an hour and more)

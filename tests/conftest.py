@@ -27,6 +27,7 @@ settings.load_profile("rarms")
 
 # What a shell or a test runner says of its own terminal is nothing to the commands that tests start.
 os.environ.pop("COLUMNS", None)
+SYSTEM = needs.CHECKOUT / "tests" / "system"
 NO_SKIPS = os.environ.get("RARMS_NO_SKIPS") == "1"
 
 
@@ -34,9 +35,12 @@ def _needed_by(item: pytest.Item) -> list[str]:
     return [str(name) for marker in item.iter_markers("needs") for name in marker.args]
 
 
+@pytest.hookimpl(tryfirst=True)  # before the tests are chosen by their marks
 def pytest_collection_modifyitems(items: Sequence[pytest.Item]) -> None:
-    """A misspelt need would skip nothing and say nothing."""
+    """Mark the tests of tests/system, and refuse a misspelt need, which would skip nothing and say nothing."""
     for item in items:
+        if SYSTEM in item.path.parents:
+            item.add_marker("system")
         if unknown := sorted(set(_needed_by(item)) - needs.NEEDS.keys()):
             known = ", ".join(needs.NEEDS)
             raise pytest.UsageError(f"{item.nodeid} needs {', '.join(unknown)}, which tests/needs.py lacks ({known})")

@@ -161,7 +161,6 @@ FAULTS: list[tuple[When, Callable[[], NoReturn]]] = [
 ]
 
 
-@pytest.mark.thorough
 def test_an_apply_that_two_faults_disturb_reaches_the_same_end(lab: Lab, tmp_path: Path) -> None:
     """Any fault, and another one in the run that is to finish it: a kill, a full disk, a call that fails."""
     start, counting = lab.settled(tmp_path / "start"), CrashingDisk(0)

@@ -25,7 +25,7 @@ from tests.unit.cli.running import rarms
 
 __all__ = ["robot_rarms"]
 
-pytestmark = [pytest.mark.needs("ansible", "posix"), pytest.mark.thorough]
+pytestmark = [pytest.mark.needs("ansible", "posix")]
 
 MANIFEST = """\
 schema: rarms/v1
@@ -258,6 +258,7 @@ def test_a_plan_of_another_robot_is_refused_and_a_check_or_a_file_that_is_no_pla
     assert (fleet.folder / "rarms.yaml").exists()
 
 
+@pytest.mark.sample
 def test_what_was_applied_in_a_terminal_is_absent_afterwards(fleet: Fleet) -> None:
     fleet.add("r-1")
     overlay = str(fleet.folder / "robots" / "r-1.yaml")

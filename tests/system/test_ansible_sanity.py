@@ -18,7 +18,6 @@ COVERED = ["--skip-test", "pylint", "--skip-test", "yamllint", "--skip-test", "p
 """Each is put into an environment of its own, which takes long; `make lint` holds the same files to ruff."""
 
 
-@pytest.mark.thorough
 @pytest.mark.needs("ansible", "posix", "network", "venv")
 def test_ansible_test_finds_nothing(tmp_path: Path) -> None:
     shutil.copytree(

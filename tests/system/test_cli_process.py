@@ -26,6 +26,7 @@ def manifest(tmp_path: Path) -> Path:
     return tmp_path / "rarms.yaml"
 
 
+@pytest.mark.sample
 def test_an_ascii_stream_never_breaks_a_command(tmp_path: Path) -> None:
     name = tmp_path / "Prüfung.yaml"
 
@@ -36,6 +37,7 @@ def test_an_ascii_stream_never_breaks_a_command(tmp_path: Path) -> None:
     assert b"Traceback" not in answer.stderr
 
 
+@pytest.mark.sample
 def test_a_pipe_gets_no_colour_and_lines_that_end_alike_on_every_system(manifest: Path) -> None:
     planned = run("plan", "-f", str(manifest), NO_COLOR="").stdout
 
@@ -105,7 +107,9 @@ def test_a_full_disk_is_told_without_a_trace(manifest: Path) -> None:
 
 
 @pytest.mark.needs("posix")
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("number", "code"), [pytest.param(signal.SIGINT, 130, marks=pytest.mark.sample), (signal.SIGTERM, 143)]
+)
 def test_a_signal_stops_after_the_running_step_and_apply_finishes(
     manifest: Path, number: signal.Signals, code: int
 ) -> None:

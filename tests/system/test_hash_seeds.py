@@ -77,14 +77,7 @@ def all_that_is_left(folder: Path, route: str, seed: str) -> dict[str, bytes]:
     return {"standard output": ran.stdout, **written}
 
 
-@pytest.mark.parametrize(
-    "example",
-    [
-        "delivery-robot",
-        pytest.param("two-hosts", marks=pytest.mark.thorough),
-        *(["fleet", "partitions"] if LONG else []),
-    ],
-)
+@pytest.mark.parametrize("example", ["delivery-robot", "two-hosts", *(["fleet", "partitions"] if LONG else [])])
 def test_hash_seeds_change_no_byte(tmp_path: Path, example: str) -> None:
     manifest = (shipped("manifests") / example / "rarms.yaml").read_bytes()
 

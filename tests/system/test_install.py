@@ -27,7 +27,7 @@ hosts:
 components: { vision: { criticality: 1, memory: 64 MiB, cpu: { reserve: 0.1 LP }, hosts: [onboard] } }
 """
 
-pytestmark = [pytest.mark.needs("ssh", "root", "linux", "network", "sudo", "control-groups"), pytest.mark.thorough]
+pytestmark = [pytest.mark.needs("ssh", "root", "linux", "network", "sudo", "control-groups")]
 
 
 EVERYTHING = "ALL"

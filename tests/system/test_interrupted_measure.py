@@ -91,6 +91,7 @@ def test_ctrl_c_ends_a_measurement_that_the_same_command_goes_on_with(tmp_path: 
 
 
 @pytest.mark.needs("posix")
+@pytest.mark.sample
 def test_killed_at_no_matter_what_a_finished_setting_is_not_run_again(tmp_path: Path) -> None:
     code, _, err = ended_by(signal.SIGKILL, tmp_path)
 

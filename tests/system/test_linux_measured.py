@@ -73,7 +73,6 @@ def run_twice(folder: Path, first: tuple[str, ...], again: tuple[str, ...]) -> s
 
 @pytest.mark.needs("control-groups")
 @pytest.mark.alone
-@pytest.mark.thorough
 def test_real_processes_are_measured_planned_applied_proven_mended_and_removed(walk: Path) -> None:
     groups, plan = groups_of(walk), str(walk / "walk.plan")
 

@@ -39,6 +39,7 @@ def folder(tmp_path: Path) -> Iterator[Path]:
 
 @pytest.mark.needs("control-groups")
 @pytest.mark.alone
+@pytest.mark.sample
 def test_plan_apply_drift_undo_and_destroy(folder: Path) -> None:
     where = ("-f", str(folder))
     planned = rarms("plan", *where, "--verbose")

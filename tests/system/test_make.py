@@ -110,7 +110,6 @@ def test_make_alone_lists_what_it_can_do(checkout: Path, programs: Path) -> None
 
 
 @pytest.mark.needs("network", "venv")
-@pytest.mark.thorough
 def test_the_demo_works_twice_in_a_fresh_checkout_and_leaves_it_clean(tmp_path: Path) -> None:
     fresh = tmp_path / "fresh"
     shutil.copytree(CHECKOUT, fresh, ignore=shutil.ignore_patterns(".*", "__pycache__"))

@@ -51,7 +51,6 @@ def test_a_missing_need_skips_with_its_reason(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("workers", ["0", "2"])
-@pytest.mark.thorough
 def test_a_skip_without_an_excuse_fails_where_skips_are_forbidden(tmp_path: Path, workers: str) -> None:
     allowed = run_pytest(tmp_path, PLAIN_SKIP, no_skips=False, workers=workers)
     forbidden = run_pytest(tmp_path, PLAIN_SKIP, no_skips=True, workers=workers)

@@ -127,15 +127,9 @@ def test_every_page_with_commands_is_run() -> None:
     assert all((CHECKOUT / test).is_file() for test in ELSEWHERE.values())
 
 
-LONG_PAGES = {"hyperv.md"}
-"""Pages whose commands take most of a minute."""
-
-
 @pytest.mark.needs("posix")
 @pytest.mark.usefixtures("pwsh")
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.thorough] if name in LONG_PAGES else []) for name in PREPARED]
-)
+@pytest.mark.parametrize("name", PREPARED)
 def test_each_command_of_a_page_ends_as_it_says(tmp_path: Path, name: str) -> None:
     (page,) = (page for page in PAGES if page.name == name)
     shown = [found for found in SHOWN.finditer(blocks(page)) if not found["typed"].startswith(tuple(ELSEWHERE))]

@@ -68,7 +68,6 @@ def rarms_repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.needs("posix", "git", "network", "venv", "pre-commit")
-@pytest.mark.thorough
 def test_pre_commit_refuses_what_validate_refuses_and_formats(rarms_repository: Path, tmp_path: Path) -> None:
     folder = repository(tmp_path / "team")
     config = {
@@ -252,7 +251,6 @@ def test_a_server_that_does_not_answer_is_one_line(
 
 
 @pytest.mark.needs("posix", "bash", "git", "network", "venv")
-@pytest.mark.thorough
 def test_the_action_validates_plans_and_keeps_one_comment(tmp_path: Path) -> None:
     origin = repository(tmp_path / "origin")
     snapshot = [sys.executable, "-m", "rarms_iac", "snapshot", "-f", "cell", "--out", "host.json"]

@@ -6,6 +6,8 @@ from contextlib import chdir
 from pathlib import Path
 from unittest.mock import patch
 
+import pytest
+
 from tests.unit.cli.running import rarms
 
 ROOT = Path(__file__).parents[2]
@@ -13,6 +15,7 @@ PLAN = re.compile(r"plan [0-9a-f]{12}")  # it holds the day
 FINDINGS = re.compile(r"(?:note|warning)\[.*?\n\n(?=Plan: )", re.DOTALL)  # behind the totals
 
 
+@pytest.mark.sample
 def test_the_plan_in_the_readme_is_what_rarms_prints(tmp_path: Path) -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     (shown,) = re.findall(r"\$ rarms plan[^\n]*\n(.*?)```", readme, re.DOTALL)

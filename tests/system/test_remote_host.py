@@ -91,6 +91,7 @@ def after_steps(remote: Remote, count: int) -> None:
     raise AssertionError("the run does not get on")
 
 
+@pytest.mark.sample
 def test_apply_ends_with_an_empty_plan_and_undo_takes_all_of_it_back(remote: Remote) -> None:
     applied = apply(remote)
 
@@ -126,7 +127,6 @@ def test_an_installed_module_takes_the_scripts_and_another_version_is_refused_by
     assert is_as_wanted(remote)
 
 
-@pytest.mark.thorough
 def test_the_host_runs_the_very_bytes_of_the_plan_and_keeps_no_copy(remote: Remote) -> None:
     assert remote.rarms("plan", "--out", "plan.json").code == 0
     scripts = json.loads((remote.folder / "plan.json").read_text(encoding="utf-8"))["hosts"][0]["scripts"]
@@ -141,7 +141,6 @@ def test_the_host_runs_the_very_bytes_of_the_plan_and_keeps_no_copy(remote: Remo
     assert remote.rarms("apply", "plan.json").code == 3, "a plan is used once"
 
 
-@pytest.mark.thorough
 def test_a_host_whose_policy_wants_signatures_runs_what_a_reviewer_signed(remote: Remote) -> None:
     host = an_empty_host()
     host.all_signed = True
@@ -206,7 +205,6 @@ def test_a_connection_that_breaks_in_the_middle_is_unknown_and_the_next_apply_fi
     assert is_as_wanted(remote)
 
 
-@pytest.mark.thorough
 def test_a_host_that_changed_since_rarms_looked_is_not_touched(remote: Remote) -> None:
     remote.ask(meddles_with="host")
     refused = apply(remote)
@@ -220,7 +218,6 @@ def test_a_host_that_changed_since_rarms_looked_is_not_touched(remote: Remote) -
     assert remote.rarms("apply", "new.json").code == 0
 
 
-@pytest.mark.thorough
 def test_a_machine_that_changed_since_rarms_looked_is_not_overwritten(remote: Remote) -> None:
     assert apply(remote).code == 0
     change_manifest(remote, "reserve: 20 %", "reserve: 24 %")
@@ -237,7 +234,6 @@ def test_a_machine_that_changed_since_rarms_looked_is_not_overwritten(remote: Re
     assert is_as_wanted(remote)
 
 
-@pytest.mark.thorough
 def test_a_machine_whose_mark_names_another_is_adopted_as_recommended(remote: Remote) -> None:
     assert apply(remote).code == 0
     host = remote.host
@@ -251,7 +247,6 @@ def test_a_machine_whose_mark_names_another_is_adopted_as_recommended(remote: Re
     assert is_as_wanted(remote)
 
 
-@pytest.mark.thorough
 def test_an_apply_from_an_elevated_prompt_does_what_one_without_may_not(remote: Remote) -> None:
     remote.put(an_empty_host().copy(elevated=False, hyperv_administrator=True))
     examined = remote.rarms("doctor")
@@ -261,7 +256,6 @@ def test_an_apply_from_an_elevated_prompt_does_what_one_without_may_not(remote: 
     assert apply(remote).code == 0
 
 
-@pytest.mark.thorough
 def test_ctrl_c_stops_after_the_running_step_and_the_next_apply_goes_on(remote: Remote) -> None:
     remote.ask(step_ms=250)
     running = remote.start("apply", "--auto-approve")
@@ -279,7 +273,6 @@ def test_ctrl_c_stops_after_the_running_step_and_the_next_apply_goes_on(remote: 
     assert is_as_wanted(remote)
 
 
-@pytest.mark.thorough
 def test_noise_on_both_streams_is_shown_or_ignored_but_harms_nothing(remote: Remote) -> None:
     noise = ["Welcome to CELL-4", "{", '{"format":"rarms-event/9"}', "\u001b[31mred"]
     remote.ask(noise=noise, warnings=["WARNING: a module was loaded twice"])
@@ -292,7 +285,6 @@ def test_noise_on_both_streams_is_shown_or_ignored_but_harms_nothing(remote: Rem
     assert is_as_wanted(remote)
 
 
-@pytest.mark.thorough
 def test_a_script_that_says_nothing_for_too_long_is_unknown(remote: Remote) -> None:
     assert remote.rarms("plan", "--out", "plan.json").code == 0
     remote.ask(step_ms=3000)
@@ -312,7 +304,6 @@ def test_what_powershell_says_instead_of_running_a_script_is_told(remote: Remote
     assert "running scripts is disabled" in " ".join(failed.err.split())
 
 
-@pytest.mark.thorough
 def test_a_run_that_is_left_as_it_is_stands_in_no_way(remote: Remote) -> None:
     remote.ask(step_ms=250)
     running = remote.start("apply", "--auto-approve")
@@ -354,7 +345,6 @@ def test_a_host_without_that_powershell_is_told(remote: Remote) -> None:
 LOCAL = MANIFEST.replace("    connect: { ssh: cell, shell: pwsh }\n", "")
 
 
-@pytest.mark.thorough
 def test_on_the_host_itself_no_ssh_is_needed(remote: Remote) -> None:
     (remote.folder / "rarms.yaml").write_text(LOCAL, encoding="utf-8", newline="\n")
     elsewhere = remote.rarms("plan")
@@ -369,7 +359,6 @@ def test_on_the_host_itself_no_ssh_is_needed(remote: Remote) -> None:
     assert not remote.host.vms
 
 
-@pytest.mark.thorough
 def test_ctrl_c_stops_a_script_of_this_computer_too(remote: Remote) -> None:
     (remote.folder / "rarms.yaml").write_text(LOCAL, encoding="utf-8", newline="\n")
     remote.ask(step_ms=250)
@@ -391,7 +380,6 @@ def test_the_stand_in_says_what_it_is(remote: Remote) -> None:
     assert STAND_IN in " ".join(remote.rarms("plan").err.split())
 
 
-@pytest.mark.thorough
 def test_a_snapshot_of_the_live_host_plans_and_examines_as_the_host_itself(remote: Remote) -> None:
     assert remote.rarms("snapshot", "--out", "live.json").code == 0
     seen = json.loads((remote.folder / "live.json").read_text(encoding="utf-8"))

@@ -137,6 +137,7 @@ def in_view(page: "WebDriver", name: str) -> int:
     return int(run(page, find + "return one.getBoundingClientRect().height", name))
 
 
+@pytest.mark.sample
 def test_the_keyboard_moves_a_line_over_every_step_and_says_so(page: "WebDriver") -> None:
     from selenium.webdriver import Keys
 

@@ -178,7 +178,6 @@ class Breaks(RunReporter):
             self.breaks()
 
 
-@pytest.mark.thorough
 def test_what_breaks_at_a_step_is_finished_later(
     server: Remote, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

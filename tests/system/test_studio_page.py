@@ -148,6 +148,7 @@ def keeps(page: "WebDriver", name: str, width: int = 1200) -> None:
         Path(folder, f"studio-{name}.png").write_bytes(whole_page(page, width))
 
 
+@pytest.mark.sample
 def test_a_session_from_an_empty_folder_to_a_proven_plan(browser: "WebDriver", tmp_path: Path) -> None:
     from selenium.webdriver import ActionChains, Keys
 
@@ -237,7 +238,6 @@ def tabs_to(page: "WebDriver", within: str = "", **wanted: str) -> None:
     raise AssertionError(f"no Tab reaches {wanted} {within}")
 
 
-@pytest.mark.thorough
 def test_a_session_by_keys_alone(browser: "WebDriver", tmp_path: Path) -> None:
     from selenium.webdriver import ActionChains, Keys
 
@@ -291,7 +291,6 @@ def test_a_session_by_keys_alone(browser: "WebDriver", tmp_path: Path) -> None:
     assert {proof["met"] for proof in status["proofs"]} == {True}
 
 
-@pytest.mark.thorough
 def test_a_setting_is_measured_and_its_samples_and_the_scripts_difference_are_shown(
     browser: "WebDriver", tmp_path: Path
 ) -> None:
@@ -369,7 +368,6 @@ def test_hostile_text_that_comes_by_script_is_text(browser: "WebDriver", tmp_pat
         assert browser.execute_script(elements) == [0, 0]
 
 
-@pytest.mark.thorough
 def test_a_browser_that_is_closed_and_opened_again_finds_what_runs(slow: Path, tmp_path: Path) -> None:
     with studio(slow) as served:
         with chromium(tmp_path / "profile") as first:
@@ -446,7 +444,6 @@ def test_seven_pages_work_and_the_last_one_stops(browser: "WebDriver", slow: Pat
             browser.switch_to.window(first)
 
 
-@pytest.mark.thorough
 def test_a_measurement_is_stopped_in_the_middle_and_goes_on(browser: "WebDriver", slow: Path) -> None:
     with studio(slow) as served:
         opens(browser, served)
@@ -474,7 +471,6 @@ def test_a_measurement_is_stopped_in_the_middle_and_goes_on(browser: "WebDriver"
     assert "vision" in rarms(slow, "status")
 
 
-@pytest.mark.thorough
 def test_a_second_tab_and_a_terminal_beside_it_show_the_same(browser: "WebDriver", tmp_path: Path) -> None:
     rarms(tmp_path, "init")
     with studio(tmp_path) as served:
@@ -756,7 +752,6 @@ def test_long_words_break_lines_and_not_the_page(browser: "WebDriver", tmp_path:
             assert browser.execute_script("return document.documentElement.scrollWidth") <= width
 
 
-@pytest.mark.thorough
 def test_where_it_does_not_fit_each_way_out_shows_its_edit(browser: "WebDriver", tmp_path: Path) -> None:
     (tmp_path / "rarms.yaml").write_text(TIGHT, encoding="utf-8", newline="\n")
     rarms(tmp_path, "measure")

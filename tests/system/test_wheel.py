@@ -75,7 +75,7 @@ def failures_of_main_job(programs: Path, folder: Path) -> list[str]:
 
 
 @pytest.mark.needs("network", "venv")
-@pytest.mark.thorough
+@pytest.mark.sample
 def test_the_wheel_does_the_main_job_from_an_empty_folder(installed: Path, tmp_path: Path) -> None:
     assert failures_of_main_job(installed, tmp_path) == []
 

@@ -24,7 +24,6 @@ OPTIONS = "-p no:cacheprovider -p no:xdist -p no:cov -q --durations=5 --basetemp
 
 
 @pytest.mark.needs("linux-machine")
-@pytest.mark.thorough
 def test_hosts_of_version_2_keep_the_contract() -> None:
     tests = f"-k '{CHOSEN}' {' '.join(CONTRACTS)}"
     result = run_in_machine(f".venv/bin/python -m pytest {OPTIONS} {tests}", timeout_s=900)
