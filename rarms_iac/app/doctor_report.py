@@ -31,13 +31,6 @@ _POLICIES: Mapping[str, ExecutionPolicy] = {
     "unrestricted": "Unrestricted",
 }
 
-PowerPlan = Literal["balanced", "high performance", "power saver", "another"]
-_POWER_PLANS: Mapping[str, PowerPlan] = {
-    "381b4222-f694-41f0-9685-ff5bb260df2e": "balanced",
-    "8c5e7fda-e8bf-4a96-9a85-a6e23a8c635c": "high performance",
-    "a1841308-3541-4fab-bc81-f71556f20b4a": "power saver",
-}
-
 Connection = Literal["snapshot", "here", "ssh", "winrm"]
 
 
@@ -53,7 +46,6 @@ class MachineCounts:
     marks_not_believed: int  # with a line of ours in their notes that does not count
     marked_replicas: int  # of these, replicas: whether a replica has its primary's notes
     mute: int  # they run, and their guests cannot be asked to shut down
-    automatic_checkpoints: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,8 +73,6 @@ class HostSummary:
     elevated: bool | None
     hyperv_administrator: bool | None
     script_running: bool | None
-    pending_restart: bool | None
-    power_plans: tuple[PowerPlan, ...] | None
     seen_processors: int | None
     numa_nodes: int | None
     responsiveness: int | None  # SystemResponsiveness, where it is set to a number
@@ -125,7 +115,7 @@ def report_examinations(hosts: Hosts, examined: Examinations) -> DoctorReport:
 def _host_summary(host: ExaminedHost, connection: Connection) -> HostSummary:
     facts, condition = host.facts, host.condition
     responsiveness = condition.responsiveness.data if condition.responsiveness else None
-    plans, module = condition.power_plans, condition.module
+    module = condition.module
     return HostSummary(
         provider=facts.provider,
         connection=connection,
@@ -148,8 +138,6 @@ def _host_summary(host: ExaminedHost, connection: Connection) -> HostSummary:
         elevated=condition.elevated,
         hyperv_administrator=condition.hyperv_administrator,
         script_running=condition.script_running,
-        pending_restart=condition.pending_restart,
-        power_plans=None if plans is None else tuple(_power_plan(plan) for plan in plans),
         seen_processors=condition.seen_processors,
         numa_nodes=condition.numa_nodes,
         responsiveness=responsiveness if isinstance(responsiveness, int) else None,
@@ -182,7 +170,6 @@ def _machines(host: ExaminedHost) -> MachineCounts:
         marks_not_believed=sum(bool(machine.foreign_mark) for machine in partitions),
         marked_replicas=sum(bool(machine.foreign_mark) and Tie.REPLICA in machine.ties for machine in partitions),
         mute=sum((machine.state is RunState.RUNNING and not machine.can_be_asked) for machine in partitions),
-        automatic_checkpoints=sum(machine.automatic_checkpoints for machine in host.condition.machines),
     )
 
 
@@ -199,7 +186,3 @@ def _policies(policies: Mapping[PolicyScope, str]) -> Iterator[tuple[PolicyScope
 def _versions(texts: Iterable[str]) -> Iterator[str]:
     """Those that are versions; anything else may be a name."""
     return (text for text in texts if _VERSION.fullmatch(text))
-
-
-def _power_plan(text: str) -> PowerPlan:
-    return next((name for plan, name in _POWER_PLANS.items() if plan in text.lower()), "another")

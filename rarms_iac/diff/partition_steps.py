@@ -98,7 +98,6 @@ def _creation_step(address: Address, wanted: PartitionSettings, making: Making, 
         vm_path=making.vm_path,
         secure_boot=making.secure_boot,
     )
-    boot = f"; secure boot {making.secure_boot}: {making.why_secure_boot}" if making.secure_boot else ""
     return Step(
         address=replace(address, machine=""),
         title=str(creation),
@@ -113,7 +112,7 @@ def _creation_step(address: Address, wanted: PartitionSettings, making: Making, 
         disruption=Disruption.LIVE,
         claim_before=claim_of(None),
         claim_after=claim_of(None),
-        comment=f"off and under a pending name until all is set{boot}",
+        comment="off and under a pending name until all is set",
         place=reason.place,
     )
 

@@ -27,7 +27,6 @@ class MachineCondition:
     """What is odd about a virtual machine and no setting of ours; its settings are in its Partition of the same id."""
 
     id: str
-    automatic_checkpoints: bool = False
     clustered: bool = False
 
 
@@ -45,8 +44,6 @@ class HostCondition:
     elevated: bool | None = None  # who looked: only such a one may change the host
     hyperv_administrator: bool | None = None  # who looked is a member of that group
     script_running: bool | None = None  # of rarms, on that host; only a look on the host itself tells
-    power_plans: tuple[str, ...] | None = None  # ids of those that are active
-    pending_restart: bool | None = None
     seen_processors: int | None = None  # logical processors that the host's own Windows sees
     numa_nodes: int | None = None
     machines: tuple[MachineCondition, ...] = ()

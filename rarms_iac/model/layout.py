@@ -21,7 +21,6 @@ class Making:
     switch: str = ""
     vm_path: str = ""
     secure_boot: str | None = None  # a template, or `SECURE_BOOT_OFF`
-    why_secure_boot: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

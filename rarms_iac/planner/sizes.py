@@ -3,7 +3,6 @@
 from dataclasses import replace
 from fractions import Fraction
 
-from rarms_iac.model.changes import SLASH
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.layout import Cause, Making, PlacedPartition
 from rarms_iac.model.processor_number import ProcessorSource, processor_number
@@ -68,7 +67,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
             stop_action=StopAction.SHUT_DOWN,
             checkpoints=Checkpoints.DISABLED,
             running=by_itself,
-            secure_boot=_fixed_secure_boot(group, host),
+            secure_boot=_secure_boot(group, host),
             quota_period_us=_quota_period(group, host, limit, processors),
         ),
         making=_making(group, host),
@@ -181,41 +180,14 @@ def _generation(group: Group, host: Host) -> int:
 def _making(group: Group, host: Host) -> Making:
     usual = host.settings if isinstance(host.settings, HypervHost) else HypervHost()
     own = group.request.hyperv
-    image = own.image or usual.image or ""
-    secure_boot, why = _fixed_secure_boot(group, host), "the manifest says so"
-    if secure_boot is None and image and _generation(group, host) == 2:
-        secure_boot, why = suggested_secure_boot(image)
     return Making(
-        image=image,
-        secure_boot=secure_boot,
-        why_secure_boot=why if secure_boot else "",
+        image=own.image or usual.image or "",
+        secure_boot=_secure_boot(group, host),
         switch=own.switch or usual.switch or "",
         vm_path=own.vm_path or usual.vm_path or "",
     )
 
 
-def _fixed_secure_boot(group: Group, host: Host) -> str | None:
+def _secure_boot(group: Group, host: Host) -> str | None:
     usual = host.settings.secure_boot if isinstance(host.settings, HypervHost) else None
     return (group.request.hyperv.secure_boot or usual) if _generation(group, host) == 2 else None
-
-
-LINUX_NAMES = ("linux", "ubuntu", "debian", "redhat", "rhel", "centos", "rocky", "alma", "fedora", "suse", "yocto")
-"""What stands in the file names of Linux images."""
-
-
-def suggested_secure_boot(image: str) -> tuple[str, str]:
-    """Choose the secure boot of a new machine by the file name of its image.
-
-    Hyper-V's own default lets Windows boot, and no Linux: that is signed by another authority (windows.md 3). The name
-    is all that is known of an image before it is started.
-
-    Args:
-        image: its path on the host.
-
-    Returns:
-        The name of the template, and why.
-    """
-    name = image.replace("/", SLASH).rpartition(SLASH)[2]
-    if found := next((word for word in LINUX_NAMES if word in name.lower()), ""):
-        return "MicrosoftUEFICertificateAuthority", f"the image {name} is called {found}"
-    return "MicrosoftWindows", f"nothing in the name of the image {name} tells of Linux"

@@ -134,7 +134,6 @@ function Get-MachineReading {
             start_action = [string] $Vm.AutomaticStartAction; start_delay = [long] $Vm.AutomaticStartDelay
             stop_action = [string] $Vm.AutomaticStopAction
             checkpoints = [string] $Vm.CheckpointType
-            automatic_checkpoints = [string] (Get-Setting -Of $Vm -Name 'AutomaticCheckpointsEnabled')
             checkpoint_count = [long] $of['checkpoints'].Count
             clustered = [string] (Get-Setting -Of $Vm -Name 'IsClustered')
             replication_mode = [string] (Get-Setting -Of $Vm -Name 'ReplicationMode')
@@ -335,15 +334,6 @@ $document = [ordered] @{
         }
     }
     journal = Get-Probe -Read { Get-Journal }
-    power_plan = Get-Probe -Many -Read {
-        foreach ($one in @(Get-CimInstance -Namespace 'root/cimv2/power' -ClassName Win32_PowerPlan)) {
-            if ($one.IsActive) { [string] $one.InstanceID }
-        }
-    }
-    pending_restart = Get-Probe -Read {
-        $reboot = 'HKLM:\SOFTWARE\Microsoft\Windows\CurrentVersion\Component Based Servicing\RebootPending'
-        [bool] (Microsoft.PowerShell.Management\Test-Path -LiteralPath $reboot)
-    }
     # By scope: the policy of this process is only what it was started with.
     execution_policy = Get-Probe -Many -Read {
         foreach ($one in @(Get-ExecutionPolicy -List)) {

@@ -330,8 +330,6 @@ def get_cim_instance(scope: Scope, given: Given) -> list[Value]:
             ]
         case _ if name.startswith(guests.COUNTERS):
             return guests.counters(host, name.removeprefix(guests.COUNTERS))
-        case "Win32_PowerPlan":
-            return [Record(InstanceID=plan, IsActive=True) for plan in host.power_plan]
         case _:
             raise Unsupported(f"the class {name}")
 

@@ -43,7 +43,6 @@ class Vm:
     start_delay: int = 0
     stop_action: str = "Save"
     checkpoints: str = "Production"
-    automatic_checkpoints: str = "False"
     checkpoint_count: int = 0
     clustered: str = "False"
     replication_mode: str = "None"
@@ -176,7 +175,6 @@ class WindowsHost:
     numa: list[dict[str, int]] = field(default_factory=list)
     switches: list[str] = field(default_factory=list)
     cpu_groups: list[dict[str, object]] = field(default_factory=list)
-    power_plan: list[str] = field(default_factory=list)
     execution_policy: list[tuple[str, str]] = field(default_factory=lambda: [("LocalMachine", "RemoteSigned")])
     refusals: dict[str, tuple[str, str, str]] = field(default_factory=dict)  # cmdlet -> error id, category, message
     vms: dict[str, Vm] = field(default_factory=dict)

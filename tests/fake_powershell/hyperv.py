@@ -60,8 +60,6 @@ class Machine(Thing):
             CheckpointType=Enumerated(vm.checkpoints),
             ReplicationMode=Enumerated(vm.replication_mode),
         )
-        if vm.automatic_checkpoints:
-            self.properties["AutomaticCheckpointsEnabled"] = vm.automatic_checkpoints == "True"
         if vm.clustered:
             self.properties["IsClustered"] = vm.clustered == "True"
 

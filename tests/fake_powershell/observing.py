@@ -21,7 +21,6 @@ WINDOWS = "HKLM:\\SOFTWARE\\Microsoft\\Windows NT\\CurrentVersion"
 PROFILE = WINDOWS + "\\Multimedia\\SystemProfile"
 RECORDS = "HKLM:\\SOFTWARE\\rarms"
 CRYPTOGRAPHY = "HKLM:\\SOFTWARE\\Microsoft\\Cryptography"
-PENDING = "HKLM:\\SOFTWARE\\Microsoft\\Windows\\CurrentVersion\\Component Based Servicing\\RebootPending"
 JOURNAL = "C:\\ProgramData\\rarms\\journal.jsonl"
 
 _ASKS = {
@@ -34,7 +33,6 @@ _ASKS = {
     "cpu_groups": "Get-CimInstance Msvm_ProcessorSettingData",
     "guests": "Get-CimInstance Msvm_KvpExchangeComponent",
     "shutdown_services": "Get-CimInstance Msvm_ShutdownComponent",
-    "power_plan": "Get-CimInstance Win32_PowerPlan",
     "scheduler": "Get-WinEvent",
     "module": "Get-Module",
     "hypervisor_running": "Get-CimInstance Win32_ComputerSystem",
@@ -160,11 +158,6 @@ def _journal(host: WindowsHost, value: Document) -> None:
     host.write_file(JOURNAL, value["text"].encode(), value["owner"])
 
 
-def _pending(host: WindowsHost, value: bool) -> None:
-    if value:
-        host.add_key(PENDING)
-
-
 def _named(name: str) -> Callable[[WindowsHost, Any], None]:
     return lambda host, value: setattr(host, name, value)
 
@@ -184,7 +177,6 @@ _FILL: dict[str, Callable[[WindowsHost, Any], None]] = {
     "machine_id": lambda host, value: _key(
         host, CRYPTOGRAPHY, [{"name": "MachineGuid", "kind": "String", "data": value}]
     ),
-    "pending_restart": _pending,
     "execution_policy": lambda host, value: setattr(
         host, "execution_policy", [(policy["scope"], policy["policy"]) for policy in value]
     ),
@@ -193,7 +185,7 @@ _FILL: dict[str, Callable[[WindowsHost, Any], None]] = {
         for name in (
             *("hyperv_administrator", "hypervisor_running", "counters"),
             *("powershell", "elevated", "host_visible", "module", "scheduler", "processors", "numa", "switches"),
-            *("cpu_groups", "power_plan"),
+            "cpu_groups",
         )
     },
 }

@@ -20,8 +20,6 @@ NO_NAMESPACE = ("HRESULT 0x8004100e,GetCimInstanceCommand", "ObjectNotFound", "I
 NO_CMDLET = ("CommandNotFoundException", "ObjectNotFound", "The term is not recognized as the name of a cmdlet.")
 CLASSES = ("ComputerSystem", "ProcessorSettingData", "KvpExchangeComponent", "ShutdownComponent")
 CMDLETS = ("Get-VM", "Get-VMHost", "Get-VMHostNumaNode", "Get-VMSwitch")
-BALANCED = r"Microsoft:PowerPlan\{381b4222-f694-41f0-9685-ff5bb260df2e}"
-HIGH = r"Microsoft:PowerPlan\{8c5e7fda-e8bf-4a96-9a85-a6e23a8c635c}"
 GUEST = "HKLM:\\SOFTWARE\\Microsoft\\Virtual Machine\\Guest\\Parameters"
 
 
@@ -29,7 +27,7 @@ def a_bare_server(document: Path, *files: str) -> WindowsHost:
     """The server that was observed, as it was before the role was installed, without machines."""
     host = host_from(json.loads(document.read_bytes()), *files)
     host.vms.clear()
-    host.cpu_groups, host.switches, host.module, host.power_plan = [], [], [], [BALANCED]
+    host.cpu_groups, host.switches, host.module = [], [], []
     host.scheduler, host.hypervisor_running, host.counters = None, False, False
     host.refusals |= {f"Get-CimInstance Msvm_{name}": NO_NAMESPACE for name in CLASSES}
     host.refusals |= dict.fromkeys(CMDLETS, NO_CMDLET)
@@ -69,7 +67,6 @@ TYPED: dict[str, Callable[[WindowsHost], None]] = {
     "Install-WindowsFeature -Name Hyper-V -IncludeManagementTools -Restart": _install_role,
     "New-VMSwitch -Name cell -SwitchType Internal": lambda host: host.switches.append("cell"),
     "New-VMSwitch -Name office -SwitchType Internal": lambda host: host.switches.append("office"),
-    "powercfg /setactive SCHEME_MIN": lambda host: setattr(host, "power_plan", [HIGH]),
 }
 """What becomes of the host; any other command is a mistake of its page."""
 

@@ -31,7 +31,7 @@ from tests.effort import Attempt, every_few, tried
 from tests.fake_powershell.cell import apply_script, files_of
 from tests.fake_powershell.cells import everything, fresh
 from tests.fake_powershell.host import Entry, WindowsHost
-from tests.fake_powershell.observing import JOURNAL, PENDING, PROFILE, RECORDS, WINDOWS, document_of
+from tests.fake_powershell.observing import JOURNAL, PROFILE, RECORDS, WINDOWS, document_of
 from tests.fake_powershell.signing import signed
 from tests.fake_powershell.transport import FakePowerShellTransport
 from tests.recorded_hosts import read_observation
@@ -81,17 +81,6 @@ def test_a_host_that_constrains_the_language_of_scripts_says_so() -> None:
 
     with pytest.raises(HostFailed, match="runs in ConstrainedLanguage here, by AppLocker or App Control"):
         live(host).examined()
-
-
-def test_examining_sees_what_a_state_does_not_hold() -> None:
-    host = fresh().copy()
-    calm = live(host).examined()
-    host.add_key(PENDING)
-
-    looked = live(host).examined()
-
-    assert looked.state == calm.state == live(host).observe()
-    assert (calm.condition.pending_restart, looked.condition.pending_restart) == (False, True)
 
 
 def test_examining_tells_what_is_odd_there() -> None:

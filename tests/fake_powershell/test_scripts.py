@@ -762,7 +762,9 @@ def test_a_machine_with_an_image_boots_from_its_disk_and_linux_with_its_own_temp
     image = "D:\\images\\Debian-12.vhdx"
     host = a_windows()
     host.write_file(image, b"an image")
-    with_image = replace(a_partition("vision"), hyperv=HypervPartition(image=image))
+    with_image = replace(
+        a_partition("vision"), hyperv=HypervPartition(image=image, secure_boot="MicrosoftUEFICertificateAuthority")
+    )
     bare = replace(a_partition("speech"), hyperv=HypervPartition(secure_boot="off"))
     components = (a_component("vision", reserve="10 %"), a_component("speech", reserve="10 %"))
 

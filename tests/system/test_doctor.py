@@ -79,6 +79,6 @@ def test_hosts_of_one_machine_are_named_as_in_a_plan(tmp_path: Path, monkeypatch
 
 
 def test_an_acceptance_of_what_only_the_doctor_finds_is_not_unused_in_a_plan(desk: Desk) -> None:
-    policy = "policy:\n  accept:\n    RARMS236: { at: [host/onboard], reason: a laptop }\n"
+    policy = "policy:\n  accept:\n    RARMS234: { at: [host/onboard], reason: a laptop }\n"
 
     assert "RARMS096" not in desk.run("plan", policy=policy).out

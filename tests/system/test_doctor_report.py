@@ -10,7 +10,7 @@ from typing import Any, get_args
 import pytest
 
 from rarms_iac.app.doctor import Examinations, ExaminedHost
-from rarms_iac.app.doctor_report import Connection, DoctorReport, ExecutionPolicy, PowerPlan, report_examinations
+from rarms_iac.app.doctor_report import Connection, DoctorReport, ExecutionPolicy, report_examinations
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource, SnapshotSelection
@@ -58,7 +58,7 @@ Way = tuple[str, ...]
 VERSION = re.compile(r"[0-9]+(\.[0-9]+)+")
 WORDS = {
     *(word for kinds in (ProviderKind, SchedulerType, Rights) for word in kinds),
-    *(word for words in (Connection, ExecutionPolicy, PowerPlan) for word in get_args(words)),
+    *(word for words in (Connection, ExecutionPolicy) for word in get_args(words)),
     *("doctor_report", "rarms-output/4", "linux", "win32", "darwin"),
 }
 
@@ -215,14 +215,14 @@ def test_a_report_says_how_the_host_was_reached_and_counts_its_machines(
 
     (host,) = report.hosts
     assert host.connection == word
-    assert (host.powershell, host.module, host.power_plans) == (None, ("2.0.0.0",), ("another",))
+    assert (host.powershell, host.module) == (None, ("2.0.0.0",))
     assert host.machines.ties == {Tie.REPLICA: 1, Tie.CLUSTER: 1}
     assert (host.machines.marked_replicas, host.machines.marks_not_believed, host.machines.mute) == (1, 1, 1)
 
 
 def _report(manifest: str, machines: tuple[Partition, ...]) -> DoctorReport:
     hosts = select_hosts(load_manifest(ManifestSource(manifest=manifest)), SnapshotSelection())
-    condition = HostCondition(powershell=PLANTED, module=(PLANTED, "2.0.0.0"), power_plans=(PLANTED,))
+    condition = HostCondition(powershell=PLANTED, module=(PLANTED, "2.0.0.0"))
     examined = ExaminedHost(
         facts=facts(f"{PLANTED}-host"),
         condition=condition,

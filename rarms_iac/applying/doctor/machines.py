@@ -7,10 +7,8 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.state import RunState
 
 CPU_GROUP = Finding.warning("RARMS235", "A machine is in a CPU group")
-DYNAMIC_MEMORY = Finding.warning("RARMS237", "Dynamic memory turns virtual NUMA off")
-AUTOMATIC_CHECKPOINTS = Finding.warning("RARMS238", "A machine takes checkpoints by itself")
 CLUSTERED = Finding.warning("RARMS244", "A machine belongs to a cluster")
-MACHINE_STATE = Finding.warning("RARMS245", "A machine is saved or in a critical state")
+MACHINE_STATE = Finding.warning("RARMS245", "A machine is in a critical state")
 MUTE_GUEST = Finding.warning("RARMS322", "The guest of a running partition is mute")
 WIDE_MACHINE = Finding.warning("RARMS246", "A machine has more processors than the host")
 
@@ -30,36 +28,6 @@ def check_cpu_group(host: Examination) -> Iterator[Diagnostic]:
             )
 
 
-def check_dynamic_memory(host: Examination) -> Iterator[Diagnostic]:
-    """Virtual NUMA is off when dynamic memory is on, which matters on a host of several nodes (windows.md 2)."""
-    nodes = host.condition.numa_nodes or 1
-    for machine, _ in host.machines():
-        if nodes > 1 and machine.settings.dynamic_memory:
-            yield host.machine_finding(
-                DYNAMIC_MEMORY,
-                machine,
-                f"{machine_title(machine)} has dynamic memory, and {host.name} has {nodes} NUMA nodes: its guest "
-                "does not see them, and its memory may lie on a node far from its processors.",
-                "Give it static memory: `Set-VMMemory -DynamicMemoryEnabled $false`, while it is off. Partitions of "
-                "rarms have static memory.",
-                {"numa_nodes": nodes},
-            )
-
-
-def check_automatic_checkpoints(host: Examination) -> Iterator[Diagnostic]:
-    """Client hosts may take a checkpoint whenever a machine starts (windows.md 4)."""
-    for machine, condition in host.machines():
-        if condition.automatic_checkpoints:
-            yield host.machine_finding(
-                AUTOMATIC_CHECKPOINTS,
-                machine,
-                f"{machine_title(machine)} on {host.name} takes a checkpoint whenever it starts: its disk grows "
-                "beside its parent, and going back to one brings old settings back.",
-                "Turn it off: `Set-VM -AutomaticCheckpointsEnabled $false`. Partitions of rarms have checkpoints "
-                "disabled.",
-            )
-
-
 def check_cluster(host: Examination) -> Iterator[Diagnostic]:
     """A cluster may move a machine, and keeps a copy of its settings (windows.md 5)."""
     for machine, condition in host.machines():
@@ -75,23 +43,14 @@ def check_cluster(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_machine_state(host: Examination) -> Iterator[Diagnostic]:
-    """A saved machine keeps its settings until it runs again; a critical one has lost its storage (windows.md 3, 5)."""
+    """A critical machine has lost its storage (windows.md 5)."""
     for machine, _ in host.machines():
-        title = f"{machine_title(machine)} on {host.name}"
-        if machine.state is RunState.SAVED:
+        if machine.state is RunState.CRITICAL:
             yield host.machine_finding(
                 MACHINE_STATE,
                 machine,
-                f"{title} is saved: its processors and memory cannot change, and unless it starts by itself its "
-                "reserve is not counted until it runs again.",
-                "Start it and shut it down, or give its saved state up: `Remove-VMSavedState`.",
-                {"state": machine.state.value},
-            )
-        elif machine.state is RunState.CRITICAL:
-            yield host.machine_finding(
-                MACHINE_STATE,
-                machine,
-                f"{title} is in a critical state: its storage cannot be reached. It can only be turned off or removed.",
+                f"{machine_title(machine)} on {host.name} is in a critical state: its storage cannot be reached. It "
+                "can only be turned off or removed.",
                 "Bring its storage back (a disk that is offline, full or disconnected), then look again.",
                 {"state": machine.state.value},
             )

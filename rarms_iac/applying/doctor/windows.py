@@ -16,8 +16,6 @@ from rarms_iac.model.wording import in_a_row, quoted
 RESPONSIVENESS_VALUE = Finding.warning("RARMS230", "SystemResponsiveness is not a value that Windows takes as it is")
 NO_MODULE = Finding.error("RARMS233", "The Hyper-V module is not installed")
 CORE_SCHEDULER = Finding.warning("RARMS234", "Under the core scheduler a virtual processor may take two logical ones")
-POWER_PLAN = Finding.warning("RARMS236", "The power plan slows the processors down")
-PENDING_RESTART = Finding.warning("RARMS239", "The host waits for a restart")
 OLD_POWERSHELL = Finding.error("RARMS240", "The host's PowerShell is too old")
 EXECUTION_POLICY = Finding.warning("RARMS241", "The execution policy keeps scripts from running")
 NARROW_PROCESS = Finding.error("RARMS242", "The host was looked at by a 32-bit process")
@@ -29,12 +27,6 @@ NOT_ELEVATED = Finding.warning("RARMS319", "Who looked at the host may not chang
 LITTLE_MEMORY = Finding.warning("RARMS320", "The host's free memory does not start its partitions")
 NO_COUNTERS = Finding.warning("RARMS321", "The hypervisor's counters are missing")
 SCRIPT_RUNNING = Finding.warning("RARMS323", "A script of rarms is running on the host")
-
-_SLOW_PLANS = {
-    "381b4222-f694-41f0-9685-ff5bb260df2e": "Balanced",
-    "a1841308-3541-4fab-bc81-f71556f20b4a": "Power saver",
-}
-"""Windows' own plans, by id; their names are in the host's language."""
 
 _FORBIDDING_POLICIES = ("Restricted", "AllSigned")
 _NEEDED_POWERSHELL = (5, 1)
@@ -191,31 +183,6 @@ def check_core_scheduler(host: Examination) -> Iterator[Diagnostic]:
             "Give partitions even numbers of processors, and let them see SMT (HwThreadCountPerCore 0 or 2). Plans "
             "count whole cores.",
             {"scheduler": facts.scheduler.value},
-        )
-
-
-def check_power_plan(host: Examination) -> Iterator[Diagnostic]:
-    """Balanced reaches full speed only under load: response times vary (windows.md 2)."""
-    for active in host.condition.power_plans or ():
-        name = next((name for plan, name in _SLOW_PLANS.items() if plan in active.lower()), None)
-        if name is not None:
-            yield host.host_finding(
-                POWER_PLAN,
-                f"{host.name}: the power plan {name} is active. Its processors reach full speed only "
-                "under load, so that measured response times vary and do not hold later.",
-                "Choose High performance: `powercfg /setactive SCHEME_MIN`, before anything is measured.",
-                {"power_plan": name},
-            )
-
-
-def check_pending_restart(host: Examination) -> Iterator[Diagnostic]:
-    """An installation takes effect when the host starts again, and it may do so at any time."""
-    if host.condition.pending_restart:
-        yield host.host_finding(
-            PENDING_RESTART,
-            f"{host.name}: Windows waits for a restart to finish installing something. A restart in the "
-            "middle of an apply stops its machines, and what is measured now may not hold afterwards.",
-            "Restart it at a time of your choice, then look again.",
         )
 
 

@@ -140,8 +140,8 @@ class HypervHostBlock(Block):
     vm_path: Maybe[Filled] = optional("The folder on the host for virtual machines; absent: the default of the host.")
     secure_boot: Maybe[SecureBoot] = optional(
         "Secure boot of generation 2: `off`, or the template that the guest boots with, `MicrosoftWindows` or, for "
-        "Linux, `MicrosoftUEFICertificateAuthority`. Absent: a new machine gets what the file name of its image "
-        "suggests, and one that exists keeps what it has."
+        "Linux, `MicrosoftUEFICertificateAuthority`. Absent: a new machine gets "
+        "`MicrosoftWindows`, the default of Hyper-V, and one that exists keeps what it has."
     )
     credential: Maybe[Filled] = optional(
         "The name under which the host keeps what guests are entered with, to measure in them; never the secret itself."

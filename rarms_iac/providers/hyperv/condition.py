@@ -42,8 +42,6 @@ def condition_of(observation: HostObservation) -> HostCondition:
         elevated=or_else(observation.elevated, None),
         hyperv_administrator=or_else(observation.hyperv_administrator, None),
         script_running=or_else(observation.script_running, None),
-        power_plans=or_else(observation.power_plan, None),
-        pending_restart=or_else(observation.pending_restart, None),
         seen_processors=sum(socket.logical for socket in sockets) if sockets else None,
         numa_nodes=len(nodes) if nodes else None,
         machines=tuple(map(_machine, or_else(observation.machines, ()))),
@@ -68,7 +66,6 @@ def _counters(observation: HostObservation) -> bool | None:
 def _machine(machine: ObservedMachine) -> MachineCondition:
     return MachineCondition(
         id=machine.id,
-        automatic_checkpoints=machine.automatic_checkpoints == "True",
         clustered=machine.clustered == "True",
     )
 
@@ -80,8 +77,6 @@ _LOOKED_AT = {
     "the NUMA nodes": "numa",
     "the CPU groups": "cpu_groups",
     "the multimedia task classes": "tasks",
-    "the power plan": "power_plan",
-    "a pending restart": "pending_restart",
     "the execution policy": "execution_policy",
 }
 """Probes that a check or a plan rests on; whose absence is told elsewhere (rights, module, scheduler), or is normal

@@ -33,7 +33,6 @@ WINDOWS_KEY = r"SOFTWARE\Microsoft\Windows NT\CurrentVersion"
 PROFILE_KEY = WINDOWS_KEY + r"\Multimedia\SystemProfile"
 RECORDS_KEY = r"SOFTWARE\rarms"
 CRYPTOGRAPHY_KEY = r"SOFTWARE\Microsoft\Cryptography"
-PENDING_KEY = r"SOFTWARE\Microsoft\Windows\CurrentVersion\Component Based Servicing\RebootPending"
 ENGINE_KEY = r"SOFTWARE\Microsoft\PowerShell\3\PowerShellEngine"
 POLICY_KEY = r"SOFTWARE\Policies\Microsoft\Windows\PowerShell"
 SHELL_KEY = r"SOFTWARE\Microsoft\PowerShell\1\ShellIds\Microsoft.PowerShell"
@@ -105,8 +104,6 @@ def local_document(windows: LocalWindows) -> dict[str, Json]:
         "records": lambda windows: list(_records(windows)),
         "journal": lambda windows: dict(zip(("owner", "text"), windows.journal(), strict=True)),
         "script_running": lambda windows: windows.is_script_running(),
-        "power_plan": _power_plan,
-        "pending_restart": _pending_restart,
         "execution_policy": lambda windows: list(_policies(windows)),
     }
     read = {name: _probe(probe, windows) for name, probe in probes.items()}
@@ -145,20 +142,6 @@ def _records(windows: LocalWindows) -> Iterator[Json]:
         for task in windows.key(rf"{RECORDS_KEY}\{application}").keys:
             values = _values(windows, rf"{RECORDS_KEY}\{application}\{task}")
             yield {"application": application, "task": task, "values": values}
-
-
-def _power_plan(windows: LocalWindows) -> Json:
-    return [str(plan["InstanceID"]) for plan in windows.instances("Win32_PowerPlan") if plan["IsActive"]]
-
-
-def _pending_restart(windows: LocalWindows) -> Json:
-    try:
-        windows.key(PENDING_KEY)
-    except NotRead as problem:
-        if problem.denied:
-            raise
-        return False
-    return True
 
 
 def _policies(windows: LocalWindows) -> Iterator[Json]:

@@ -228,7 +228,7 @@ def namespace_of(name: str) -> str:
         return r"root\virtualization\v2"
     if name.startswith("MSCluster_"):
         return r"root\MSCluster"
-    return r"root\cimv2\power" if name == "Win32_PowerPlan" else r"root\cimv2"
+    return r"root\cimv2"
 
 
 def _raw_value(instance: Any, name: str) -> Any:

@@ -20,7 +20,6 @@ from rarms_iac.model.run import Call, Command, FromEnvironment, Periodic, Run
 from rarms_iac.model.state import HostFacts
 from rarms_iac.model.system import Component, run_of
 from rarms_iac.model.wording import last_words, reason_of
-from rarms_iac.planner.sizes import suggested_secure_boot
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.measuring import GuestWork, TestMachine, render_measuring, script_name
 from rarms_iac.powershell.templates import MEASURING_ENTRY
@@ -276,8 +275,6 @@ class HypervMeasuringHost(LiveHypervHost):
         return ScriptBundle(runs=name, files={name: text.decode("ascii")})
 
     def _machine(self, shape: PartitionShape) -> TestMachine:
-        image = self._settings.image or ""
-        is_new = self._settings.generation == 2
         return TestMachine(
             name=shape.name,
             processors=shape.processors,
@@ -285,9 +282,9 @@ class HypervMeasuringHost(LiveHypervHost):
             limit=shape.limit,
             weight=shape.weight,
             generation=self._settings.generation,
-            image=image,
+            image=self._settings.image or "",
             folder=self._settings.vm_path or "",
-            secure_boot=(self._settings.secure_boot or suggested_secure_boot(image)[0]) if is_new else "",
+            secure_boot=(self._settings.secure_boot or "") if self._settings.generation == 2 else "",
         )
 
     def _guest_works(

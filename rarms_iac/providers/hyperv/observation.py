@@ -120,7 +120,6 @@ class ObservedMachine:
     start_delay: int
     stop_action: str
     checkpoints: str
-    automatic_checkpoints: str  # True, False, or empty: the host does not know the setting
     checkpoint_count: int
     clustered: str
     replication_mode: str = ""  # None, Primary, Replica, TestReplica, ExtendedReplica; empty: an older script asked
@@ -255,8 +254,6 @@ class HostObservation:
     records: Probe[tuple[RecordKey, ...]]
     journal: Probe[JournalText]
     script_running: Probe[bool]  # of rarms; only rarms itself asks, on the host
-    power_plan: Probe[tuple[str, ...]]
-    pending_restart: Probe[bool]
     execution_policy: Probe[tuple[ScopedPolicy, ...]]
 
 

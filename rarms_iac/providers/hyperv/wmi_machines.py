@@ -43,7 +43,6 @@ QUERIES: Mapping[str, tuple[str, ...]] = {
     "Msvm_VirtualHardDiskSettingData": ("Type", "ParentPath"),
     "Win32_ComputerSystem": ("TotalPhysicalMemory", "HypervisorPresent"),
     "Win32_Processor": ("Name", "NumberOfCores", "NumberOfLogicalProcessors"),
-    "Win32_PowerPlan": ("InstanceID", "IsActive"),
     COUNTERS: ("Name",),
     CLUSTER: ("Type", "PrivateProperties"),
 }
@@ -220,7 +219,7 @@ def _machine(
     (cpu,) = _parts(source, setting, "Msvm_ProcessorSettingData")[:1] or (_lacks("processor"),)
     (memory,) = _parts(source, setting, "Msvm_MemorySettingData")[:1] or (_lacks("memory"),)
     snapshots = source.instances("Msvm_SnapshotOfVirtualSystem")
-    threads, automatic = cpu["HwThreadsPerCore"], setting["AutomaticSnapshotsEnabled"]
+    threads = cpu["HwThreadsPerCore"]
     return {
         "state": _state(system),
         "generation": 2 if _str(setting, "VirtualSystemSubType").endswith(":2") else 1,
@@ -239,7 +238,6 @@ def _machine(
         "start_delay": _seconds(_str(setting, "AutomaticStartupActionDelay")),
         "stop_action": _named(STOP_ACTIONS, setting, "AutomaticShutdownAction"),
         "checkpoints": _named(CHECKPOINTS, setting, "UserSnapshotType"),
-        "automatic_checkpoints": "" if automatic is None else str(bool(automatic)),
         "checkpoint_count": sum(_end(each, "Antecedent") == system["Name"] for each in snapshots),
         "clustered": str(_str(system, "Name").lower() in clustered),
         "replication_mode": _named(REPLICATION_MODES, system, "ReplicationMode"),

@@ -24,7 +24,7 @@ $script:Ordinal = [System.StringComparer]::Ordinal  # of tables: 5.1 compares th
 $script:Whole = @{ Address = 'host'; Number = 0 }  # stands for a step where an event is about none
 $script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 # SHA-256 of observe.ps1 in this folder, to the byte before a signature.
-$script:Observe = 'dac22a85dd1210e05303b52f7cb992b8c3c4d4de4c73ee6dc5665d9e551bf365'
+$script:Observe = 'bf15dcdd5d249f5b326debe2bfbb522e45486e1b3d55a6948816b9fdfdde7fcd'
 $script:ProfileRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 

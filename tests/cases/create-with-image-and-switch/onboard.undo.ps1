@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 8458f4830036 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan c64d5ffc1d8c of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 1 stopped, 1 removed; 1 disk deleted.
     name    what is done      off
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: Rarms.psm1 3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2.
+    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = '8458f4830036'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Run = 'undo'; Plan = 'c64d5ffc1d8c'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
@@ -48,26 +48,26 @@ $plan = {
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Undoes 3 -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
-    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' -Disk 'D:\machines\vision\vision-8458f4830036.vhdx' }
+    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' -Disk 'D:\machines\vision\vision-c64d5ffc1d8c.vhdx' }
     Add-Step -Action 'remove the machine' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
-    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision\vision-8458f4830036.vhdx' -Parent 'D:\images\base.vhdx' -Everywhere }
+    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision\vision-c64d5ffc1d8c.vhdx' -Parent 'D:\images\base.vhdx' -Everywhere }
     Add-Step -Action 'delete the disk that grows out of D:\images\base.vhdx' -Undoes 0 -Before @{
         child = $true; exists = $true; used = $false
     } -After @{
         exists = $false
-    } -Set { Remove-DiskFile -Path 'D:\machines\vision\vision-8458f4830036.vhdx' }
-    Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -From 'D:\machines\vision.rarms-8458f4830036' -To 'D:\machines\vision' }
+    } -Set { Remove-DiskFile -Path 'D:\machines\vision\vision-c64d5ffc1d8c.vhdx' }
+    Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -From 'D:\machines\vision.rarms-c64d5ffc1d8c' -To 'D:\machines\vision' }
     Add-Step -Action 'remove its folders, where they are empty' -Undoes 0 -Before @{} -After @{ folders = 0 } -Set {
-        Remove-PartitionFolder -From 'D:\machines\vision.rarms-8458f4830036' -To 'D:\machines\vision'
+        Remove-PartitionFolder -From 'D:\machines\vision.rarms-c64d5ffc1d8c' -To 'D:\machines\vision'
     }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '3B3026CA09613FCE93DC96C8607F48D9B43940F19556E970A522B0AE1EAADDD2'
+    'Rarms.psm1' = 'D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

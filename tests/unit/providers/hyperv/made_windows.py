@@ -22,7 +22,6 @@ RESTS_ON = {
     "host_visible": "Msvm_ComputerSystem",
     "cpu_groups": "Msvm_ProcessorSettingData",
     "processors": "Win32_Processor",
-    "power_plan": "Win32_PowerPlan",
     "counters": wmi_machines.COUNTERS,
     "guests": "Msvm_KvpExchangeComponent",
     "shutdown_services": "Msvm_ShutdownComponent",
@@ -153,9 +152,6 @@ class MadeWindows:
                 NumberOfCores=socket["cores"],
                 NumberOfLogicalProcessors=socket["logical"],
             )
-        for plan in self._value("power_plan", ()):
-            self._add("Win32_PowerPlan", InstanceID=plan, IsActive=True)
-            self._add("Win32_PowerPlan", InstanceID=f"not {plan}", IsActive=False)
         for name in self._value("switches", ()):
             self._add("Msvm_VirtualEthernetSwitch", Name=f"id of {name}", ElementName=name)
         for guest in self._value("guests", ()):
@@ -197,7 +193,6 @@ class MadeWindows:
     def _settings(self, instance: str, kind: str, machine: Mapping[str, Any]) -> None:
         firmware = {each["machine"]: each for each in self._value("firmware", ())}.get(machine["id"], {})
         templates = {template: guid for guid, template in wmi_machines.TEMPLATES.items()}
-        automatic = machine["automatic_checkpoints"]
         hours, rest = divmod(machine["start_delay"], 3600)
         self._add(
             wmi_machines.SETTINGS,
@@ -210,7 +205,6 @@ class MadeWindows:
             AutomaticStartupActionDelay=f"{hours // 24:08}{hours % 24:02}{rest // 60:02}{rest % 60:02}.000000:000",
             AutomaticShutdownAction=numbers(wmi_machines.STOP_ACTIONS)[machine["stop_action"]],
             UserSnapshotType=numbers(wmi_machines.CHECKPOINTS)[machine["checkpoints"]],
-            AutomaticSnapshotsEnabled=None if automatic == "" else automatic == "True",
             SecureBootEnabled=firmware.get("secure_boot") == "On",
             SecureBootTemplateId=templates.get(firmware.get("template", ""), "").upper() or None,
         )
@@ -298,7 +292,6 @@ class MadeWindows:
             )
         self._texts(local_probes.CRYPTOGRAPHY_KEY, MachineGuid=self._value("machine_id", ""))
         self._texts(local_probes.ENGINE_KEY, PowerShellVersion=self._value("powershell", {"version": ""})["version"])
-        self._key(local_probes.PENDING_KEY, [] if self._value("pending_restart", False) else None)
         keys = {"MachinePolicy": (local_probes.POLICY_KEY, False), "UserPolicy": (local_probes.POLICY_KEY, True)}
         keys |= {"LocalMachine": (local_probes.SHELL_KEY, False), "CurrentUser": (local_probes.SHELL_KEY, True)}
         for policy in self._value("execution_policy", ()):

@@ -56,11 +56,11 @@ def test_policies_are_by_scope_and_scopes_of_later_versions_are_left_out() -> No
 
 @pytest.mark.parametrize(("status", "message"), [("absent", "absent (Gone)"), ("denied", "denied (Gone)")])
 def test_what_was_not_read_is_said_with_the_reason(status: str, message: str) -> None:
-    found = condition_of(unread(STRANGERS, "power_plan", "numa", status=status))
+    found = condition_of(unread(STRANGERS, "cpu_groups", "numa", status=status))
 
-    assert (found.power_plans, found.numa_nodes) == (None, None)
-    assert {name: found.unread[name] for name in ("the power plan", "the NUMA nodes")} == {
-        "the power plan": message,
+    assert found.numa_nodes is None
+    assert {name: found.unread[name] for name in ("the CPU groups", "the NUMA nodes")} == {
+        "the CPU groups": message,
         "the NUMA nodes": message,
     }
 

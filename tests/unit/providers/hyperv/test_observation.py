@@ -53,12 +53,12 @@ def test_a_probe_is_a_value_absent_or_denied() -> None:
 
 def test_an_older_script_did_not_look() -> None:
     answer = document("empty-host")
-    del answer["pending_restart"]
+    del answer["execution_policy"]
 
     seen = read_observation(json.dumps(answer).encode())
 
-    assert isinstance(seen.pending_restart, UnreadProbe)
-    assert seen.pending_restart.error == "NotLookedFor"
+    assert isinstance(seen.execution_policy, UnreadProbe)
+    assert seen.execution_policy.error == "NotLookedFor"
 
 
 def changed(path: str, value: Any) -> bytes:
