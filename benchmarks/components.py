@@ -14,8 +14,8 @@ from fractions import Fraction
 from statistics import NormalDist
 
 from rarms_iac.measuring.search.trials import Goal, Member, is_clear
-from rarms_iac.measuring.setup import Budget
 from rarms_iac.measuring.strategies import Strategy
+from rarms_iac.model.experiment import Budget
 from rarms_iac.model.outcomes import Conclusion, Measure
 from rarms_iac.model.series import MOST_SAMPLES, Sample, Series
 from rarms_iac.model.setting import Setting

@@ -26,10 +26,10 @@ from pathlib import Path
 
 import rarms_iac as rarms
 from benchmarks.timing import Figure, report
-from rarms_iac.app.experiments.measure_request import MeasureRequest
-from rarms_iac.app.experiments.prove import ProveRequest
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.use_case_errors import UseCaseError
+from rarms_iac.measuring.measure_request import MeasureRequest
+from rarms_iac.measuring.prove import ProveRequest
 from rarms_iac.model.loads import BUSY_LOOP, DEFAULT_LOADS, LOADS_WITHOUT_ENTRY
 from rarms_iac.model.outcomes import Missed
 from rarms_iac.statistics.distributions import share_interval

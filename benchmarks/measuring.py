@@ -27,12 +27,12 @@ from typing import Literal
 
 import rarms_iac as rarms
 from benchmarks.timing import Figure, report
-from rarms_iac.app.experiments.measure_request import ExperimentResult, MeasureRequest
-from rarms_iac.app.experiments.several_loads import decisive
 from rarms_iac.app.hosts import Hosts
+from rarms_iac.measuring.measure_request import ExperimentResult, MeasureRequest
 from rarms_iac.measuring.partitions import MeasuringResources, highest_reserve, host_resources, load_share
-from rarms_iac.measuring.setup import Experiment, experiments_of
+from rarms_iac.measuring.several_loads import decisive
 from rarms_iac.model.environment_setup import P1, P2, P2_WEIGHT
+from rarms_iac.model.experiment import Experiment, experiments_of
 from rarms_iac.model.indexes import index_named, percentile_of
 from rarms_iac.model.loads import DEFAULT_LOADS
 from rarms_iac.model.outcomes import NotAchievable, WithinNoise

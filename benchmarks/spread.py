@@ -10,7 +10,7 @@ from pathlib import Path
 
 import rarms_iac as rarms
 from benchmarks.timing import Figure, report
-from rarms_iac.app.experiments.measure_request import MeasureRequest
+from rarms_iac.measuring.measure_request import MeasureRequest
 
 SEEDS = range(1, 13)
 MOST_APART = 3

@@ -12,18 +12,18 @@ TYPE_CHECKING = False  # type checkers know this name; to import typing would do
 if TYPE_CHECKING:
     from rarms_iac.app.applying import apply
     from rarms_iac.app.control import Control, Reporter, StopSignal
-    from rarms_iac.app.experiments.measure import MeasureOutcome
-    from rarms_iac.app.experiments.measure import measure_components as measure
-    from rarms_iac.app.experiments.measure_request import ExperimentResult, MeasureRequest
-    from rarms_iac.app.experiments.prove import ProveOutcome, ProveRequest
-    from rarms_iac.app.experiments.prove import prove_layout as prove
-    from rarms_iac.app.experiments.tune import TuneRequest, TuningResult
-    from rarms_iac.app.experiments.tune import tune_components as tune
     from rarms_iac.app.hosts import Hosts, load
     from rarms_iac.app.planning import plan, plan_request
     from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
     from rarms_iac.applying.plan_request import PlanRequest
     from rarms_iac.applying.run_report import RunEnding, RunReport
+    from rarms_iac.measuring.measure import MeasureOutcome
+    from rarms_iac.measuring.measure import measure_components as measure
+    from rarms_iac.measuring.measure_request import ExperimentResult, MeasureRequest
+    from rarms_iac.measuring.prove import ProveOutcome, ProveRequest
+    from rarms_iac.measuring.prove import prove_layout as prove
+    from rarms_iac.measuring.tune import TuneRequest, TuningResult
+    from rarms_iac.measuring.tune import tune_components as tune
     from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Update
     from rarms_iac.model.diagnostics import Diagnostic, Severity
     from rarms_iac.model.plan import HostPlan, Plan, Purpose
@@ -82,27 +82,27 @@ _NAMES = {
     "HostPlan": ("model.plan", "HostPlan"),
     "Plan": ("model.plan", "Plan"),
     "Hosts": ("app.hosts", "Hosts"),
-    "MeasureOutcome": ("app.experiments.measure", "MeasureOutcome"),
-    "MeasureRequest": ("app.experiments.measure_request", "MeasureRequest"),
-    "ExperimentResult": ("app.experiments.measure_request", "ExperimentResult"),
+    "MeasureOutcome": ("measuring.measure", "MeasureOutcome"),
+    "MeasureRequest": ("measuring.measure_request", "MeasureRequest"),
+    "ExperimentResult": ("measuring.measure_request", "ExperimentResult"),
     "Outcome": ("app.use_case_errors", "Outcome"),
     "Purpose": ("model.plan", "Purpose"),
     "RequestError": ("app.use_case_errors", "RequestError"),
     "UseCaseError": ("app.use_case_errors", "UseCaseError"),
     "PlanRequest": ("applying.plan_request", "PlanRequest"),
     "plan_request": ("app.planning", "plan_request"),
-    "ProveOutcome": ("app.experiments.prove", "ProveOutcome"),
-    "ProveRequest": ("app.experiments.prove", "ProveRequest"),
+    "ProveOutcome": ("measuring.prove", "ProveOutcome"),
+    "ProveRequest": ("measuring.prove", "ProveRequest"),
     "RunEnding": ("applying.run_report", "RunEnding"),
     "RunReport": ("applying.run_report", "RunReport"),
-    "TuneRequest": ("app.experiments.tune", "TuneRequest"),
-    "TuningResult": ("app.experiments.tune", "TuningResult"),
+    "TuneRequest": ("measuring.tune", "TuneRequest"),
+    "TuningResult": ("measuring.tune", "TuningResult"),
     "apply": ("app.applying", "apply"),
     "load": ("app.hosts", "load"),
-    "measure": ("app.experiments.measure", "measure_components"),
+    "measure": ("measuring.measure", "measure_components"),
     "plan": ("app.planning", "plan"),
-    "prove": ("app.experiments.prove", "prove_layout"),
-    "tune": ("app.experiments.tune", "tune_components"),
+    "prove": ("measuring.prove", "prove_layout"),
+    "tune": ("measuring.tune", "tune_components"),
 }
 """The module below `rarms_iac` and the name there, by the name that a program uses."""
 

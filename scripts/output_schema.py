@@ -3,7 +3,7 @@
 import sys
 from typing import get_args
 
-from rarms_iac.app.answers import Answer
+from rarms_iac.views.answers import Answer
 from rarms_iac.views.json_output import FORMAT_VERSION
 from scripts.file_schemas import text_of
 from scripts.schema_of_types import output_schema_of

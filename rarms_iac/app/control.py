@@ -1,13 +1,16 @@
 """How a caller takes part while a use case works: it hears what goes on, may end it, and is asked; by default not."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
 from rarms_iac.applying.run_report import RunReporter
-from rarms_iac.measuring.reporter import MeasuringReporter
 from rarms_iac.model.diagnostics import Diagnostic, Sources
+from rarms_iac.model.experiment import Experiment
+from rarms_iac.model.quantities import ReservePercent
+from rarms_iac.model.series import Series
+from rarms_iac.model.setting import Setting
 
 
 class StopSignal(Protocol):
@@ -43,6 +46,68 @@ class NeverStop:
             Once, with nothing.
         """
         yield
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RemainingSettings:
+    """How many settings an experiment still asks for, and how long one took so far in this command."""
+
+    least: int  # the running setting is one of them
+    most: int
+    setting_seconds: float  # on the average, by a wall clock, with all tries of one that was disturbed
+
+
+class MeasuringReporter:
+    """Told what happens, as it happens; must not raise. This one drops what it is told."""
+
+    def experiment_started(self, experiment: Experiment, recorded: tuple[Setting, ...]) -> None:
+        """Measuring begins, or goes on after the settings that are recorded.
+
+        Args:
+            experiment: what is measured.
+            recorded: its settings so far.
+        """
+
+    def setting_started(
+        self, experiment: Experiment, reserve: ReservePercent, remaining: RemainingSettings | None
+    ) -> None:
+        """The setting of this CR begins.
+
+        Args:
+            experiment: what is measured.
+            reserve: the CR in per cent of P1's own processors.
+            remaining: what the experiment still asks for, with this setting; None: nothing tells yet how long it takes.
+        """
+
+    def samples_came(self, experiment: Experiment, reserve: ReservePercent, seen: Mapping[str, Series]) -> None:
+        """Some samples more were seen.
+
+        Args:
+            experiment: what is measured.
+            reserve: the CR in per cent of P1's own processors.
+            seen: by component, the series so far.
+        """
+
+    def setting_ended(self, experiment: Experiment, setting: Setting, remaining: RemainingSettings | None) -> None:
+        """The setting is recorded.
+
+        Args:
+            experiment: what is measured.
+            setting: as it is recorded.
+            remaining: what the experiment may still ask for after it, likewise.
+        """
+
+    def setting_disturbed(self, experiment: Experiment, reserve: ReservePercent, reason: str) -> None:
+        """The setting of this CR was disturbed, and is measured once more.
+
+        Args:
+            experiment: what is measured.
+            reserve: the CR in per cent of P1's own processors.
+            reason: what disturbed it, in words.
+        """
+
+    def experiment_ended(self) -> None:
+        """There is nothing more to run."""
 
 
 class Reporter(Protocol):

@@ -11,17 +11,16 @@ from pathlib import Path
 
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.measurement_files import unreadable_advice
-from rarms_iac.measuring.evidence import SHORT
-from rarms_iac.measuring.setup import experiment_of
 from rarms_iac.model.commands import Prose, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.diagnostics import Fact, Facts, Finding
 from rarms_iac.model.environment_setup import CONFINEMENT, GROUP_CONFINEMENT
+from rarms_iac.model.experiment import experiment_of
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
 from rarms_iac.model.processor_number import ProcessorNumber, Used, processor_number
 from rarms_iac.model.quantities import Bytes, guaranteed, write_bytes
-from rarms_iac.model.setting import Setting, most_used
+from rarms_iac.model.setting import SHORT, Setting, most_used
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Component, PartitionRequest, System, Threshold, run_of
 from rarms_iac.model.weak_loads import advice_on_weak_loads

@@ -10,14 +10,15 @@ from pathlib import Path
 from typing import Literal
 
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
-from rarms_iac.measuring.measuring_findings import MEASURED_ELSEWHERE
 from rarms_iac.model.commands import Prose, Wording, prose
-from rarms_iac.model.diagnostics import Facts
+from rarms_iac.model.diagnostics import Facts, Finding
 from rarms_iac.planner.planning_findings import UNREADABLE
 from rarms_iac.storage.datalog.files import LogUnreadable
 from rarms_iac.storage.disk import MEASUREMENTS, PRIVATE, make_folder_for
 from rarms_iac.storage.lock import Locked, hold, owner
 from rarms_iac.storage.replace import remove_leftovers
+
+MEASURED_ELSEWHERE = Finding.error("RARMS265", "Another run measures the same")
 
 LOCKS = "locks"
 CHOICES = "configuration"

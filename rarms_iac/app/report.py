@@ -7,7 +7,6 @@ from pathlib import Path
 from rarms_iac.app.data_logs import files_of, known_platform, present, subject_of, used_processors
 from rarms_iac.app.decision_logs import tunings_of
 from rarms_iac.app.drift import drift_of_hosts
-from rarms_iac.app.experiments.measure_request import refuse_unknown
 from rarms_iac.app.graph import candidate_graph
 from rarms_iac.app.hosts import Hosts, last_runs, observe_host, select_hosts
 from rarms_iac.app.manifests import Manifest
@@ -15,15 +14,15 @@ from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.planning import plan_request, with_reservations
 from rarms_iac.app.report_measurements import ReportedLog, report_of
 from rarms_iac.app.report_model import ComponentProof, HostDifference, HostStatus, Report
-from rarms_iac.app.requests import HostSelection
+from rarms_iac.app.requests import HostSelection, refuse_unknown
 from rarms_iac.app.standing_proofs import HostNow, compared_with_hosts, host_now
 from rarms_iac.app.totals import totals_at_hand
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.diff.drift import DriftKind
-from rarms_iac.measuring.setup import experiment_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, first_of_each_kind, has_errors, in_order
 from rarms_iac.model.environment_setup import EnvironmentSetup
+from rarms_iac.model.experiment import experiment_of
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.journal import history_of

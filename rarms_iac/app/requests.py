@@ -1,5 +1,6 @@
 """The requests that use cases share: which manifest, which hosts and snapshots, how far a plan may go."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from rarms_iac.app.options import (
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.model.names import is_name
 from rarms_iac.model.system import Disruption
-from rarms_iac.model.wording import quoted
+from rarms_iac.model.wording import natural_order, quoted, suggestion
 
 if TYPE_CHECKING:
     from rarms_iac.providers.interface import WaitLimits
@@ -195,3 +196,22 @@ class PlanRunOptions(RunOptions):
     """How a run goes, for a command that makes its plan itself."""
 
     out: str | None = option("--out", metavar="FILE", help="Only write the plan, sealed, for `rarms apply FILE`.")
+
+
+def refuse_unknown(names: Sequence[str], existing: Mapping[str, object], kind: str) -> None:
+    """Refuse names that are not in the manifest.
+
+    Args:
+        names: As they were given.
+        existing: What the manifest has of that kind, by name.
+        kind: What messages call it: `component`, `interference`.
+
+    Raises:
+        RequestError: One of them is not there; the message offers the nearest.
+    """
+    for name in names:
+        if name not in existing:
+            raise RequestError(
+                f"The manifest has no {kind} {quoted(name)}.{suggestion(name, tuple(existing))} "
+                f"It has: {', '.join(sorted(existing, key=natural_order)) or 'none'}."
+            )

@@ -13,14 +13,13 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.options import argument, flag, option
 from rarms_iac.app.totals import states_at_hand
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
-from rarms_iac.measuring.search.bracketing import WIDTH
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.commands import Wording, prose
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import PerformanceIndex, find_index, show_value, threshold_of
 from rarms_iac.model.layout import Layout, PlacedPartition
-from rarms_iac.model.outcomes import Estimate
+from rarms_iac.model.outcomes import WIDTH, Estimate
 from rarms_iac.model.output import output
 from rarms_iac.model.quantities import UNITS, NotAQuantity, Unit, guaranteed, plain
 from rarms_iac.model.system import Component, System, Threshold

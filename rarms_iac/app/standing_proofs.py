@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 from rarms_iac.app.report_model import ComponentProof
 from rarms_iac.diff.drift import ResourceDrift
-from rarms_iac.measuring.partitions import is_test_partition
 from rarms_iac.model.journal import PastRun, RunKind
 from rarms_iac.model.quantities import show_percent
 from rarms_iac.model.state import State
@@ -59,7 +58,7 @@ def host_now(
         runs: those on it that are remembered, of any application, the oldest first.
         drifted: what differs there.
     """
-    partitions = [each for each in state.of(application).partitions if not is_test_partition(each)]
+    partitions = [each for each in state.of(application).partitions if not each.is_test]
     changed = (drift.address.partition for drift in drifted if drift.drift.is_of_the_host and not drift.address.task)
     return HostNow(
         name=name,

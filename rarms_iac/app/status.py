@@ -14,7 +14,6 @@ from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.preconditions import marked_resources, no_rights
 from rarms_iac.applying.state_after import totals_after
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
-from rarms_iac.measuring.partitions import is_test_partition, partition_name
 from rarms_iac.model.achievement import Achievement
 from rarms_iac.model.commands import APPLY, DRIFT, MEASURE, PLAN, START, RecommendedCommand, command
 from rarms_iac.model.diagnostics import Diagnostic
@@ -271,7 +270,7 @@ def _host_overview(
     system: System, name: str, state: State, history: History, drifted: Sequence[ResourceDrift]
 ) -> HostOverview:
     application, runs = system.application.name, history.hosts.get(name, ())
-    tests = [partition for partition in state.partitions if is_test_partition(partition)]
+    tests = [partition for partition in state.partitions if partition.is_test]
     state = replace(state, partitions=tuple(each for each in state.partitions if each not in tests))
     drifted = [drift for drift in drifted if drift.address.partition not in TEST_PARTITIONS]
     components = {group.name: tuple(member.name for member in group.members) for group in groups_of(system)}
@@ -303,12 +302,12 @@ def _host_overview(
         ),
         test_partitions=tuple(
             TestPartitionStatus(
-                name=partition_name(partition),
+                name=partition.shown_name,
                 application=partition.mark.application if partition.mark else "",
                 reserved_lp=Fraction(guaranteed(partition.settings.reserve, partition.settings.processors)),
                 running=partition.settings.running,
             )
-            for partition in sorted(tests, key=partition_name)
+            for partition in sorted(tests, key=lambda partition: partition.shown_name)
         ),
         is_measured=any(partition.mark and partition.mark.application == application for partition in tests),
         other_drift=tuple(drift for drift in drifted if drift.address.task or drift.address.partition not in names),

@@ -18,8 +18,8 @@ from rarms_iac.views.terminal import Terminal
 if TYPE_CHECKING:  # a command that measures nothing does not pay for measuring
     from rich.console import RenderableType
 
+    from rarms_iac.app.control import MeasuringReporter
     from rarms_iac.applying.run_report import RunReporter
-    from rarms_iac.measuring.reporter import MeasuringReporter
 
 
 def tell(terminal: Terminal, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:

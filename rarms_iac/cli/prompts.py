@@ -8,10 +8,6 @@ from textwrap import fill
 import click
 
 from rarms_iac.app.control import Control, StopConsent, always_consents, never_consents
-from rarms_iac.app.experiments.combining import CombiningOffer
-from rarms_iac.app.experiments.level_prompt import SessionEnded
-from rarms_iac.app.experiments.measure_request import ExperimentResult
-from rarms_iac.app.experiments.tune import TuningResult
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.select import BeyondMeasured, Selection
@@ -19,6 +15,10 @@ from rarms_iac.app.use_case_errors import RequestError, UseCaseError
 from rarms_iac.cli.ending import Interrupted
 from rarms_iac.cli.messages import TerminalReporter, stopped, tell
 from rarms_iac.cli.session import Session
+from rarms_iac.measuring.combining import CombiningOffer
+from rarms_iac.measuring.level_prompt import SessionEnded
+from rarms_iac.measuring.measure_request import ExperimentResult
+from rarms_iac.measuring.tune import TuningResult
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.planner.combining.oracle import Members
 from rarms_iac.storage.reading import STANDARD_INPUT

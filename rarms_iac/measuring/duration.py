@@ -9,8 +9,8 @@ from math import ceil, inf
 
 from rarms_iac.measuring.methods import Method, is_of_paper, reserves_of
 from rarms_iac.measuring.search.bracketing import MOST
-from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import SettingCount, Sweep
+from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.loads import Interference

@@ -15,17 +15,13 @@ from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.host import Host
 from rarms_iac.model.loads import Interference, could_take_all, is_steady
 from rarms_iac.model.outcomes import TooManyFailures
-from rarms_iac.model.setting import Setting, SettingEvidence
+from rarms_iac.model.setting import SHORT, Setting, SettingEvidence
 
 TRIES = 3
 """So often a disturbed setting is measured at most."""
 
 STOLEN = 0.05
 """The part of all processors' time that the machine below may take: components are slower then, the safe side."""
-
-SHORT = 0.05
-"""The part of all processors' time that neither P1 nor P2 may get of what P2 reserves: what rarms itself consumes is in
-it, and about a two-hundredth of each other process that wants a processor. It is taken from both alike."""
 
 
 def disturbance(evidence: SettingEvidence, processors: int, load: LoadShare | None) -> str:

@@ -16,8 +16,8 @@ from rarms_iac.measuring.setting_run import (
     run_setting,
 )
 from rarms_iac.measuring.settings_log import KnownSettings, SettingsLog
-from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import SettingCount, Strategy, goal_of
+from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.outcomes import Conclusion, Measure, Stopped
 from rarms_iac.model.setting import Setting
 

@@ -5,13 +5,13 @@ from math import ceil, isfinite
 from typing import assert_never
 
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, why_unsteady
-from rarms_iac.measuring.search.bracketing import WIDTH
-from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.work_findings import MORE_MEMORY, why_out_of_memory
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding, Places
+from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value
 from rarms_iac.model.outcomes import (
+    WIDTH,
     Conclusion,
     NotAchievable,
     NotResolved,
@@ -51,7 +51,6 @@ LEFT_BEHIND = Finding.note("RARMS261", "Test partitions of an earlier run were r
 STILL_STOPPED = Finding.error("RARMS269", "Partitions that were stopped to measure do not run again")
 CANNOT_MEASURE = Finding.error("RARMS262", "This version cannot measure on this host")
 MEASURED_BUSY = Finding.warning("RARMS263", "Measured while something else ran")
-MEASURED_ELSEWHERE = Finding.error("RARMS265", "Another run measures the same")
 NO_THRESHOLD = Finding.error("RARMS264", "There is no threshold to search for")
 WEAK_ANSWER = Finding.error("RARMS326", "What was measured beside weak loads is no answer")
 FIXED_ANYWAY = Finding.note("RARMS266", "The manifest fixes a reservation that was measured")

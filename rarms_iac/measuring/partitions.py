@@ -12,7 +12,7 @@ from types import MappingProxyType
 
 from rarms_iac.model.capacity import Capacity, capacity_of, fits, shared_processors
 from rarms_iac.model.claims import WHOLE, Claim, load_of
-from rarms_iac.model.environment_setup import P1, P2, P2_WEIGHT, TEST_PARTITIONS, EnvironmentSetup
+from rarms_iac.model.environment_setup import P1, P2, P2_WEIGHT, EnvironmentSetup
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.operations import (
     CreatePartition,
@@ -93,38 +93,8 @@ def other_running_partitions(state: State) -> tuple[Partition, ...]:
     Returns:
         Partitions of anybody, ordered by name.
     """
-    running = [
-        partition
-        for partition in state.partitions
-        if not is_test_partition(partition) and partition.state not in _AT_REST
-    ]
-    return tuple(sorted(running, key=lambda partition: (partition_name(partition), partition.id)))
-
-
-def partition_name(partition: Partition) -> str:
-    """Name a partition as people call it: by its mark where it has one.
-
-    Args:
-        partition: with a mark or without one.
-
-    Returns:
-        The name in its mark, otherwise the name of the machine.
-    """
-    return partition.mark.name if partition.mark else partition.settings.name
-
-
-def is_test_partition(partition: Partition) -> bool:
-    """Tell whether it is a P1 or P2, finished or still under its pending name.
-
-    Args:
-        partition: of any application.
-
-    Returns:
-        False for all else that has a mark.
-    """
-    if partition.mark is not None:
-        return partition.mark.name in TEST_PARTITIONS
-    return any(partition.settings.name.startswith(f"{name}.") for name in TEST_PARTITIONS)
+    running = [partition for partition in state.partitions if not partition.is_test and partition.state not in _AT_REST]
+    return tuple(sorted(running, key=lambda partition: (partition.shown_name, partition.id)))
 
 
 def memory_for_load(resources: MeasuringResources, setup: EnvironmentSetup) -> int:
@@ -228,7 +198,7 @@ def highest_reserve(resources: MeasuringResources, setup: EnvironmentSetup) -> R
 
 
 def _counts(partition: Partition, application: str) -> bool:
-    if is_test_partition(partition):
+    if partition.is_test:
         return False
     if partition.mark is not None and partition.mark.application == application:
         return partition.state not in _AT_REST
@@ -353,13 +323,13 @@ def remove_test_partitions(host: StepwiseHost | ScriptedMeasuringHost) -> tuple[
     Raises:
         HostError: one cannot be removed.
     """
-    partitions = [partition for partition in host.observe().partitions if is_test_partition(partition)]
+    partitions = [partition for partition in host.observe().partitions if partition.is_test]
     if not isinstance(host, ScriptedMeasuringHost):
         for partition in partitions:
             _remove(host, partition)
     elif partitions:
         host.remove_test_partitions()
-    return tuple(sorted(partition_name(partition) for partition in partitions))
+    return tuple(sorted(partition.shown_name for partition in partitions))
 
 
 def _make(host: StepwiseHost, shape: PartitionShape, scope: Scope) -> None:
@@ -383,7 +353,7 @@ def _make(host: StepwiseHost, shape: PartitionShape, scope: Scope) -> None:
 
 
 def _remove(host: StepwiseHost, partition: Partition) -> None:
-    name = partition_name(partition)
+    name = partition.shown_name
     scope = Scope(application=partition.mark.application if partition.mark else "", plan=MEASURING)
     if partition.state is not RunState.OFF:
         host.execute(StopPartition(partition=name, grace_ms=0, machine=partition.id), scope)

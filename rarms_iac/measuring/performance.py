@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from rarms_iac.measuring.setup import Experiment
+from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Overload, Unsteady, Verdict
 from rarms_iac.model.output import output

@@ -1,514 +1,406 @@
-"""Runs all components together in the layout that is applied, and judges every index beside its threshold.
+"""Proving: finds the applied layout on the hosts, runs all its components together and judges them by their APTs."""
 
-They begin anew at least `STARTS` times, since periodic ones keep the phase in which they began, and go on until every
-threshold was shown to be met or missed, or the budget is spent. What was not shown until then is not met. A layout in
-which a component was shown to be overloaded ends with that start.
-"""
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from math import isfinite
+from typing import Literal
 
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
-from fractions import Fraction
-from math import ceil, inf
-from typing import assert_never
-
-from rarms_iac.manifest.text.positions import FirstLine
-from rarms_iac.measuring.duration import least_samples
-from rarms_iac.measuring.evidence import with_memory_kills
-from rarms_iac.measuring.partitions import (
-    MeasuringResources,
-    free_memory,
-    free_reserve,
-    load_shape,
-    running_test_partitions,
-    set_reserves,
+from rarms_iac.app.control import UNATTENDED, Control
+from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.manifests import unaccepted_short_secrets
+from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors, now
+from rarms_iac.app.options import flag, load_host_option, lock_timeout_option, option
+from rarms_iac.app.requests import refuse_unknown
+from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
+from rarms_iac.measuring import measuring_findings
+from rarms_iac.measuring.applied_layout import applied_layouts, observe_others, refuse_unapplied
+from rarms_iac.measuring.measure_request import USUAL_SEED
+from rarms_iac.measuring.on_robot import ExperimentListener, SamplesSoFar, ask_robot, readable_answer
+from rarms_iac.measuring.partitions import MeasuringResources, host_resources
+from rarms_iac.measuring.proof import (
+    STARTS,
+    AppliedLayout,
+    IndexVerdict,
+    LayoutProof,
+    LoadPartition,
+    ProofConditions,
+    least_duration_ms,
+    load_partition,
+    prove,
+    with_samples,
 )
-from rarms_iac.measuring.performance import MeasuredIndex
-from rarms_iac.measuring.sampling import watch
-from rarms_iac.measuring.settling import Contender, Settling, wants_all_processors
-from rarms_iac.model.environment_setup import P2
+from rarms_iac.measuring.proof_findings import proof_findings
+from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, refuse_what_cannot_run
+from rarms_iac.measuring.work_findings import work_of_evidence
+from rarms_iac.model.commands import command, prose
+from rarms_iac.model.diagnostics import Diagnostic, Facts
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.loads import Interference
-from rarms_iac.model.outcomes import (
-    Estimate,
-    Met,
-    Missed,
-    Overload,
-    Stopped,
-    TooFewSamples,
-    TooManyFailures,
-    Unsteady,
-    Verdict,
-    WithinNoise,
-)
+from rarms_iac.model.outcomes import TooManyFailures, verdict_word
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.quantities import LEAST_MEMORY, Milliseconds, ReservePercent
-from rarms_iac.model.run import Elapsed, Periodic, SampleCount
-from rarms_iac.model.series import MOST_SAMPLES, Series, join_series
-from rarms_iac.model.setting import SettingEvidence
-from rarms_iac.model.system import Component, TaskRequest, run_of
-from rarms_iac.planner.task_classes import classes_of
-from rarms_iac.providers.measuring import MeasuringHost, PartitionShape, PartitionWork, Work
-from rarms_iac.statistics.error_probability import ERROR, samples_needed
-from rarms_iac.statistics.overload import describe_overload, more_processors_help
-from rarms_iac.statistics.samples import response_times, starts_differ
-from rarms_iac.statistics.verdicts import judge_early, judge_look, samples_to_clear
-
-STARTS = 8
-"""So often the components of a layout begin anew at least."""
-
-NOT_GIVEN_UP = 1e-3
-"""The part that counts as done where nothing is to end for what the rest would hardly show (`judge_early`)."""
-
-SEED_STEP = 1009
-"""More than there are starts, so that no two of them share a seed."""
+from rarms_iac.model.quantities import show_duration
+from rarms_iac.model.state import State
+from rarms_iac.model.system import Component, System, run_of
+from rarms_iac.model.version import __version__
+from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.planner.groups import groups_of
+from rarms_iac.storage.codec import decode
+from rarms_iac.storage.datalog.decisions import Entry, Proven, ProvenIndex, read_entries
+from rarms_iac.storage.datalog.files import append_to_log, configuration_path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AppliedLayout:
-    """What runs where on one host."""
+class ProveRequest:
+    """How an applied layout is to be run."""
 
-    application: str
-    host_processors: int  # LPs of the host
-    reserved: Fraction  # LPs that the running partitions of the application reserve there
-    partitions: Mapping[str, tuple[Component, ...]]  # by name
-    reserves: Mapping[str, float] = field(default_factory=dict)  # LPs of each that has a reserve, by name
-    processors: Mapping[str, int] = field(default_factory=dict)  # VPs of each, by name
-    on_host: tuple[Component, ...] = ()  # in the host's own operating system
-    tasks: Mapping[str, TaskRequest] = field(default_factory=dict)  # what the manifest fixes of task classes
-    deadline_periods_us: Mapping[str, int] = field(default_factory=dict)  # of partitions with that mechanism, by name
-
-    @property
-    def components(self) -> tuple[Component, ...]:
-        """All of them, by name."""
-        inside = [member for members in self.partitions.values() for member in members]
-        return tuple(sorted((*inside, *self.on_host), key=lambda component: component.name))
-
-    @property
-    def judged(self) -> tuple[Component, ...]:
-        """Those with thresholds, by name."""
-        return tuple(component for component in self.components if component.apt)
-
-    def partition_of(self, component: str) -> str:
-        """Return the partition that a component is in.
-
-        Args:
-            component: its name.
-
-        Returns:
-            The partition's name; empty: it is in none.
-        """
-        inside = {member.name: name for name, members in self.partitions.items() for member in members}
-        return inside.get(component, "")
-
-    def more_processors_help(self, component: str, overload: Overload) -> bool:
-        """Tell whether a larger reservation could end an overload.
-
-        Args:
-            component: who is overloaded, by name.
-            overload: what was seen of it.
-
-        Returns:
-            As for the component alone; yes where others of its partition may be the reason.
-        """
-        name = self.partition_of(component)
-        reserved, processors = self.reserves.get(name), self.processors.get(name, 0)
-        if not reserved or len(self.partitions[name]) > 1:
-            return True
-        return more_processors_help(overload, reserved / processors, processors)
+    interference: tuple[str, ...] = option(
+        "--interference",
+        metavar="NAME",
+        help="Beside this load; repeatable: one after the other. [default: the policy's]",
+        default=(),
+    )
+    without_load: bool = flag("--without-load", help="Beside no load: what is shown counts as that.")
+    load_host: bool = load_host_option()
+    samples: int | None = option(
+        "--samples", least=2, help="At least so many a component. [default: as its thresholds need]"
+    )
+    seed: int = option("--seed", least=1, help="Draw chance from here. [default: 1]", default=USUAL_SEED)
+    lock_timeout_ms: int = lock_timeout_option()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class IndexVerdict:
-    """One index of a component in the layout: what was seen beside its threshold, and the verdict on it."""
+class ProveOutcome:
+    """What the components showed, all together."""
 
-    measured: MeasuredIndex  # its bounds are the verdict's: wrong, on either side, with the verdict's error
-    verdict: Verdict
-    samples_needed: int | None = None  # that would show it, where it is not shown yet; None: nothing tells
+    kind: Literal["prove"] = "prove"
+    proofs: tuple[LayoutProof, ...]  # one a host and load
+    findings: tuple[Diagnostic, ...]  # thresholds that are not shown to be met
+    not_proven: tuple[str, ...] = ()  # partitions on hosts that cannot run components
+    stopped: Internal[bool] = False  # an end was asked for: nothing is proven
 
-    @property
+    @output
     def met(self) -> bool:
-        """Whether it was shown to meet its threshold: within the noise or without a steady state it was not."""
-        return isinstance(self.verdict, Met)
-
-    @output
-    def error(self) -> float | None:
-        """The probability that it is wrong; None: there is no verdict on this."""
-        return ERROR if isinstance(self.verdict, Met | Missed) else None
+        """Whether each index was shown to meet its threshold beside each load, by a proof that ended."""
+        return bool(self.proofs) and not self.stopped and not any(proof.not_met for proof in self.proofs)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LayoutProof:
-    """What a layout showed beside a load, or without one."""
+def prove_layout(
+    hosts: Hosts,
+    request: ProveRequest = ProveRequest(),
+    control: Control = UNATTENDED,
+    listener: SamplesSoFar = lambda _host, _load, _series: None,
+) -> ProveOutcome:
+    """Run all components together where they are applied, and judge every index beside its threshold.
 
-    host: str
-    interference: str | None  # the load beside it; None: there was none
-    layout: Internal[AppliedLayout]
-    series: Internal[Mapping[str, Series]]  # by component, of those with thresholds
-    verdicts: tuple[IndexVerdict, ...]  # every index of every threshold, components by name
-    starts: int  # how often its components began anew
-    evidence: Internal[tuple[SettingEvidence, ...]] = ()  # of each start, where the host counts something
-    host_ms: Internal[float] = 0.0  # what it took of the host's time
-    wall_seconds: Internal[float] = 0.0  # what it took its user
-
-    @output
-    def host_lp(self) -> int:
-        """LPs that the host has."""
-        return self.layout.host_processors
-
-    @output
-    def reserved_lp(self) -> Fraction:
-        """LPs that the partitions reserve that ran."""
-        return self.layout.reserved
-
-    @output
-    def partitions(self) -> Mapping[str, tuple[str, ...]]:
-        """The components of each partition that ran, by name."""
-        return {name: tuple(member.name for member in members) for name, members in self.layout.partitions.items()}
-
-    @property
-    def not_met(self) -> tuple[IndexVerdict, ...]:
-        """The indexes that were not shown to meet their thresholds."""
-        return tuple(verdict for verdict in self.verdicts if not verdict.met)
-
-
-def with_samples(layout: AppliedLayout, samples: int | None) -> AppliedLayout:
-    """Have at least so many samples of each component taken; None: as each `run.until` says.
+    They run beside the loads of the policy, one after the other. What they show is written into the configuration logs,
+    with any result.
 
     Args:
-        layout: what runs where.
-        samples: of each component.
+        hosts: Those that can run components are held meanwhile.
+        request: Beside which loads, and how long.
+        control: The caller's part; its reporter hears what an earlier run that was killed had left on the hosts, and
+            before it begins that all idle time of the hosts is used, and how long.
+        listener: Called as samples come.
 
     Returns:
-        The same layout with other runs.
-    """
-    if samples is None:
-        return layout
-    until = SampleCount(samples=samples)
-
-    def changed(components: Iterable[Component]) -> tuple[Component, ...]:
-        return tuple(replace(component, run=replace(run_of(component), until=until)) for component in components)
-
-    partitions = {name: changed(members) for name, members in layout.partitions.items()}
-    return replace(layout, partitions=partitions, on_host=changed(layout.on_host))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoadPartition:
-    """P2 beside a layout: a load with all that the host has left, so that what is reserved stays reserved."""
-
-    load: Interference
-    shape: PartitionShape
-    reserve: ReservePercent  # per cent of each of its processors
-
-
-def load_partition(load: Interference, resources: MeasuringResources) -> LoadPartition | None:
-    """Make a partition for a load beside what runs.
-
-    Args:
-        load: what runs in it.
-        resources: of the host, with all that runs.
-
-    Returns:
-        P2; None where the least memory of a partition is not left.
-    """
-    memory = free_memory(resources)
-    if memory < LEAST_MEMORY:
-        return None
-    shape = load_shape(resources.capacity.logical_processors, memory)
-    return LoadPartition(load=load, shape=shape, reserve=free_reserve(resources, memory))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProofConditions:
-    """What a layout is run under."""
-
-    load_partition: LoadPartition | None  # None: there is no load
-    interference: str | None  # its name
-    seed: int  # of chance, where the host draws it
-    budget_ms: float  # of the host's time, in which a start may begin
-    statements: int = 1  # thresholds, times the loads beside which they are proven: one that is missed shares the error
-
-    @property
-    def load(self) -> Interference | None:
-        """The interference in P2."""
-        return None if self.load_partition is None else self.load_partition.load
-
-
-def least_duration_ms(layout: AppliedLayout, scheduler_window_ms: float, budget_ms: float) -> float:
-    """Work out how long a layout runs beside a load at least.
-
-    Args:
-        layout: what runs where.
-        scheduler_window_ms: the longest window of the host's scheduler.
-        budget_ms: of the host's time.
-
-    Returns:
-        Of the host's time, in ms: every start settles, and takes its part of the samples of periodic components, as far
-            as the budget has that.
-    """
-    settles = Settling(scheduler_window_ms=scheduler_window_ms).least_ms
-    periodic = [
-        least_samples(component) * float(arrival.period)
-        for component in layout.judged
-        if isinstance(arrival := run_of(component).arrival, Periodic)
-    ]
-    timed = [float(until.time) for component in layout.judged if isinstance(until := run_of(component).until, Elapsed)]
-    needed = STARTS * settles + max(settles, *periodic, *timed, 0.0)
-    return needed if _outlasts_budget(layout) else min(needed, max(budget_ms, 2 * STARTS * settles))
-
-
-def _outlasts_budget(layout: AppliedLayout) -> bool:
-    """Whether it is said how much is measured (`run.until`), which the budget does not shorten."""
-    return any(run_of(component).until is not None for component in layout.judged)
-
-
-def prove(
-    host: MeasuringHost,
-    layout: AppliedLayout,
-    conditions: ProofConditions,
-    should_stop: Callable[[], bool],
-    samples_came: Callable[[Mapping[str, Series]], None],
-) -> LayoutProof | TooManyFailures | None:
-    """Run everything that is applied, start after start, until each threshold is met or missed, or the budget spent.
-
-    Args:
-        host: Its lock is held by the caller.
-        layout: What runs where.
-        conditions: What it is run under.
-        should_stop: Asked after every sample.
-        samples_came: Told now and then what was seen so far, in all starts.
-
-    Returns:
-        None: an end was asked for.
+        The proofs by host name and load, the thresholds that are not shown to be met, and what could not be run.
 
     Raises:
-        HostError: the host did not do what was asked.
+        RequestError: The manifest has no such interference.
+        UseCaseError: The manifest asks for what is not on the hosts, or a host is held (refused); it cannot be
+            planned, a log is damaged, or too many samples failed (negative); no host can run components (failed).
     """
-    proof = _Proof(host=host, layout=layout, conditions=conditions, should_stop=should_stop, samples_came=samples_came)
-    with ExitStack() as ends:
-        if load_partition := conditions.load_partition:
-            ends.enter_context(running_test_partitions(host, layout.application, (load_partition.shape,)))
-            set_reserves(host, layout.application, (load_partition.shape,), {P2: load_partition.reserve})
-        while not proof.is_over:
-            if (ended := proof.start_anew()) is not None:
-                return None if isinstance(ended, Stopped) else ended
-    return LayoutProof(
-        host=host.name,
-        interference=conditions.interference,
-        layout=layout,
-        series=proof.series,
-        verdicts=judge_layout(layout, proof.series, statements=conditions.statements),
-        starts=proof.starts,
-        evidence=proof.evidence,
-        host_ms=proof.spent_ms,
+    if request.interference and request.without_load:
+        raise RequestError("--without-load is beside no load, and --interference beside one.")
+    refuse_unknown(request.interference, hosts.system.interference, "interference")
+    names = _measurable_hosts(hosts)
+    if any(hosts.robot(name) for name in names):
+        return _prove_on_each(hosts, names, request, control, listener)
+    session = MeasuringSession(
+        hosts=hosts, control=control, command="prove", seed=request.seed, lock_timeout_ms=request.lock_timeout_ms
+    )
+    with hold_measuring_hosts(session, names) as holding, control.stop.gently():
+        states = {name: host.observe() for name, host in holding.held_hosts.items()}
+        everywhere = {**observe_others(hosts, names), **states}
+        layouts = _layouts_to_prove(hosts, states, everywhere, request.samples)
+        proofs = _prove_all(holding, layouts, states, loads_to_prove(hosts.system, request), listener)
+    if proofs is None:
+        return ProveOutcome(proofs=(), findings=(), stopped=True)
+    with hold_configuration_logs(hosts.folder), log_errors():
+        _record(hosts, proofs, states)
+    proven = {name for layout in layouts.values() for name in layout.partitions}
+    return ProveOutcome(
+        proofs=tuple(proofs),
+        findings=(
+            *unaccepted_short_secrets(hosts.manifest, _real_components(hosts, layouts)),
+            *proof_findings(hosts, proofs, everywhere, load_host=request.load_host),
+            *_work_findings(hosts, proofs),
+        ),
+        not_proven=tuple(group.name for group in groups_of(hosts.system) if group.name not in proven),
     )
 
 
-@dataclass(slots=True, kw_only=True)
-class _Proof:
-    """The starts of a layout so far."""
-
-    host: MeasuringHost
-    layout: AppliedLayout
-    conditions: ProofConditions
-    should_stop: Callable[[], bool]
-    samples_came: Callable[[Mapping[str, Series]], None]
-    series: Mapping[str, Series] = field(default_factory=dict)  # by component, of all starts
-    starts: int = 0
-    spent_ms: float = 0.0
-    evidence: tuple[SettingEvidence, ...] = ()
-
-    @property
-    def is_over(self) -> bool:
-        if self.starts and self._is_overloaded:
-            return True  # queues that grow miss their thresholds by arithmetic: more starts tell nothing else
-        if self.starts < STARTS:
-            return False
-        return self.spent_ms >= self.conditions.budget_ms or not any(map(self._undecided, self.layout.judged))
-
-    def start_anew(self) -> TooManyFailures | Stopped | None:
-        """Add a start to the series; or why there is none."""
-        left_ms = inf if _outlasts_budget(self.layout) else self.conditions.budget_ms - self.spent_ms
-        most_ms = left_ms / max(1, STARTS - self.starts)
-
-        def is_spent(seen: Mapping[str, Series]) -> bool:
-            self.samples_came({name: self._with(name, part) for name, part in seen.items()})
-            return running.elapsed_ms() >= most_ms
-
-        settling = Settling(
-            scheduler_window_ms=self.host.scheduler_memory_ms, contenders=_contenders(self.layout, self.conditions.load)
-        )
-        seed = self.conditions.seed * SEED_STEP + self.starts
-        work = _work_of(self.layout, self.conditions.load, seed, least_ms=settling.least_ms / STARTS)
-        until = {component.name: self._until(component) for component in self.layout.judged}
-        with self.host.run(replace(work, until=until)) as running:
-            seen = watch(running, self.layout.judged, settling, is_spent, self.should_stop, limit_ms=most_ms)
-            evidence, elapsed_ms = running.evidence(), running.elapsed_ms()
-        if seen is None:
-            return Stopped()
-        if isinstance(seen, TooManyFailures):
-            return with_memory_kills(seen, evidence)
-        is_real = evidence is not None
-        self.evidence += () if evidence is None else (evidence,)
-        self.series = {name: replace(self._with(name, part), wanders=is_real) for name, part in seen.items()}
-        self.starts, self.spent_ms = self.starts + 1, self.spent_ms + elapsed_ms
-        return None
-
-    @property
-    def _is_overloaded(self) -> bool:
-        """Whether a component was shown to ask for more than it gets."""
-        verdicts = judge_layout(self.layout, self.series, statements=self.conditions.statements)
-        return any(isinstance(each.verdict, Missed) and each.verdict.overload is not None for each in verdicts)
-
-    def _with(self, name: str, part: Series) -> Series:
-        return join_series((self.series[name], part)) if name in self.series else part
-
-    def _until(self, component: Component) -> SampleCount | Elapsed:
-        """How much of a component a start takes: a part of what its thresholds need, then of what was seen.
-
-        Where the starts differ they are the samples: then there are more of them, as long as the first ones.
-        """
-        if self.starts >= STARTS:
-            series = self.series[component.name]
-            if not self._undecided(component):
-                return SampleCount(samples=1)
-            if not self._starts_differ(component):
-                return SampleCount(samples=ceil(len(series.samples) / STARTS))
-        until = run_of(component).until
-        if isinstance(until, Elapsed):
-            return Elapsed(time=Milliseconds(until.time / STARTS))
-        return SampleCount(samples=ceil(least_samples(component) / STARTS))
-
-    def _starts_differ(self, component: Component) -> bool:
-        series = self.series[component.name]
-        return starts_differ(response_times(series.samples), series.runs)
-
-    def _undecided(self, component: Component) -> bool:
-        """Whether more starts may show that a threshold is met or missed.
-
-        NOTE: where starts differ, a few of them do not show whether many will decide: none is given up before the end.
-        """
-        series = self.series[component.name]
-        done = 1.0
-        if self.spent_ms < self.conditions.budget_ms:
-            done = min(1.0, max(self.spent_ms / self.conditions.budget_ms, len(series.samples) / MOST_SAMPLES))
-        if done < 1.0 and self._starts_differ(component):
-            done = NOT_GIVEN_UP
-        return any(
-            judge_early(series, {index: threshold}, run_of(component), done=done, members=self.conditions.statements)
-            is None
-            for index, threshold in component.apt.items()
-        )
-
-
-def _work_of(layout: AppliedLayout, load: Interference | None, seed: int, least_ms: float) -> Work:
-    """All that is applied, and the load in P2."""
-    partitions = [
-        PartitionWork(
-            partition=name,
-            components=members,
-            classes=classes_of(members, layout.tasks, name, FirstLine(file="")).classes,
-            deadline_period_us=layout.deadline_periods_us.get(name),
-        )
-        for name, members in sorted(layout.partitions.items())
-    ]
-    if layout.on_host:
-        classes = classes_of(layout.on_host, layout.tasks, "", FirstLine(file="")).classes
-        partitions.append(PartitionWork(partition="", components=layout.on_host, classes=classes))
-    if load is not None:
-        partitions.append(PartitionWork(partition=P2, load=load))
-    return Work(
-        application=layout.application,
-        partitions=tuple(partitions),
-        until={},
-        seed=seed,
-        least_ms=least_ms,
+def _prove_on_each(
+    hosts: Hosts, names: Sequence[str], request: ProveRequest, control: Control, listener: SamplesSoFar
+) -> ProveOutcome:
+    """Prove host after host, those that are robots by their own rarms."""
+    here = [name for name in names if hosts.robot(name) is None]
+    outcomes = [prove_layout(hosts.only(*here), request, control, listener)] if here else []
+    for name in names:
+        if name not in here and not (outcomes and outcomes[-1].stopped):
+            outcomes.append(_prove_there(hosts.only(name), request, control, listener))
+    proofs = sorted((proof for outcome in outcomes for proof in outcome.proofs), key=lambda proof: proof.host)
+    return ProveOutcome(
+        proofs=tuple(proofs),
+        findings=tuple(finding for outcome in outcomes for finding in outcome.findings),
+        not_proven=tuple(
+            name for name in outcomes[0].not_proven if all(name in outcome.not_proven for outcome in outcomes)
+        ),
+        stopped=any(outcome.stopped for outcome in outcomes),
     )
 
 
-def _contenders(layout: AppliedLayout, load: Interference | None) -> tuple[Contender, ...]:
-    """Partitions whose consumption shows what the scheduler does; what others leave idle is theirs to use for good."""
-    if not wants_all_processors(load, layout.host_processors):
-        return ()
-    return tuple(
-        Contender(
-            components=tuple(member.name for member in members if member.apt),
-            processors=layout.reserves[name],
-            excess_forbids_verdict=False,
-        )
-        for name, members in sorted(layout.partitions.items())
-        if name in layout.reserves
-    )
+def _prove_there(hosts: Hosts, request: ProveRequest, control: Control, listener: SamplesSoFar) -> ProveOutcome:
+    """Have the one chosen host, a robot, prove its layout."""
+    (name,) = hosts.chosen
+    follower = ExperimentListener(hosts=hosts, host=name, control=control, samples=listener)
+    components = (each.name for each in hosts.system.components.values() if each.may_run_on(name))
+    loads = loads_to_prove(hosts.system, request)
+    answer = ask_robot(hosts, name, "prove", request, follower, components=components, loads=loads)
+    with readable_answer(name):
+        return decode(ProveOutcome, answer)
 
 
-def judge_layout(
-    layout: AppliedLayout, seen: Mapping[str, Series], *, statements: int | None
-) -> tuple[IndexVerdict, ...]:
-    """Judge every index of every component's APT; the error holds for all looks at it together.
+def _layouts_to_prove(
+    hosts: Hosts, states: Mapping[str, State], everywhere: Mapping[str, State], samples: int | None
+) -> Mapping[str, AppliedLayout]:
+    """The applied layouts by host; what would make their proofs useless is found before components run."""
+    applied = applied_layouts(hosts, states, everywhere)
+    layouts = {name: with_samples(layout, samples) for name, layout in applied.items()}
+    refuse_unapplied(hosts, states, everywhere)
+    for name, layout in layouts.items():
+        _recorded(hosts, name, layout)  # refuses a log that nothing can be added to
+    return layouts
 
-    That all are met shares nothing: it is wrong only where one that misses was shown to meet. That one misses shares
-    the error among all that is said.
+
+def _prove_all(
+    session: MeasuringSession,
+    layouts: Mapping[str, AppliedLayout],
+    states: Mapping[str, State],
+    loads: Sequence[str],
+    listener: SamplesSoFar,
+) -> list[LayoutProof] | None:
+    """Prove layout after layout, each beside load after load; None: an end was asked for."""
+    proofs: list[LayoutProof] = []
+    thresholds = sum(len(component.apt) for layout in layouts.values() for component in layout.judged)
+    for name, layout in layouts.items():
+        conditions = _conditions(session, states[name], layout, loads, thresholds)
+        _announce(session, name, layout, conditions)
+        left_ms = float(session.hosts.system.policy.measuring.proof)
+        for number, each in enumerate(conditions):
+            began = session.wall_times.clock()
+            within = replace(each, budget_ms=left_ms / (len(conditions) - number))
+            proof = _prove(session, name, layout, within, listener)
+            if proof is None:
+                return None
+            left_ms = max(0.0, left_ms - proof.host_ms)
+            proofs.append(replace(proof, wall_seconds=session.wall_times.clock() - began))
+    return proofs
+
+
+def loads_to_prove(system: System, request: ProveRequest) -> tuple[str, ...]:
+    """Name the loads beside which a layout is proven, one after the other.
 
     Args:
-        layout: what ran where.
-        seen: the series of each component with thresholds, by name.
-        statements: thresholds, times the loads beside which they are judged; None: beside one.
+        system: has the policy's.
+        request: may name others, or none.
 
     Returns:
-        A verdict for each index, components by name.
+        Names of `interference`; empty: it is proven beside no load.
     """
-    members = statements or sum(len(component.apt) for component in layout.judged)
+    if request.without_load:
+        return ()
+    return request.interference or system.policy.interference
+
+
+def _announce(
+    session: MeasuringSession, name: str, layout: AppliedLayout, conditions: Sequence[ProofConditions]
+) -> None:
+    """Say what a proof takes of a host, before it begins."""
+    loads = [each.interference for each in conditions if each.interference]
+    with_load = f"beside {in_a_row(loads)}, and uses all idle time of {name}" if loads else f"on {name} beside no load"
+    if session.hosts.system.hosts[name].provider is ProviderKind.SIMULATED:  # its clock is not the user's
+        starts = counted(STARTS * len(conditions), "time")
+        session.control.reporter.message(
+            f"The proof starts all components at least {starts} {with_load} (simulated): "
+            f"{_describe_wall_time(session.hosts, name, layout, [each.interference for each in conditions])}."
+        )
+        return
+    window_ms = session.held_hosts[name].scheduler_memory_ms
+    least = sum(least_duration_ms(layout, window_ms, each.budget_ms) for each in conditions)
+    most = max(least, float(session.hosts.system.policy.measuring.proof))
+    takes = show_duration(least) if most == least else f"{show_duration(least)} to {show_duration(most)}"
+    session.control.reporter.message(f"The proof takes {takes} {with_load}.")
+
+
+def _describe_wall_time(hosts: Hosts, host: str, layout: AppliedLayout, loads: Sequence[str | None]) -> str:
+    """Say how long a proof on a simulated host takes its user, as the last one of each load did."""
+    proofs = (entry for entry in _recorded(hosts, host, layout) if isinstance(entry, Proven))
+    took = {proof.interference: proof.wall_seconds for proof in proofs if proof.host == host}
+    if not all(took.get(load) for load in loads):
+        return "how long that takes here is not known yet"
+    last = f"about {show_duration(1000 * sum(took[load] for load in loads))}, as the last proof took"
+    components = hosts.system.components
+    if any(run_of(each).until != run_of(components[each.name]).until for each in layout.judged):
+        return f"{last}, or longer if that took fewer samples"
+    return last
+
+
+def _recorded(hosts: Hosts, host: str, layout: AppliedLayout) -> tuple[Entry, ...]:
+    """What the configuration logs of a layout's components hold."""
+    platform = hosts.system.hosts[host].platform
+    logs = [configuration_path(hosts.folder, platform, component.name) for component in layout.judged]
+    with log_errors():
+        return tuple(entry for log in logs for entry in read_entries(log))
+
+
+def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]) -> None:
+    """Write every PI beside its APT into the configuration logs, with any result."""
+    for proof in proofs:
+        application = proof.layout.application
+        reserves = {
+            partition.mark.name: partition.settings.reserve
+            for partition in states[proof.host].of(application).partitions
+            if partition.mark
+        }
+        partition_of = {member.name: name for name, members in proof.layout.partitions.items() for member in members}
+        everyone = tuple(component.name for component in proof.layout.components)
+        for component in proof.layout.judged:
+            entry = Proven(
+                component=component.name,
+                when=now("microseconds"),
+                rarms_version=__version__,
+                host=proof.host,
+                interference=proof.interference,
+                robot=hosts.system.application.robot,
+                machine=states[proof.host].facts.id,
+                serial=states[proof.host].serials.get(application, 0),
+                wall_seconds=round(proof.wall_seconds, 1),
+                partition=partition_of.get(component.name, ""),
+                reserve=reserves.get(partition_of.get(component.name, ""), 0),
+                layout=reserves,
+                beside=tuple(name for name in everyone if name != component.name),
+                indexes=tuple(
+                    _proven(verdict) for verdict in proof.verdicts if verdict.measured.component == component.name
+                ),
+            )
+            platform = hosts.system.hosts[proof.host].platform
+            append_to_log(configuration_path(hosts.folder, platform, component.name), entry)
+
+
+def _proven(verdict: IndexVerdict) -> ProvenIndex:
+    estimate = verdict.measured.estimate
+    return ProvenIndex(
+        index=verdict.measured.index,
+        threshold=verdict.measured.threshold,
+        value=estimate.value if estimate else None,
+        lower=estimate.lower if estimate and isfinite(estimate.lower) else None,
+        upper=estimate.upper if estimate and isfinite(estimate.upper) else None,
+        met=verdict.met,
+        verdict=verdict_word(verdict.verdict),
+        error=verdict.error,
+        samples_needed=verdict.samples_needed,
+    )
+
+
+def _real_components(hosts: Hosts, layouts: Mapping[str, AppliedLayout]) -> Iterator[Component]:
+    """The components that ran as processes."""
+    for name, layout in layouts.items():
+        if hosts.system.hosts[name].provider is not ProviderKind.SIMULATED:
+            yield from layout.components
+
+
+def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:
+    measurable = tuple(name for name in hosts.chosen if hosts.can_run_on(name))
+    if not measurable:
+        message = f"rarms can run components on none of these hosts: {', '.join(hosts.chosen) or 'there are none'}."
+        advice = "Run the components there by hand, and compare what they show with their thresholds."
+        raise UseCaseError(
+            Outcome.FAILED,
+            [measuring_findings.CANNOT_MEASURE.at(None, message, advice, values={"hosts": tuple(hosts.chosen)})],
+        )
+    return measurable
+
+
+def _conditions(
+    session: MeasuringSession, state: State, layout: AppliedLayout, loads: Sequence[str], thresholds: int
+) -> tuple[ProofConditions, ...]:
+    """What the layout of a host is run under, one after the other.
+
+    Raises:
+        UseCaseError: There is no room for a load, or the host cannot run it or a component (negative).
+    """
+    system, host = session.hosts.system, session.held_hosts[state.facts.name]
+    refuse_what_cannot_run(
+        session,
+        host,
+        components={component.name: component for component in layout.components},
+        loads={load: system.interference[load] for load in loads},
+        in_their_partitions=True,
+    )
+    room = host_resources(system.hosts[host.name], state, system.application.name)
+    runs = max(1, len(loads))
+    conditions = ProofConditions(
+        load_partition=None,
+        interference=None,
+        seed=session.seed or USUAL_SEED,
+        budget_ms=float(system.policy.measuring.proof) / runs,
+        statements=runs * thresholds,
+    )
+    if not loads:
+        return (conditions,)
     return tuple(
-        _judge_index(layout, component, index, seen[component.name], members)
-        for component in layout.judged
-        for index in component.apt
+        replace(
+            conditions,
+            interference=load,
+            load_partition=_make_load(system.interference[load], room, load, host.name),
+        )
+        for load in loads
     )
 
 
-def _judge_index(layout: AppliedLayout, component: Component, index: str, series: Series, members: int) -> IndexVerdict:
-    threshold = component.apt[index]
-    verdict = judge_look(series, {index: threshold}, run_of(component), members=members)
-    estimate, reason = _estimate_of(verdict)
-    overload = verdict.overload if isinstance(verdict, Missed) else None
-    if overload is not None:
-        reason = describe_overload(overload, helps=layout.more_processors_help(component.name, overload))
-    measured = MeasuredIndex(
-        component=component.name,
-        index=index,
-        threshold=threshold,
-        estimate=estimate,
-        reason=reason,
-        overload=overload,
+def _make_load(load: Interference, room: MeasuringResources, name: str, host: str) -> LoadPartition:
+    partition = load_partition(load, room)
+    if partition is None:
+        message = f"{host} has no memory left for a partition that holds {name}."
+        values: Facts = {"host": host, "interference": name}
+        advice = prose("Free some, or prove what it is without a load: ", command("prove", without_load=True), ".")
+        finding = measuring_findings.NO_ROOM.at(None, message, advice, values=values)
+        raise UseCaseError(Outcome.NEGATIVE, [finding])
+    return partition
+
+
+def _work_findings(hosts: Hosts, proofs: Sequence[LayoutProof]) -> Iterator[Diagnostic]:
+    """Find work outside of the partitions and kills for memory, of all proofs of a host together."""
+    places = hosts.manifest.places
+    by_host: dict[str, list[LayoutProof]] = {}
+    for proof in proofs:
+        by_host.setdefault(proof.host, []).append(proof)
+    for of_host in by_host.values():
+        names = [component.name for component in of_host[0].layout.components]
+        yield from work_of_evidence(names, [each for proof in of_host for each in proof.evidence], places)
+
+
+def _prove(
+    session: MeasuringSession, name: str, layout: AppliedLayout, conditions: ProofConditions, listener: SamplesSoFar
+) -> LayoutProof | None:
+    """Prove one host's layout beside one load; None where an end was asked for."""
+    stop, manifest = session.control.stop, session.hosts.manifest
+    answer = prove(
+        session.held_hosts[name], layout, conditions, stop.should_stop, partial(listener, name, conditions.interference)
     )
-    return IndexVerdict(measured=measured, verdict=verdict, samples_needed=_samples_needed(verdict, series, measured))
-
-
-def _samples_needed(verdict: Verdict, series: Series, measured: MeasuredIndex) -> int | None:
-    """With how many samples an index that is not shown yet probably will be, if a proof may have so many."""
-    match verdict:
-        case WithinNoise(judged=(only,)):
-            count = samples_to_clear(only, series)
-            return None if count is None or count > MOST_SAMPLES else max(ceil(count), len(series.samples) + 1)
-        case TooFewSamples():  # of so many that depend on one another, twice as many have their bounds sooner or later
-            least, seen = samples_needed(measured.index, measured.threshold), len(series.samples)
-            count = least if seen < least else 2 * seen
-            return count if count <= MOST_SAMPLES else None
-        case _:
-            return None
-
-
-def _estimate_of(verdict: Verdict) -> tuple[Estimate | None, str]:
-    """What the verdict on a single index rests on, or why there is nothing."""
-    match verdict:
-        case Missed(overload=Overload()):
-            return None, ""
-        case Met(judged=(only,)) | Missed(judged=(only,)) | WithinNoise(judged=(only,)):
-            return only.estimate, ""
-        case Unsteady(reason=reason) | TooFewSamples(reason=reason):
-            return None, reason
-        case TooManyFailures(failures=failures, allowed=allowed):
-            return None, f"{len(failures)} samples failed, and {allowed} may"
-        case Met() | Missed() | WithinNoise():
-            raise ValueError("a verdict on one index was asked for")
-        case _:
-            assert_never(verdict)
+    if isinstance(answer, TooManyFailures):
+        finding = measuring_findings.failed_samples(answer, "in the layout", manifest.places)
+        raise UseCaseError(Outcome.NEGATIVE, [finding], manifest.sources)
+    return answer

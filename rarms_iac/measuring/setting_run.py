@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from math import inf
 
+from rarms_iac.app.control import MeasuringReporter
 from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.evidence import TRIES, disturbance, with_evidence, with_memory_kills
 from rarms_iac.measuring.partitions import (
@@ -18,15 +19,14 @@ from rarms_iac.measuring.partitions import (
     set_reserves,
     shapes_of_test_partitions,
 )
-from rarms_iac.measuring.reporter import MeasuringReporter
 from rarms_iac.measuring.sampling import watch
 from rarms_iac.measuring.search.trials import is_clear
 from rarms_iac.measuring.settings_log import KnownSettings
 from rarms_iac.measuring.settling import Contender, Settling, wants_all_processors
-from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.measuring.wall_times import WallTimes
 from rarms_iac.model.environment_setup import P1, P2
+from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.outcomes import Measure, SettingFailed, Stopped, TooManyFailures
 from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import ReservePercent

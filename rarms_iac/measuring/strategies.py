@@ -15,7 +15,7 @@ from rarms_iac.measuring.search.trials import (
     sufficient,
     trials_of,
 )
-from rarms_iac.measuring.setup import Experiment
+from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.outcomes import ExperimentDecision, Measure, SearchDecision, Sufficient, Swept
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting

@@ -8,18 +8,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from statistics import fmean
 
-from rarms_iac.measuring.setup import Experiment
+from rarms_iac.app.control import RemainingSettings
 from rarms_iac.measuring.strategies import SettingCount
+from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import ProviderKind
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RemainingSettings:
-    """How many settings an experiment still asks for, and how long one took so far in this command."""
-
-    least: int  # the running setting is one of them
-    most: int
-    setting_seconds: float  # on the average, by a wall clock, with all tries of one that was disturbed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from statistics import fmean
 
-from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places
+from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.outcomes import TooManyFailures
 from rarms_iac.model.series import Series
 from rarms_iac.model.setting import OutsideWork, Setting, SettingEvidence

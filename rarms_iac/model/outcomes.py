@@ -11,6 +11,9 @@ from rarms_iac.model.output import OpenBound, OutputText, output
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.system import Threshold
 
+WIDTH = 3
+"""A passing setting is shown to be least by a failing one at most so many points below it."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:

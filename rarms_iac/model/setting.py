@@ -9,6 +9,10 @@ from rarms_iac.model.series import Series, SkippedLines, join_series
 ALL_PARTITIONS = ""
 """Stands for all partitions together, where things are counted by the name of a partition."""
 
+SHORT = 0.05
+"""The part of all processors' time that neither P1 nor P2 may get of what P2 reserves: what rarms itself consumes is in
+it, and about a two-hundredth of each other process that wants a processor. It is taken from both alike."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutsideWork:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
+from rarms_iac.model.environment_setup import TEST_PARTITIONS
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 
@@ -196,6 +197,18 @@ class Partition:
     def claim(self) -> Claim:
         """The partition's claim while it runs, whether or not it runs now."""
         return self.sharing.claim(self.settings.processors, self.settings.reserve, self.settings.memory)
+
+    @property
+    def shown_name(self) -> str:
+        """The name in its mark; without a mark, that of the machine."""
+        return self.mark.name if self.mark else self.settings.name
+
+    @property
+    def is_test(self) -> bool:
+        """Whether it is a P1 or P2, finished or still under its pending name, of any application."""
+        if self.mark is not None:
+            return self.mark.name in TEST_PARTITIONS
+        return any(self.settings.name.startswith(f"{name}.") for name in TEST_PARTITIONS)
 
     @property
     def claims_resources(self) -> bool:

@@ -1,4 +1,4 @@
-"""Experiments on this machine for another computer, the caller: the robot's side of `app.experiments.on_robot`.
+"""Experiments on this machine for another computer, the caller: the robot's side of `measuring.on_robot`.
 
 In: the caller's manifest and data logs, and the components' files of this machine. Out: reports, records of data logs,
 and a result. Records are in a folder of this request, and this side sends each at once. The folder is removed at the
@@ -14,10 +14,15 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from rarms_iac.app.control import Control, SilentAppReporter
-from rarms_iac.app.experiments.measure import measure_components
-from rarms_iac.app.experiments.measure_request import MeasureRequest
-from rarms_iac.app.experiments.on_robot import (
+from rarms_iac.app.control import Control, MeasuringReporter, SilentAppReporter
+from rarms_iac.app.hosts import Hosts, select_hosts
+from rarms_iac.app.manifest_edits import text_of
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import HostSelection, ManifestSource
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError
+from rarms_iac.measuring.measure import measure_components
+from rarms_iac.measuring.measure_request import MeasureRequest
+from rarms_iac.measuring.on_robot import (
     REPORTS,
     SAMPLES,
     SETTINGS,
@@ -27,22 +32,9 @@ from rarms_iac.app.experiments.on_robot import (
     different_files,
     logs_below,
 )
-from rarms_iac.app.experiments.prove import ProveRequest, prove_layout
-from rarms_iac.app.experiments.tune import (
-    UNATTENDED_TUNING,
-    TunedThere,
-    TuneRequest,
-    TuningCalls,
-    TuningResult,
-    tune_here,
-)
-from rarms_iac.app.hosts import Hosts, select_hosts
-from rarms_iac.app.manifest_edits import text_of
-from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.app.run_component import RunRequest, SampleReporter, run_components
-from rarms_iac.app.use_case_errors import Outcome, UseCaseError
-from rarms_iac.measuring.reporter import MeasuringReporter
+from rarms_iac.measuring.prove import ProveRequest, prove_layout
+from rarms_iac.measuring.run_component import RunRequest, SampleReporter, run_components
+from rarms_iac.measuring.tune import UNATTENDED_TUNING, TunedThere, TuneRequest, TuningCalls, TuningResult, tune_here
 from rarms_iac.model.diagnostics import Diagnostic, Place, Sources
 from rarms_iac.model.host import Host
 from rarms_iac.model.journal import Journal

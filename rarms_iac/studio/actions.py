@@ -22,10 +22,6 @@ from rarms_iac.app.applying import (
     undo_applies,
 )
 from rarms_iac.app.control import Control, StopSignal, always_consents, never_consents
-from rarms_iac.app.experiments.measure import measure_components
-from rarms_iac.app.experiments.measure_request import MeasureRequest, reserves_between
-from rarms_iac.app.experiments.prove import ProveRequest, prove_layout
-from rarms_iac.app.experiments.tune import TuneRequest, UnattendedTuning, tune_components
 from rarms_iac.app.hosts import Hosts, last_runs, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.planning import plan as make_plan
@@ -34,6 +30,10 @@ from rarms_iac.app.requests import SILENCE_MS, HostSelection, ManifestSource, to
 from rarms_iac.app.scripts import ScriptSince, scripts_since
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.applying.run_report import RunEnding, RunReport
+from rarms_iac.measuring.measure import measure_components
+from rarms_iac.measuring.measure_request import MeasureRequest, reserves_between
+from rarms_iac.measuring.prove import ProveRequest, prove_layout
+from rarms_iac.measuring.tune import TuneRequest, UnattendedTuning, tune_components
 from rarms_iac.model.commands import APPLY, PLAN, START, RecommendedCommand, command
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.plan import Plan, Purpose

@@ -9,15 +9,15 @@ from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from types import MappingProxyType
 
-from rarms_iac.app.experiments.measure_request import MeasureRequest
-from rarms_iac.app.experiments.prove import ProveRequest
-from rarms_iac.app.experiments.tune import TuneRequest
 from rarms_iac.app.options import STOP_PARTITIONS, Option
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.status import HostOverview, NextCommand, PartitionStatus, TestPartitionStatus
 from rarms_iac.applying.refusals import describe_missing_journal
 from rarms_iac.manifest.load import manifest_path
+from rarms_iac.measuring.measure_request import MeasureRequest
+from rarms_iac.measuring.prove import ProveRequest
+from rarms_iac.measuring.tune import TuneRequest
 from rarms_iac.model.commands import PLAN, START, plain_text, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.indexes import index_named, show_threshold

@@ -10,11 +10,10 @@ from queue import Empty, Queue
 from threading import Event, Lock
 from typing import TYPE_CHECKING, Literal
 
-from rarms_iac.app.control import StopSignal
+from rarms_iac.app.control import MeasuringReporter, StopSignal
 from rarms_iac.app.general_findings import bug_finding, system_finding
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.applying.run_report import ReportedStep, RunReporter
-from rarms_iac.measuring.reporter import MeasuringReporter
 from rarms_iac.model.commands import Wording, plain_text, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Sources, in_order
 from rarms_iac.model.journal import StepStatus

@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING, Protocol
 
-from rarms_iac.app.component_results import ComponentRunResult
-from rarms_iac.app.run_component import SampleReporter
+from rarms_iac.measuring.component_results import ComponentRunResult
+from rarms_iac.measuring.run_component import SampleReporter
 from rarms_iac.model.indexes import index_named, show_bound
 from rarms_iac.model.outcomes import Estimate, NoEstimate, verdict_word
 from rarms_iac.model.quantities import show_number

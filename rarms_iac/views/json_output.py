@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.storage.codec import encode_output
 
 if TYPE_CHECKING:
-    from rarms_iac.app.answers import Answer
+    from rarms_iac.views.answers import Answer
 
 FORMAT_VERSION = "rarms-output/4"
 

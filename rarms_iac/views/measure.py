@@ -4,15 +4,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, assert_never
 
-from rarms_iac.app.experiments.measure import MeasureOutcome
-from rarms_iac.app.experiments.measure_request import ExperimentResult
-from rarms_iac.app.experiments.several_loads import decisive
+from rarms_iac.app.control import MeasuringReporter, RemainingSettings
+from rarms_iac.measuring.measure import MeasureOutcome
+from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.measuring_findings import show_index
 from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, measured_indexes, shortfall_at
-from rarms_iac.measuring.reporter import MeasuringReporter
-from rarms_iac.measuring.setup import Experiment
-from rarms_iac.measuring.wall_times import RemainingSettings
+from rarms_iac.measuring.several_loads import decisive
 from rarms_iac.model.commands import Wording
+from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.indexes import index_named, show_bound, show_range, show_value
 from rarms_iac.model.outcomes import (
     Estimate,

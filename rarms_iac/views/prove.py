@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import ComponentProof
-from rarms_iac.measuring.prove import IndexVerdict, LayoutProof
+from rarms_iac.measuring.proof import IndexVerdict, LayoutProof
 from rarms_iac.model.indexes import PerformanceIndex, index_named, show_bound, show_value
 from rarms_iac.model.outcomes import VerdictWord, verdict_word
 from rarms_iac.model.quantities import show_processors

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.app.report_measurements import WITHOUT_APT, point_of
 from rarms_iac.app.report_model import MeasuredPoint
+from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.model.indexes import PerformanceIndex, index_named, show_bound, show_range, show_value
 from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
 from rarms_iac.model.system import Component

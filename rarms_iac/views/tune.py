@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from rarms_iac.app.experiments.tune import TuningResult
+from rarms_iac.measuring.tune import TuningResult
 from rarms_iac.model.quantities import plain, show_lp_percent
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.candidates import ASSUMED

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.app import hosts as app_hosts
-from rarms_iac.app.experiments import measure
-from rarms_iac.app.experiments.measure_request import MeasureRequest
 from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.cli.main import main
+from rarms_iac.measuring import measure
+from rarms_iac.measuring.measure_request import MeasureRequest
 from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.templates import MEASURING_ENTRY

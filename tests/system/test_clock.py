@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.app import hosts, measurement_files, requests
-from rarms_iac.app.experiments import experiment_log
+from rarms_iac.measuring import experiment_log
 from rarms_iac.storage import disk
 from tests.crashing import CrashingDisk
 from tests.disturbing import End, look

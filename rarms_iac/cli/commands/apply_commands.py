@@ -116,8 +116,8 @@ def _then_prove(
     """Prove what was applied; refused where the manifest asks for more by now. The answer in JSON is the proof."""
     if code is not ExitCode.DONE:
         return code
-    from rarms_iac.app.experiments.prove import ProveRequest
     from rarms_iac.cli.commands.component_commands import prove_and_show
+    from rarms_iac.measuring.prove import ProveRequest
 
     hosts = select_hosts(load_manifest(source), host_selection)
     return prove_and_show(session, hosts, ProveRequest(lock_timeout_ms=how.lock_timeout_ms))

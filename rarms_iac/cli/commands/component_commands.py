@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 from rarms_iac.app.control import Control
-from rarms_iac.app.experiments.prove import ProveRequest, prove_layout
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import flag
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.app.run_component import RunRequest, become_component, run_components_of
 from rarms_iac.app.select import SelectRequest, select_level
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.command import rarms_command
@@ -16,6 +14,8 @@ from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.prompts import refuse_load_unasked, refuse_standard_input
 from rarms_iac.cli.session import Session
+from rarms_iac.measuring.prove import ProveRequest, prove_layout
+from rarms_iac.measuring.run_component import RunRequest, become_component, run_components_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.views.component_run import FailureReporter, LiveSampleReporter
 from rarms_iac.views.json_output import json_of

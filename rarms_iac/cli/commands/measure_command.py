@@ -3,10 +3,6 @@
 from dataclasses import dataclass, replace
 
 from rarms_iac.app.control import Control
-from rarms_iac.app.experiments.combining import combine_if_wanted
-from rarms_iac.app.experiments.measure import MeasureOutcome, measure_components, measuring_scripts
-from rarms_iac.app.experiments.measure_request import MeasureRequest, reserves_between
-from rarms_iac.app.experiments.tune import TuneRequest
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import flag, option, read_percent
@@ -24,6 +20,10 @@ from rarms_iac.cli.prompts import (
     refuse_without_terminal,
 )
 from rarms_iac.cli.session import Session
+from rarms_iac.measuring.combining import combine_if_wanted
+from rarms_iac.measuring.measure import MeasureOutcome, measure_components, measuring_scripts
+from rarms_iac.measuring.measure_request import MeasureRequest, reserves_between
+from rarms_iac.measuring.tune import TuneRequest
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.views.json_output import json_of

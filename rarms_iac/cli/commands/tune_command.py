@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-from rarms_iac.app.experiments.level_prompt import SessionEnded
-from rarms_iac.app.experiments.tune import TuneRequest, tune_components
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import flag
@@ -19,6 +17,8 @@ from rarms_iac.cli.prompts import (
     refuse_without_terminal,
 )
 from rarms_iac.cli.session import Session
+from rarms_iac.measuring.level_prompt import SessionEnded
+from rarms_iac.measuring.tune import TuneRequest, tune_components
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.tune import manifest_changes, tuned_text
 

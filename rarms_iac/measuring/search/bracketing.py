@@ -11,13 +11,10 @@ from math import ceil, floor, log2
 
 from rarms_iac.measuring.search.crossings import crossings_of
 from rarms_iac.measuring.search.trials import Bracket, Goal, SearchTrial, bracket_of, not_sufficient, sufficient
-from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SearchDecision
+from rarms_iac.model.outcomes import WIDTH, Measure, NotAchievable, NotResolved, SearchDecision
 
 MOST = 8
 """Settings with true verdicts that a curve takes at most: bisection tells 1..100 % and "none" apart by 7, and one."""
-
-WIDTH = 3
-"""A passing setting is shown to be least by a failing one at most so many points below it."""
 
 FIRST = 45
 """The first setting: high enough to see what time no CPU shortens, and near the middle, should nothing be learnt."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import ceil, inf
 
-from rarms_iac.measuring.setup import Budget
+from rarms_iac.model.experiment import Budget
 from rarms_iac.model.outcomes import (
     Missed,
     NoEstimate,

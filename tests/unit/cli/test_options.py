@@ -5,8 +5,6 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from rarms_iac.app.experiments.measure_request import MeasureRequest
-from rarms_iac.app.experiments.tune import TuneRequest
 from rarms_iac.app.options import option
 from rarms_iac.app.requests import (
     DatedManifestSource,
@@ -17,12 +15,14 @@ from rarms_iac.app.requests import (
     SnapshotFile,
     SnapshotSelection,
 )
-from rarms_iac.app.run_component import RunRequest
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.command import parameters_of, request_of
 from rarms_iac.cli.options import OutputOptions, StopOptions
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.table import all_commands
+from rarms_iac.measuring.measure_request import MeasureRequest
+from rarms_iac.measuring.run_component import RunRequest
+from rarms_iac.measuring.tune import TuneRequest
 from rarms_iac.model.system import Disruption
 from rarms_iac.views.terminal import this_terminal
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.unit.app.experiments.test_measure import MANIFEST, write
 from tests.unit.cli.running import rarms
+from tests.unit.measuring.test_measure import MANIFEST, write
 
 COMMANDS = (
     ("validate",),

@@ -3,15 +3,15 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from rarms_iac.app.control import MeasuringReporter
 from rarms_iac.measuring.loop import LoopResult, measure_settings
 from rarms_iac.measuring.methods import Search, strategy_of
 from rarms_iac.measuring.partitions import host_resources, remove_test_partitions
-from rarms_iac.measuring.reporter import MeasuringReporter
 from rarms_iac.measuring.setting_run import MeasuringContext
 from rarms_iac.measuring.settings_log import SettingsLog
-from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import Searching, SettingCount, Strategy, goal_of
 from rarms_iac.measuring.wall_times import WallTimes
+from rarms_iac.model.experiment import Experiment
 from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of

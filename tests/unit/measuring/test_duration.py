@@ -7,8 +7,8 @@ import pytest
 
 from rarms_iac.measuring.duration import DurationBounds, expected_duration, settings_to_run, with_part_of_budget
 from rarms_iac.measuring.methods import Method, Search
-from rarms_iac.measuring.setup import Budget, Experiment, experiment_of, experiments_of
 from rarms_iac.measuring.strategies import Sweep
+from rarms_iac.model.experiment import Budget, Experiment, experiment_of, experiments_of
 from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.run import Elapsed, Run, SampleCount
 from rarms_iac.model.setting import Setting

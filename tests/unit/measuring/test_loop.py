@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rarms_iac.measuring.search.trials import is_clear
-from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import SettingCount, Sweep, goal_of
 from rarms_iac.model.environment_setup import P1, P2
+from rarms_iac.model.experiment import Experiment, experiment_of
 from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SettingFailed, Stopped, Sufficient
 from rarms_iac.model.run import SampleCount
 from rarms_iac.model.setting import Setting, SettingEvidence

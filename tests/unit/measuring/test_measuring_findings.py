@@ -7,7 +7,7 @@ import pytest
 
 from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.measuring_findings import findings_of
-from rarms_iac.measuring.setup import Experiment, experiment_of
+from rarms_iac.model.experiment import Experiment, experiment_of
 from rarms_iac.model.outcomes import NotAchievable, NotResolved, Sufficient
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource
 from rarms_iac.model.quantities import Milliseconds

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Sweep
+from rarms_iac.model.experiment import Experiment, experiment_of
 from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
 from rarms_iac.statistics.error_probability import PERIODIC_STARTS

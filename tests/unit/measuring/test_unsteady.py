@@ -13,7 +13,7 @@ from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.loop import LoopResult
 from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.performance import shortfall_at, why_unsteady
-from rarms_iac.measuring.setup import Experiment, experiment_of
+from rarms_iac.model.experiment import Experiment, experiment_of
 from rarms_iac.model.outcomes import Missed, Sufficient, Unsteady
 from rarms_iac.model.setting import Setting
 from rarms_iac.providers.simulated.measuring import Simulate

@@ -6,10 +6,10 @@ from io import StringIO
 
 import pytest
 
-from rarms_iac.app.experiments.measure import MeasureOutcome
-from rarms_iac.app.experiments.measure_request import ExperimentResult
-from rarms_iac.measuring.setup import Experiment, experiment_of
-from rarms_iac.measuring.wall_times import RemainingSettings
+from rarms_iac.app.control import RemainingSettings
+from rarms_iac.measuring.measure import MeasureOutcome
+from rarms_iac.measuring.measure_request import ExperimentResult
+from rarms_iac.model.experiment import Experiment, experiment_of
 from rarms_iac.model.outcomes import Stopped, Sufficient, Swept
 from rarms_iac.model.run import SampleCount
 from rarms_iac.model.series import Sample, Series

@@ -6,8 +6,8 @@ from io import StringIO
 
 import pytest
 
-from rarms_iac.app.experiments.tune import TuningResult
 from rarms_iac.app.report_model import PlatformTuning
+from rarms_iac.measuring.tune import TuningResult
 from rarms_iac.planner.combining.oracle import Answer
 from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition
 from rarms_iac.views.console import LiveTable, live_console, render

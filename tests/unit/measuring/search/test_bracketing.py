@@ -7,11 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rarms_iac.measuring.methods import Search, strategy_of
-from rarms_iac.measuring.search.bracketing import MOST, WIDTH
+from rarms_iac.measuring.search.bracketing import MOST
 from rarms_iac.measuring.search.crossings import crossings_of
 from rarms_iac.measuring.search.trials import Goal, Member, trials_of
-from rarms_iac.measuring.setup import Budget
-from rarms_iac.model.outcomes import Conclusion, Measure, NotAchievable, NotResolved, Sufficient
+from rarms_iac.model.experiment import Budget
+from rarms_iac.model.outcomes import WIDTH, Conclusion, Measure, NotAchievable, NotResolved, Sufficient
 from rarms_iac.model.series import Sample, Series, columns_of
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Threshold

@@ -7,7 +7,6 @@ from fractions import Fraction
 import pytest
 
 from rarms_iac.measuring.search import STRATEGIES
-from rarms_iac.measuring.search.bracketing import WIDTH
 from rarms_iac.measuring.search.trials import (
     MOST_INCONCLUSIVE,
     Bracket,
@@ -19,7 +18,7 @@ from rarms_iac.measuring.search.trials import (
     settings_below,
     trials_of,
 )
-from rarms_iac.model.outcomes import Measure, Missed, NotAchievable, NotResolved, SearchDecision, Sufficient
+from rarms_iac.model.outcomes import WIDTH, Measure, Missed, NotAchievable, NotResolved, SearchDecision, Sufficient
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Periodic, SampleCount
 from rarms_iac.model.setting import Setting

@@ -17,8 +17,8 @@ from ansible_collections.rarms.fleet.plugins.plugin_utils.robot import (
 
 if not RARMS_MISSING:
     from rarms_iac.app.control import Control, always_consents, never_consents
-    from rarms_iac.app.experiments.measure import measure_components
-    from rarms_iac.app.experiments.measure_request import MeasureRequest
+    from rarms_iac.measuring.measure import measure_components
+    from rarms_iac.measuring.measure_request import MeasureRequest
 
 
 class ActionModule(RobotAction):

@@ -16,8 +16,8 @@ from ansible_collections.rarms.fleet.plugins.plugin_utils.robot import (
 )
 
 if not RARMS_MISSING:
-    from rarms_iac.app.experiments.prove import prove_layout
     from rarms_iac.app.use_case_errors import RequestError
+    from rarms_iac.measuring.prove import prove_layout
 
 
 class ActionModule(RobotAction):

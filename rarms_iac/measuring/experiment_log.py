@@ -9,13 +9,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from rarms_iac.app.data_logs import files_of, subject_of
-from rarms_iac.app.experiments.session import MeasuringSession
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log, log_errors, now
 from rarms_iac.measuring.evidence import is_weak
-from rarms_iac.measuring.partitions import partition_name
+from rarms_iac.measuring.session import MeasuringSession
 from rarms_iac.measuring.settings_log import SettingsLog
-from rarms_iac.measuring.setup import Experiment
+from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.state import Partition
 from rarms_iac.model.version import __version__
@@ -78,7 +77,7 @@ def settings_log_of(
     Returns:
         A log to read the settings of and to add to.
     """
-    others = tuple(partition_name(partition) for partition in running)
+    others = tuple(partition.shown_name for partition in running)
     return SettingsLog(
         path=log.path,
         header=log.header,

@@ -5,11 +5,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import groupby
 
-from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.measuring.evidence import leaves_idle
+from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.methods import Method, Search
-from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.capacity import shared_processors
+from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.loads import is_steady
 from rarms_iac.model.outcomes import NotAchievable, NotResolved, SettingFailed, Stopped, Swept
 from rarms_iac.model.quantities import ReservePercent

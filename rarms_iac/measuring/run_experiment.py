@@ -7,10 +7,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from rarms_iac.app.data_logs import files_of, stale_advice, used_processors
-from rarms_iac.app.experiments.experiment_log import ExperimentLog, data_log_path, read_experiment_log, settings_log_of
-from rarms_iac.app.experiments.measure_request import USUAL_SEED, ExperimentResult
-from rarms_iac.app.experiments.session import MeasuringSession, refuse_what_cannot_run, stop_own_partitions
-from rarms_iac.app.experiments.stopping import stopped_to_measure
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
@@ -23,21 +19,19 @@ from rarms_iac.measuring.duration import (
     with_part_of_budget,
 )
 from rarms_iac.measuring.evidence import TRIES
+from rarms_iac.measuring.experiment_log import ExperimentLog, data_log_path, read_experiment_log, settings_log_of
 from rarms_iac.measuring.loop import LoopResult, ProcessorNumberChanged, measure_settings
+from rarms_iac.measuring.measure_request import USUAL_SEED, ExperimentResult
 from rarms_iac.measuring.methods import Method, Search, is_of_paper, strategy_of
-from rarms_iac.measuring.partitions import (
-    MeasuringResources,
-    highest_reserve,
-    host_resources,
-    other_running_partitions,
-    partition_name,
-)
+from rarms_iac.measuring.partitions import MeasuringResources, highest_reserve, host_resources, other_running_partitions
+from rarms_iac.measuring.session import MeasuringSession, refuse_what_cannot_run, stop_own_partitions
 from rarms_iac.measuring.setting_run import MeasuringContext
 from rarms_iac.measuring.settings_log import SettingsLog
-from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring.stopping import stopped_to_measure
 from rarms_iac.measuring.strategies import Sweep, ThresholdCheck, goal_of
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
+from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource, processor_number
 from rarms_iac.model.quantities import ReservePercent, show_duration
@@ -273,7 +267,7 @@ def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Meth
     """
     host = experiment.host.name
     if available.running and not session.on_busy_host:
-        running = tuple(map(partition_name, available.running))
+        running = tuple(partition.shown_name for partition in available.running)
         message = f"On {host} these run, and would change what is measured: {', '.join(running)}."
         advice = "Stop them on the host. Or give --on-busy-host: the log says so."
         raise _refusal(measuring_findings.BUSY_HOST, message, advice, {"host": host, "partitions": running})
@@ -374,7 +368,7 @@ def _work_of_others(hosts: Hosts, running: Sequence[Partition]) -> Iterator[Part
 
 
 def _busy_warning(experiment: Experiment, running: Sequence[Partition]) -> Diagnostic:
-    names = tuple(map(partition_name, running))
+    names = tuple(partition.shown_name for partition in running)
     return measuring_findings.MEASURED_BUSY.of_host(
         experiment.host.name,
         f"{experiment.name} was measured while these ran on {experiment.host.name}: {', '.join(names)}. "

@@ -7,15 +7,15 @@ from types import MappingProxyType
 from typing import Literal
 
 from rarms_iac.app.control import UNATTENDED, Control
-from rarms_iac.app.experiments.stopping import finish_stop_or_start, own_running, start_again, stop_to_measure
 from rarms_iac.app.hosts import Hosts, host_errors, refuse_unfinished
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.partitions import remove_test_partitions
-from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring.stopping import finish_stop_or_start, own_running, start_again, stop_to_measure
 from rarms_iac.measuring.wall_times import WallTimes
 from rarms_iac.model.commands import START, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts
+from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import SimulatedHost
 from rarms_iac.model.journal import part_of_measurement
 from rarms_iac.model.loads import Interference

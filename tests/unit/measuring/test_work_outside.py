@@ -12,8 +12,8 @@ from rarms_iac.model.series import SkippedLines
 from rarms_iac.model.setting import OutsideWork, SettingEvidence
 from rarms_iac.providers.simulated.measuring import SimulatedRun
 from tests.fluid import without_scheduler
-from tests.unit.app.experiments import test_prove, test_tune
 from tests.unit.cli.running import Ran, rarms
+from tests.unit.measuring import test_prove, test_tune
 
 ELSEWHERE = OutsideWork(name="sh", group=f"/libpod_parent/libpod-{'0a' * 32}", cpu_ms=790.0, component="vision")
 FOUND = SettingEvidence(
@@ -72,7 +72,7 @@ def test_tune_names_work_outside_and_kills(here: Path, monkeypatch: pytest.Monke
 def test_memory_is_advised_where_memory_kills(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (here / "rarms.yaml").write_text(test_prove.MANIFEST, encoding="utf-8")
     failed = TooManyFailures(component="vision", failures=("killed by signal KILL",), allowed=0)
-    for module in ("setting_run", "prove"):
+    for module in ("setting_run", "proof"):
         monkeypatch.setattr(f"rarms_iac.measuring.{module}.watch", lambda *_, **_more: failed)
 
     measured = rarms("measure", "vision")

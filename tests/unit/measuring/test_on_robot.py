@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.app.experiments.tune import TunedThere, TuneRequest, TuningResult, UnattendedTuning, tune_components
 from rarms_iac.app.hosts import Hosts, load
 from rarms_iac.app.use_case_errors import UseCaseError
+from rarms_iac.measuring.tune import TunedThere, TuneRequest, TuningResult, UnattendedTuning, tune_components
 from rarms_iac.planner.combining.oracle import Members
 from rarms_iac.providers.channel import ProgramChannel
 from rarms_iac.providers.robot import READY, YES

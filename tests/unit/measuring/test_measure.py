@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.app.control import UNATTENDED, Control
-from rarms_iac.app.experiments import measure
-from rarms_iac.app.experiments.measure_request import ExperimentResult, MeasureRequest
 from rarms_iac.app.hosts import Hosts, load
-from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring import measure
+from rarms_iac.measuring.measure_request import ExperimentResult, MeasureRequest
+from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.outcomes import Stopped
 from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage.datalog.decisions import Chosen, Proven, read_entries

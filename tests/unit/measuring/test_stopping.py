@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.app.experiments import measure
+from rarms_iac.measuring import measure
 from rarms_iac.model.state import StoppedBy
 from rarms_iac.storage.snapshot_file import read_snapshot
 from tests.unit.cli.running import rarms

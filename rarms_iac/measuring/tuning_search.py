@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from rarms_iac.app.experiments.tuning_subject import LacksMemory, LayoutFit, TuningStopped, TuningSubject
 from rarms_iac.app.graph import recorded_answers
+from rarms_iac.measuring.tuning_subject import LacksMemory, LayoutFit, TuningStopped, TuningSubject
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.planner.combining.candidates import Contradiction
 from rarms_iac.planner.combining.oracle import WHOLE, Answer, Coi, Members, PlannerReporter, Unanswered, total

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.measuring.prove import STARTS, AppliedLayout, LayoutProof, ProofConditions, judge_layout
-from rarms_iac.measuring.prove import prove as run_proof
+from rarms_iac.measuring.proof import STARTS, AppliedLayout, LayoutProof, ProofConditions, judge_layout
+from rarms_iac.measuring.proof import prove as run_proof
 from rarms_iac.model.outcomes import TooFewSamples, TooManyFailures
 from rarms_iac.model.state import Partition
 from rarms_iac.model.system import AtMost
@@ -196,7 +196,7 @@ def test_a_load_leaves_the_next_one_what_it_did_not_take(here: Path, monkeypatch
         budgets.append(conditions.budget_ms)
         return run_proof(host, layout, conditions, *rest)
 
-    monkeypatch.setattr("rarms_iac.app.experiments.prove.prove", with_budget)
+    monkeypatch.setattr("rarms_iac.measuring.prove.prove", with_budget)
 
     assert prove().code == 0
     assert budgets[0] == 300_000

@@ -9,8 +9,7 @@ from rarms_iac.app.requests import PlanLimits
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.state_after import totals_after
 from rarms_iac.measuring import measuring_findings
-from rarms_iac.measuring.partitions import partition_name
-from rarms_iac.measuring.prove import AppliedLayout
+from rarms_iac.measuring.proof import AppliedLayout
 from rarms_iac.model.commands import APPLY, PLAN, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts
 from rarms_iac.model.quantities import guaranteed
@@ -65,7 +64,7 @@ def _layout_on(hosts: Hosts, name: str, states: Mapping[str, State], groups: Seq
     if not groups and not on_host:
         return None
     running = {
-        partition_name(partition): partition.settings
+        partition.shown_name: partition.settings
         for partition in states[name].of(system.application.name).partitions
         if partition.settings.running
     }

@@ -13,7 +13,14 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import NoReturn
 
-from rarms_iac.app.component_results import (
+from rarms_iac.app.control import UNATTENDED, Control
+from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.manifests import Manifest, unaccepted_short_secrets
+from rarms_iac.app.options import argument, flag, option, read_time
+from rarms_iac.app.process_place import find_place
+from rarms_iac.app.requests import refuse_unknown
+from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
+from rarms_iac.measuring.component_results import (
     CANNOT_START,
     ComponentRunResult,
     RunOutcome,
@@ -22,14 +29,7 @@ from rarms_iac.app.component_results import (
     load_problem,
     nothing_to_run,
 )
-from rarms_iac.app.control import UNATTENDED, Control
-from rarms_iac.app.experiments.measure_request import refuse_unknown
-from rarms_iac.app.experiments.on_robot import SAMPLES, ExperimentListener, ask_robot, readable_answer
-from rarms_iac.app.hosts import Hosts
-from rarms_iac.app.manifests import Manifest, unaccepted_short_secrets
-from rarms_iac.app.options import argument, flag, option, read_time
-from rarms_iac.app.process_place import find_place
-from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
+from rarms_iac.measuring.on_robot import SAMPLES, ExperimentListener, ask_robot, readable_answer
 from rarms_iac.measuring.work_findings import work_outside
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic

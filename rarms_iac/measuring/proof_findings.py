@@ -11,7 +11,7 @@ from rarms_iac.applying.state_after import totals_after
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.measuring_findings import NO_MORE_CPU, index_facts, show_index
 from rarms_iac.measuring.performance import MeasuredIndex
-from rarms_iac.measuring.prove import IndexVerdict, LayoutProof
+from rarms_iac.measuring.proof import IndexVerdict, LayoutProof
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.indexes import index_named, show_threshold

@@ -4,27 +4,26 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
-from rarms_iac.app.control import UNATTENDED, Control
+from rarms_iac.app.control import UNATTENDED, Control, MeasuringReporter
 from rarms_iac.app.decision_logs import record_tuning
-from rarms_iac.app.experiments.measure import record_reservations
-from rarms_iac.app.experiments.on_robot import SETTINGS, TUNING, ExperimentListener, ask_robot, readable_answer
-from rarms_iac.app.experiments.session import MeasuringSession, hold_measuring_hosts, starting_again
-from rarms_iac.app.experiments.stopping import stopped_to_measure
-from rarms_iac.app.experiments.tuning_search import TuningConclusion, search_combinations
-from rarms_iac.app.experiments.tuning_subject import (
-    Experiments,
-    TuningSubject,
-    problem_around,
-    subject_of_tuning,
-    tuning_host,
-)
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.manifest_edits import FileEdit, edit_partitions, emptied_partitions, text_of, write_edits
 from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import now
 from rarms_iac.app.options import busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.app.use_case_errors import RequestError
-from rarms_iac.measuring.reporter import MeasuringReporter
+from rarms_iac.measuring.measure import record_reservations
+from rarms_iac.measuring.on_robot import SETTINGS, TUNING, ExperimentListener, ask_robot, readable_answer
+from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, starting_again
+from rarms_iac.measuring.stopping import stopped_to_measure
+from rarms_iac.measuring.tuning_search import TuningConclusion, search_combinations
+from rarms_iac.measuring.tuning_subject import (
+    Experiments,
+    TuningSubject,
+    problem_around,
+    subject_of_tuning,
+    tuning_host,
+)
 from rarms_iac.measuring.work_findings import MORE_MEMORY
 from rarms_iac.model.commands import PLAN, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places

@@ -11,29 +11,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import Literal
 
-from rarms_iac.app.control import UNATTENDED, Control
+from rarms_iac.app.control import UNATTENDED, Control, MeasuringReporter
 from rarms_iac.app.decision_logs import record_choices
-from rarms_iac.app.experiments.experiment_log import data_log_path, end_remeasurements, remeasurements_for
-from rarms_iac.app.experiments.level_prompt import LevelPrompt, SessionEnded, ask_levels
-from rarms_iac.app.experiments.measure_request import (
-    ExperimentResult,
-    MeasureRequest,
-    describe_request,
-    experiments_of_request,
-    method_of,
-    refuses_weak_loads,
-    weak_answer,
-)
-from rarms_iac.app.experiments.on_robot import SETTINGS, ExperimentListener, ask_robot, readable_answer
-from rarms_iac.app.experiments.run_experiment import run_experiment, stop_what_is_in_the_way
-from rarms_iac.app.experiments.session import MeasuringSession, hold_measuring_hosts, starting_again
-from rarms_iac.app.experiments.several_loads import (
-    by_partition,
-    decisive,
-    idle_settings,
-    leave_idle,
-    measure_with_each_load,
-)
 from rarms_iac.app.hosts import Hosts, host_errors
 from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import log_errors
@@ -42,15 +21,29 @@ from rarms_iac.app.report_model import ComponentVerdict
 from rarms_iac.app.scripts import PlanScript
 from rarms_iac.app.totals import partitions_without_log, totals_at_hand
 from rarms_iac.app.use_case_errors import RequestError
+from rarms_iac.measuring.experiment_log import data_log_path, end_remeasurements, remeasurements_for
+from rarms_iac.measuring.level_prompt import LevelPrompt, SessionEnded, ask_levels
+from rarms_iac.measuring.measure_request import (
+    ExperimentResult,
+    MeasureRequest,
+    describe_request,
+    experiments_of_request,
+    method_of,
+    refuses_weak_loads,
+    weak_answer,
+)
 from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.methods import Method
+from rarms_iac.measuring.on_robot import SETTINGS, ExperimentListener, ask_robot, readable_answer
 from rarms_iac.measuring.partitions import host_resources
-from rarms_iac.measuring.reporter import MeasuringReporter
+from rarms_iac.measuring.run_experiment import run_experiment, stop_what_is_in_the_way
+from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, starting_again
 from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
-from rarms_iac.measuring.setup import Experiment, experiments_of
+from rarms_iac.measuring.several_loads import by_partition, decisive, idle_settings, leave_idle, measure_with_each_load
 from rarms_iac.measuring.work_findings import work_of_settings
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.experiment import Experiment, experiments_of
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.outcomes import SettingFailed, Stopped
 from rarms_iac.model.output import Internal

@@ -1,21 +1,22 @@
 """What `rarms measure` is asked for, as experiments: which components together, on which host, against which load."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
 
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.options import argument, busy_host_option, flag, lock_timeout_option, option, samples_option
+from rarms_iac.app.requests import refuse_unknown
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.idle_time import describe_idle, idle_facts
 from rarms_iac.measuring.methods import PAPER, USUAL_STEP, Method, Search
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
-from rarms_iac.measuring.setup import Experiment, experiments_of
 from rarms_iac.measuring.strategies import Sweep
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts
+from rarms_iac.model.experiment import Experiment, experiments_of
 from rarms_iac.model.host import Host
 from rarms_iac.model.loads import BUSY_LOOP, Browser, could_take_all
 from rarms_iac.model.outcomes import (
@@ -35,7 +36,7 @@ from rarms_iac.model.series import SkippedLines
 from rarms_iac.model.setting import Setting, SettingEvidence, join_skipped
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.weak_loads import advice_on_weak_loads
-from rarms_iac.model.wording import in_a_row, natural_order, quoted, suggestion
+from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.error_probability import ERROR
 
@@ -424,22 +425,3 @@ def _hosts_to_measure_on(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Hos
         )
     platforms = dict.fromkeys(host.platform for host in able)
     yield from (next(host for host in able if host.platform == platform) for platform in platforms)
-
-
-def refuse_unknown(names: Sequence[str], existing: Mapping[str, object], kind: str) -> None:
-    """Refuse names that are not in the manifest.
-
-    Args:
-        names: As they were given.
-        existing: What the manifest has of that kind, by name.
-        kind: What messages call it: `component`, `interference`.
-
-    Raises:
-        RequestError: One of them is not there; the message offers the nearest.
-    """
-    for name in names:
-        if name not in existing:
-            raise RequestError(
-                f"The manifest has no {kind} {quoted(name)}.{suggestion(name, tuple(existing))} "
-                f"It has: {', '.join(sorted(existing, key=natural_order)) or 'none'}."
-            )

@@ -4,13 +4,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol
 
-from rarms_iac.app.experiments.measure_request import ExperimentResult, reserves_between
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.report import report_of_manifest
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.select import BeyondMeasured, Selection, SelectRequest, select_level
 from rarms_iac.app.use_case_errors import RequestError, UseCaseError
+from rarms_iac.measuring.measure_request import ExperimentResult, reserves_between
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.outcomes import Stopped, Swept
 from rarms_iac.statistics.curves import curves_of, least_reserve

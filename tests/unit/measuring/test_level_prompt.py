@@ -3,15 +3,15 @@
 from datetime import date
 from pathlib import Path
 
-from rarms_iac.app.experiments.measure import measure_components
-from rarms_iac.app.experiments.measure_request import ExperimentResult, MeasureRequest
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.select import BeyondMeasured, Selection
 from rarms_iac.app.use_case_errors import RequestError, UseCaseError
-from tests.unit.app.experiments.test_measure import MANIFEST, write
+from rarms_iac.measuring.measure import measure_components
+from rarms_iac.measuring.measure_request import ExperimentResult, MeasureRequest
+from tests.unit.measuring.test_measure import MANIFEST, write
 
 
 class Page:

@@ -1,12 +1,8 @@
 """The results that commands print with `--json`: each names itself in `kind` (`schemas/output.json`)."""
 
-from rarms_iac.app.component_results import RunOutcome
 from rarms_iac.app.doctor import Examinations
 from rarms_iac.app.doctor_report import DoctorReport
 from rarms_iac.app.drift import DriftReport
-from rarms_iac.app.experiments.measure import MeasureOutcome
-from rarms_iac.app.experiments.prove import ProveOutcome
-from rarms_iac.app.experiments.tune import TuningResult
 from rarms_iac.app.explanation import Explanation, HostExplanation
 from rarms_iac.app.graph import CandidateGraph, LayoutGraph
 from rarms_iac.app.guide import GuideFacts
@@ -18,6 +14,10 @@ from rarms_iac.app.select import Selection
 from rarms_iac.app.starting import StartedPartitions
 from rarms_iac.app.status import History, Overview
 from rarms_iac.applying.run_report import RunReport, StepEnded
+from rarms_iac.measuring.component_results import RunOutcome
+from rarms_iac.measuring.measure import MeasureOutcome
+from rarms_iac.measuring.prove import ProveOutcome
+from rarms_iac.measuring.tune import TuningResult
 from rarms_iac.model.diagnostics import Findings
 from rarms_iac.model.plan import Plan
 from rarms_iac.powershell.outline import ScriptDifference

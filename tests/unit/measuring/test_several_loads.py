@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.app.experiments.measure_request import ExperimentResult
-from rarms_iac.app.experiments.several_loads import by_partition, decisive, measure_with_each_load
+from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.methods import Method, Search
-from rarms_iac.measuring.setup import Experiment, experiment_of
+from rarms_iac.measuring.several_loads import by_partition, decisive, measure_with_each_load
 from rarms_iac.measuring.strategies import Sweep
 from rarms_iac.model.environment_setup import P1, P2
+from rarms_iac.model.experiment import Experiment, experiment_of
 from rarms_iac.model.outcomes import Conclusion, NotAchievable, Stopped, Sufficient, Swept
 from rarms_iac.model.setting import OutsideWork, SettingEvidence
 from rarms_iac.providers.simulated.measuring import SimulatedRun
