@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.providers.interface import HostError
 from tests import needs
 from tests.effort import LONG, TRIED, Attempt, examples
@@ -56,10 +56,11 @@ def _no_message_without_a_reason() -> Iterator[None]:
     """Every finding and every error of a host that a test meets has its reason, in the sentence and for programs."""
     at, made = Finding.at, HostError.__init__
 
-    def with_reason(self: Finding, place: Place | None, detail: str, *rest: Any, **more: Any) -> Diagnostic:
-        assert not re.search(r"[:,]\s*\.?$", detail), detail
-        assert more["values"].get("reason") != "", detail
-        return at(self, place, detail, *rest, **more)
+    def with_reason(self: Finding, *given: Any, **facts: Any) -> Diagnostic:
+        found = at(self, *given, **facts)
+        assert not re.search(r"[:,]\s*\.?$", found.detail), found.detail
+        assert found.values.get("reason") != "", found.detail
+        return found
 
     def with_message(self: HostError, host: str, message: str, advice: Any) -> None:
         assert message, host

@@ -1,17 +1,32 @@
 """Findings: what a user can cause, told once and rendered anywhere."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Literal, Protocol, Self, TypeAlias
+from fractions import Fraction
+from functools import partial
+from string import Formatter
+from typing import Any, Literal, Protocol, Self, TypeAlias
 
 from rarms_iac.model.commands import Prose, RecommendedCommand, Wording, prose
 from rarms_iac.model.output import output
+from rarms_iac.model.quantities import (
+    plain,
+    show_bytes,
+    show_duration,
+    show_milliseconds,
+    show_percent,
+    show_processors,
+    write_bytes,
+)
+from rarms_iac.model.wording import counted, in_a_row, list_names, quoted
 
 Fact: TypeAlias = str | bool | int | float | tuple[str, ...]
 Facts: TypeAlias = Mapping[str, Fact]
 """The names and numbers behind a message, each under a name of its own."""
+Given: TypeAlias = Fact | Fraction
+"""A fact as a caller has it: programs get an exact number as a whole or a floating one."""
 
 
 class Severity(StrEnum):
@@ -74,26 +89,26 @@ class Finding:
     def at(
         self,
         place: Place | None,
-        detail: str,
+        template: str,
         advice: Wording,
         *,
-        values: Facts,
+        values: Facts | None = None,
         address: str = "",
         related: tuple[Related, ...] = (),
+        **facts: Given,
     ) -> "Diagnostic":
-        """One case of this finding: what and why (`detail`), and what to do (`advice`).
+        """Return one case of this finding.
 
         Args:
-            place: in a manifest; None: it is about a host, a file or a run.
-            detail: what is wrong and why, with its numbers; whole sentences.
-            advice: what to do; whole sentences, with the commands that they recommend.
-            values: the names and numbers of `detail`, for programs; no unit but the one that a name ends with.
-            address: what it is about, as `policy.accept` names it; empty: nothing that has one.
-            related: other places that belong to it.
-
-        Returns:
-            The case; nothing is printed.
+            place: In a manifest; None if the finding is about a host, a file or a run.
+            template: What is wrong and why, as whole sentences with the facts in braces: `{component} stopped after
+                {timeout:ms}`. `UNITS` has the formats.
+            advice: What to do, as whole sentences with the commands that they recommend.
+            address: What it is about, as `policy.accept` names it.
+            facts: Names and numbers for the template and for programs. A fact with an underscore in front is for the
+                template alone.
         """
+        detail, known = (template, values) if values is not None else fill_template(template, facts)
         return Diagnostic(
             code=self.code,
             severity=self.severity,
@@ -103,25 +118,55 @@ class Finding:
             place=place,
             address=address,
             related=related,
-            values=values,
+            values=known,
         )
 
     def of_host(
-        self, host: str, detail: str, advice: Wording, *, place: Place | None = None, **values: Fact
+        self, host: str, template: str, advice: Wording, *, place: Place | None = None, **facts: Given
     ) -> "Diagnostic":
-        """One case of this finding that is about a host.
+        """Return one case that is about a host: its address is `host/<name>`, and `host` is one of its facts."""
+        return self.at(place, template, advice, values=None, address=f"host/{host}", related=(), host=host, **facts)
 
-        Args:
-            host: its name in the manifest.
-            detail: as of `at`.
-            advice: as of `at`.
-            place: its line, where that tells a reader more.
-            values: as of `at`, without the host.
 
-        Returns:
-            The case, with the address `host/<name>`.
-        """
-        return self.at(place, detail, advice, values={"host": host, **values}, address=f"host/{host}")
+UNITS: Mapping[str, tuple[str, Callable[[Any], str]]] = {
+    "": ("", lambda fact: list_names(fact) if isinstance(fact, tuple) else _text_of(fact)),
+    "or": ("", lambda fact: in_a_row(fact, "or")),
+    "all": ("", in_a_row),
+    "quoted": ("", quoted),
+    ",": ("", "{:,}".format),
+    "ms": ("_ms", show_milliseconds),
+    "duration": ("_ms", show_duration),
+    "%": ("_percent", show_percent),
+    "lp": ("_lp", show_processors),
+    "bytes": ("_bytes", write_bytes),
+    "memory": ("_bytes", show_bytes),
+}
+"""Formats of a template, by what stands behind the colon: what programs find behind the fact's name, and the
+text. Another format is a noun to count: `{errors:error}` is `2 errors`."""
+
+
+def fill_template(template: str, facts: Mapping[str, Given]) -> tuple[str, Facts]:
+    """Return a sentence and the facts for programs: `{timeout:ms}` of 2000 gives `2 s` and `timeout_ms: 2000`."""
+    pieces: list[str] = []
+    names = {name: name for name in facts if not name.startswith("_")}
+    for text, name, unit, _ in Formatter().parse(template):
+        pieces.append(text)
+        if name is not None:
+            suffix, show = UNITS.get(unit or "") or ("", partial(counted, noun=unit or ""))
+            pieces.append(show(facts[name]))
+            if name in names and not name.endswith(suffix):
+                names[name] = name + suffix
+    return "".join(pieces), {names[name]: _json_value(facts[name]) for name in names}
+
+
+def _text_of(fact: Given) -> str:
+    return plain(fact) if isinstance(fact, Fraction) else str(fact)
+
+
+def _json_value(fact: Given) -> Fact:
+    if isinstance(fact, Fraction):
+        return fact.numerator if fact.denominator == 1 else float(fact)
+    return fact
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

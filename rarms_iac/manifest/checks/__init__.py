@@ -38,7 +38,7 @@ def run_checks(system: System, places: Places, today: date) -> tuple[Diagnostic,
         for finding, check in CHECKS.items():
             violations = check(system)
             most = None if finding.code in system.policy.accept else MOST_OF_A_KIND
-            shown = [violation.as_diagnostic(finding, places) for violation in islice(violations, most)]
+            shown = [violation(finding, places) for violation in islice(violations, most)]
             yield from shown
             if more := sum(1 for _ in violations):
                 yield remainder(shown[-1], more)

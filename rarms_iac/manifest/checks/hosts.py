@@ -4,13 +4,13 @@ import re
 from collections.abc import Iterator
 
 from rarms_iac.manifest.checks.system_lookups import allowed_hosts
-from rarms_iac.manifest.checks.violation import Violation, check, host_check
+from rarms_iac.manifest.checks.violation import Violation, check, host_check, violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host, HypervHost, LinuxHost, ProviderKind, WinRmConnect
 from rarms_iac.model.mmcss import OFF, is_taken_as_is, taken_for
 from rarms_iac.model.quantities import in_processors, show_processors, write_bytes
 from rarms_iac.model.system import RunsOn, System
-from rarms_iac.model.wording import list_names, quoted
+from rarms_iac.model.wording import quoted
 
 _ABSOLUTE = re.compile(r"[A-Za-z]:[\\/]|[\\/]{2}[^\\/]")
 _NOT_IN_A_PATH = re.compile(r'[<>"|?*\x00-\x1f]')
@@ -31,17 +31,15 @@ def nothing_kept_for_host(system: System) -> Iterator[Violation]:
         if here and kept_memory < memory:
             lacks.append(f"{write_bytes(kept_memory)} of the {write_bytes(memory)} that they need")
         if lacks:
-            yield Violation(
-                path=("hosts", host.name, "keep_for_host"),
-                detail=f'{list_names(component.name for component in here)} may run on "{host.name}" itself, but '
-                f"`keep_for_host` keeps {' and '.join(lacks)}. Partitions may get all the rest.",
-                advice=f"Write `keep_for_host: {{ processor: ..., memory: {write_bytes(memory)} }}` with what they "
-                "need.",
-                values={
-                    "components": tuple(component.name for component in here),
-                    "keeps_memory_bytes": host.keep_for_host.memory,
-                    "needs_memory_bytes": memory,
-                },
+            yield violation(
+                ("hosts", host.name, "keep_for_host"),
+                '{components} may run on "{host}" itself, but `keep_for_host` keeps {_lacks}. Partitions '
+                "may get all the rest.",
+                f"Write `keep_for_host: {{ processor: ..., memory: {write_bytes(memory)} }}` with what they need.",
+                components=tuple(component.name for component in here),
+                keeps_memory_bytes=host.keep_for_host.memory,
+                needs_memory_bytes=memory,
+                _lacks=" and ".join(lacks),
             )
 
 
@@ -57,11 +55,12 @@ def keeps_more_than_it_has(host: Host) -> Iterator[Violation]:
 
 
 def _withheld(host: Host, field: str, amount: str, available: str) -> Violation:
-    return Violation(
-        path=("hosts", host.name, "keep_for_host", field),
-        detail=f'"{host.name}" has {available} and keeps {amount}: nothing is left for partitions.',
-        advice="Keep less for the host, or mend what it has.",
-        values={"keeps": amount, "has": available},
+    return violation(
+        ("hosts", host.name, "keep_for_host", field),
+        '"{host}" has {has} and keeps {keeps}: nothing is left for partitions.',
+        "Keep less for the host, or mend what it has.",
+        keeps=amount,
+        has=available,
     )
 
 
@@ -73,12 +72,12 @@ SLICES_OF_OTHERS = frozenset({"system", "user", "machine", "init", "docker", "lx
 def slice_of_others(host: Host) -> Iterator[Violation]:
     """`linux: {slice: ...}` with a name that systemd or a container engine uses."""
     if isinstance(host.settings, LinuxHost) and host.settings.slice in SLICES_OF_OTHERS:
-        yield Violation(
-            path=("hosts", host.name, "linux", "slice"),
-            detail=f'"{host.name}" has the slice "{host.settings.slice}", which belongs to systemd or to a container '
-            "engine. rarms would limit everything in it, and end it with the last partition.",
-            advice="Choose another name, or leave `slice` out to use `rarms`.",
-            values={"slice": host.settings.slice},
+        yield violation(
+            ("hosts", host.name, "linux", "slice"),
+            '"{host}" has the slice "{slice}", which belongs to systemd or to a container engine. rarms '
+            "would limit everything in it, and end it with the last partition.",
+            "Choose another name, or leave `slice` out to use `rarms`.",
+            slice=host.settings.slice,
         )
 
 
@@ -86,12 +85,12 @@ def slice_of_others(host: Host) -> Iterator[Violation]:
 def connect_to_simulated(host: Host) -> Iterator[Violation]:
     """`connect` on a simulated host."""
     if host.provider is ProviderKind.SIMULATED and host.connect is not None:
-        yield Violation(
-            path=("hosts", host.name, "connect"),
+        yield violation(
+            ("hosts", host.name, "connect"),
+            '"{host}" is simulated. It is a file on this machine, so `connect` has no effect.',
+            "Remove `connect`, or write the provider of the real host.",
             at_key=True,
-            detail=f'"{host.name}" is simulated. It is a file on this machine, so `connect` has no effect.',
-            advice="Remove `connect`, or write the provider of the real host.",
-            values={"provider": host.provider.value},
+            provider=host.provider.value,
         )
 
 
@@ -102,21 +101,23 @@ def not_by_winrm(host: Host) -> Iterator[Violation]:
         return
     path = ("hosts", host.name, "connect")
     if host.provider is ProviderKind.LINUX:
-        yield Violation(
-            path=(*path, "winrm"),
+        yield violation(
+            (*path, "winrm"),
+            '"{host}" is a Linux host, and WinRM reaches Windows only.',
+            "Write `connect: {ssh: user@host}`.",
             at_key=True,
-            detail=f'"{host.name}" is a Linux host, and WinRM reaches Windows only.',
-            advice="Write `connect: {ssh: user@host}`.",
-            values={"provider": host.provider.value},
+            provider=host.provider.value,
+            host=host.name,
         )
     if (host.connect.user is None) is not (host.connect.password is None):
         missing = "user" if host.connect.user is None else "password"
-        yield Violation(
-            path=path,
+        yield violation(
+            path,
+            '`connect` of "{host}" has no `{missing}`: WinRM takes user and password, or neither of them.',
+            f"Write `{missing}`, or leave out both to use the Kerberos ticket.",
             at_key=True,
-            detail=f'`connect` of "{host.name}" has no `{missing}`: WinRM takes user and password, or neither of them.',
-            advice=f"Write `{missing}`, or leave out both to use the Kerberos ticket.",
-            values={"missing": missing},
+            missing=missing,
+            host=host.name,
         )
 
 
@@ -128,20 +129,19 @@ def platform_of_different_hosts(system: System) -> Iterator[Violation]:
         other = first.setdefault(host.platform, host)
         difference = _difference(other, host)
         if difference:
-            yield Violation(
-                path=("hosts", host.name, "platform"),
-                detail=f'"{host.name}" and "{other.name}" have the platform "{host.platform}" and share measurements, '
-                f"but {difference}. A measurement on one host is not valid on the other.",
-                advice="Give them different platforms.",
+            yield violation(
+                ("hosts", host.name, "platform"),
+                '"{host}" and "{other}" have the platform "{platform}" and share measurements, but '
+                "{_difference}. A measurement on one host is not valid on the other.",
+                "Give them different platforms.",
                 related=((("hosts", other.name), True, "the other host"),),
-                values={
-                    "other": other.name,
-                    "platform": host.platform,
-                    "provider": host.provider.value,
-                    "other_provider": other.provider.value,
-                    "host_lp": host.logical_processors,
-                    "other_lp": other.logical_processors,
-                },
+                other=other.name,
+                platform=host.platform,
+                provider=host.provider.value,
+                other_provider=other.provider.value,
+                host_lp=host.logical_processors,
+                other_lp=other.logical_processors,
+                _difference=difference,
             )
 
 
@@ -176,22 +176,24 @@ def secure_boot_of_generation_1(system: System) -> Iterator[Violation]:
         if partition.hyperv.secure_boot and generations == {1}:
             found.append(("partitions", name))
     for section, name in found:
-        yield Violation(
-            path=(section, name, "hyperv", "secure_boot"),
-            detail="A machine of generation 1 has no secure boot.",
-            advice="Remove `secure_boot`, or use `generation: 2`.",
-            values={"generation": 1},
+        yield violation(
+            (section, name, "hyperv", "secure_boot"),
+            "A machine of generation 1 has no secure boot.",
+            "Remove `secure_boot`, or use `generation: 2`.",
+            generation=1,
         )
 
 
 def _path_violations(section: str, name: str, paths: dict[str, str | None]) -> Iterator[Violation]:
     for key, path in paths.items():
         if path is not None and (problem := _path_problem(path)):
-            yield Violation(
-                path=(section, name, "hyperv", key),
-                detail=f'"{path}" {problem}.',
-                advice=r"Write a full path of the host, for example D:\machines or \\server\share\machines.",
-                values={"key": key, "file": path},
+            yield violation(
+                (section, name, "hyperv", key),
+                '"{file}" {_problem}.',
+                r"Write a full path of the host, for example D:\machines or \\server\share\machines.",
+                key=key,
+                file=path,
+                _problem=problem,
             )
 
 
@@ -214,18 +216,20 @@ def responsiveness_not_as_is(system: System) -> Iterator[Violation]:
             continue
         advice = "Write 10, 20, ... or 90. The default of Windows is 20."
         if host.provider is ProviderKind.LINUX:
-            detail = f'"{host.name}" is a Linux host. MMCSS exists on Windows only.'
+            template = '"{host}" is a Linux host. MMCSS exists on Windows only.'
             advice = "Remove `system_responsiveness`."
         elif is_taken_as_is(percent):
             continue
         elif percent == OFF:
-            detail = f"{percent} switches MMCSS off: no task class would have an effect."
+            template = "{percent} switches MMCSS off: no task class would have an effect."
         else:
             reason = "rounds down to tens" if 10 <= percent <= OFF else "uses this default below 10 and above 100"
-            detail = f"Windows would use {taken_for(percent)} instead of {percent}: it {reason}."
-        yield Violation(
-            path=("hosts", host.name, "system_responsiveness"),
-            detail=detail,
-            advice=advice,
-            values={"percent": percent, "taken_percent": taken_for(percent), "provider": host.provider.value},
+            template = f"Windows would use {{taken_percent}} instead of {{percent}}: it {reason}."
+        yield violation(
+            ("hosts", host.name, "system_responsiveness"),
+            template,
+            advice,
+            percent=percent,
+            taken_percent=taken_for(percent),
+            provider=host.provider.value,
         )

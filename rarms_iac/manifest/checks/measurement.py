@@ -3,19 +3,20 @@
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from math import ceil
+from typing import Any
 
-from rarms_iac.manifest.checks.violation import Violation, check, component_check
+from rarms_iac.manifest.checks.violation import Violation, check, component_check, violation
 from rarms_iac.model.commands import command
-from rarms_iac.model.diagnostics import Facts, Finding
+from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import SCHEDULER_WINDOW_MS, ProviderKind
 from rarms_iac.model.indexes import SampleValue, find_index
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
-from rarms_iac.model.quantities import show_duration, show_milliseconds, show_processors
+from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.run import Call, Closed, Elapsed, Periodic, Run, SampleCount, Samples
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.model.system import AtMost, Component, Measured, System, run_of
 from rarms_iac.model.weak_loads import advice_on_weak_loads
-from rarms_iac.model.wording import Suggestions, counted, in_a_row
+from rarms_iac.model.wording import Suggestions
 from rarms_iac.running.reading import compile_pattern
 from rarms_iac.statistics.error_probability import samples_needed
 from rarms_iac.statistics.setting_time import least_setting_ms
@@ -27,11 +28,11 @@ TOO_FEW_SAMPLES = Finding.note("RARMS074", "A threshold needs more samples than 
 def measured_without_apt(component: Component) -> Iterator[Violation]:
     """`reserve: measured` on a component without `apt`."""
     if component.cpu.reserve is Measured.MEASURED and not component.apt:
-        yield Violation(
-            path=("components", component.name, "cpu", "reserve"),
-            detail=f'The reserve of "{component.name}" is the least that meets its APT, but it has no APT.',
-            advice="Add `apt`, or fix the reserve: `reserve: 20 %`.",
-            values={"reserve": "measured"},
+        yield violation(
+            ("components", component.name, "cpu", "reserve"),
+            'The reserve of "{component}" is the least that meets its APT, but it has no APT.',
+            "Add `apt`, or fix the reserve: `reserve: 20 %`.",
+            reserve="measured",
         )
 
 
@@ -48,14 +49,16 @@ def weak_loads(system: System) -> Iterator[Violation]:
             if loads and not any(could_take_all(system.interference[name], host.logical_processors) for name in loads):
                 own = ("components", component.name, "interference")
                 measure = command("measure", component.name, interference=BUSY_LOOP)
-                yield Violation(
-                    path=own if component.interference else ("policy", "interference"),
-                    detail=f"{in_a_row(loads)} cannot take all that is reserved beside {component.name} on the "
-                    f"{show_processors(host.logical_processors)} of {host.name}. What is measured there need not hold "
-                    "beside others.",
-                    advice=advice_on_weak_loads(system, host, [component.name], loads, measure),
+                yield violation(
+                    own if component.interference else ("policy", "interference"),
+                    "{loads:all} cannot take all that is reserved beside {component} on the "
+                    "{host_lp} LP of {host}. What is measured there need not hold beside others.",
+                    advice_on_weak_loads(system, host, [component.name], loads, measure),
                     address=f"component/{component.name}",
-                    values={"component": component.name, "host": host.name, "loads": loads},
+                    component=component.name,
+                    host=host.name,
+                    loads=loads,
+                    host_lp=host.logical_processors,
                 )
                 break
 
@@ -64,13 +67,12 @@ def weak_loads(system: System) -> Iterator[Violation]:
 def nothing_to_run(component: Component) -> Iterator[Violation]:
     """Components whose reserve is to be measured and that have neither `run` nor `simulation`."""
     if component.cpu.reserve is Measured.MEASURED and component.run is None and component.simulation is None:
-        yield Violation(
-            path=("components", component.name),
+        yield violation(
+            ("components", component.name),
+            'The reserve of "{component}" is to be measured, but the manifest does not say how it is started.',
+            "Add `run` with a command, or `simulation` with its demand on a simulated host.",
             at_key=True,
-            detail=f'The reserve of "{component.name}" is to be measured, but the manifest does not say how it is '
-            "started.",
-            advice="Add `run` with a command, or `simulation` with its demand on a simulated host.",
-            values={"reserve": "measured"},
+            reserve="measured",
         )
 
 
@@ -80,13 +82,14 @@ def no_sample_in_time(component: Component) -> Iterator[Violation]:
     match component.run:
         case Run(until=Elapsed(time=time), arrival=Periodic(period=period)) if time < period:
             here = ("components", component.name, "run")
-            yield Violation(
-                path=(*here, "until"),
-                detail=f'"{component.name}" is measured for {show_milliseconds(time)}, but a job starts every '
-                f"{show_milliseconds(period)}.",
-                advice="Measure for many periods: `until: { samples: 200 }`, or a longer `elapsed`.",
+            yield violation(
+                (*here, "until"),
+                '"{component}" is measured for {elapsed:ms}, but a job starts every {period:ms}.',
+                "Measure for many periods: `until: { samples: 200 }`, or a longer `elapsed`.",
                 related=(((*here, "arrival"), False, "the period"),),
-                values={"elapsed_ms": float(time), "period_ms": float(period)},
+                elapsed=time,
+                period=period,
+                component=component.name,
             )
 
 
@@ -97,12 +100,14 @@ def timeout_before_threshold(component: Component) -> Iterator[Violation]:
         return
     for name, allowed in _allowed_times(component, component.run):
         if component.run.timeout <= allowed:
-            yield Violation(
-                path=("components", component.name, "run", "timeout"),
-                detail=f'rarms stops "{component.name}" after {show_milliseconds(component.run.timeout)}, but its '
-                f"{name} allows {show_milliseconds(allowed)}. A late job would count as failed.",
-                advice=f"Raise the time-out well above {show_milliseconds(allowed)}.",
-                values={"timeout_ms": float(component.run.timeout), "allowed_by": name, "allowed_ms": float(allowed)},
+            yield violation(
+                ("components", component.name, "run", "timeout"),
+                'rarms stops "{component}" after {timeout:ms}, but its {allowed_by} allows {allowed:ms}. A '
+                "late job would count as failed.",
+                f"Raise the time-out well above {show_milliseconds(allowed)}.",
+                timeout=component.run.timeout,
+                allowed_by=name,
+                allowed=allowed,
             )
 
 
@@ -122,13 +127,15 @@ def index_without_field(component: Component) -> Iterator[Violation]:
     for name in component.apt:
         missing = _missing_field(name, component.run.samples)
         if missing is not None:
-            yield Violation(
-                path=("components", component.name, "apt", name),
+            yield violation(
+                ("components", component.name, "apt", name),
+                'The {index} of "{component}" is computed from {_meaning}, but `run.samples` does not say '
+                "where a sample has it.",
+                f"Add `{missing.value}: {{ field: ... }}` to `run.samples`.",
                 at_key=True,
-                detail=f'The {name} of "{component.name}" is computed from {_FIELD_MEANING[missing]}, but '
-                "`run.samples` does not say where a sample has it.",
-                advice=f"Add `{missing.value}: {{ field: ... }}` to `run.samples`.",
-                values={"index": name, "field": missing.value},
+                index=name,
+                field=missing.value,
+                _meaning=_FIELD_MEANING[missing],
             )
 
 
@@ -157,12 +164,12 @@ def _missing_field(name: str, samples: Samples) -> SampleValue | None:
 def miss_rate_without_deadline(component: Component) -> Iterator[Violation]:
     """`deadline_miss_rate` of a component without deadline and period."""
     if "deadline_miss_rate" in component.apt and component.run is not None and component.run.deadline is None:
-        yield Violation(
-            path=("components", component.name, "apt", "deadline_miss_rate"),
+        yield violation(
+            ("components", component.name, "apt", "deadline_miss_rate"),
+            '"{component}" has a deadline_miss_rate but no deadline.',
+            "Write `run.deadline`, or `run.arrival: { every: ... }`: the period is then the deadline.",
             at_key=True,
-            detail=f'"{component.name}" has a deadline_miss_rate but no deadline.',
-            advice="Write `run.deadline`, or `run.arrival: { every: ... }`: the period is then the deadline.",
-            values={"index": "deadline_miss_rate"},
+            index="deadline_miss_rate",
         )
 
 
@@ -178,42 +185,46 @@ def samples_not_to_be_had(system: System) -> Iterator[Violation]:
         needs = {index: samples_needed(index, threshold) for index, threshold in component.apt.items()}
         index = max(needs, key=lambda name: needs[name], default="")
         needed = needs.get(index, 0)
-        values: Facts = {"index": index, "needs_samples": needed, "budget_ms": float(budget)}
-        subject = f'The {index} of "{component.name}" needs {needed} samples at least'
+        facts: Mapping[str, Any] = {"index": index, "needs_samples": needed, "budget_ms": float(budget)}
+        subject = 'The {index} of "{component}" needs {needs_samples} samples at least'
         if needed > MOST_SAMPLES:
-            yield Violation(
-                path=(*here, "apt", index),
+            yield violation(
+                (*here, "apt", index),
+                f"{subject}, and a setting has {{most_samples}} at most: it is never shown to be met.",
+                "Ask for less: a lower percentile, or a share further from all jobs.",
                 at_key=True,
-                detail=f"{subject}, and a setting has {MOST_SAMPLES} at most: it is never shown to be met.",
-                advice="Ask for less: a lower percentile, or a share further from all jobs.",
-                values=values,
+                most_samples=MOST_SAMPLES,
+                **facts,
             )
         elif needed and (takes_ms := _least_setting_ms(system, component, float(needed * between))) > budget:
-            several = f"Beside its {counted(len(system.loads_of([component.name])), 'load')} together"
-            yield Violation(
-                path=(*here, "apt", index),
+            yield violation(
+                (*here, "apt", index),
+                f"{subject}. Under its {{loads:load}} together a setting then takes {{takes:duration}} at least, and "
+                "its budget is {budget_ms:duration}.",
+                f"Allow more: `policy: {{ measuring: {{ setting: {ceil(2 * takes_ms / 60_000)} min }} }}`.",
                 at_key=True,
-                detail=f"{subject}. {several} a setting then takes {show_duration(takes_ms)} at least, and its budget "
-                f"is {show_duration(float(budget))}.",
-                advice=f"Allow more: `policy: {{ measuring: {{ setting: {ceil(2 * takes_ms / 60_000)} min }} }}`.",
-                values={**values, "takes_ms": takes_ms},
+                takes=takes_ms,
+                loads=len(system.loads_of([component.name])),
+                **facts,
             )
         elif isinstance(run.until, SampleCount) and run.until.samples < needed:
-            yield Violation(
-                path=(*here, "run", "until"),
-                detail=f"{subject}. A search goes on to them; `--from` with `--to`, and `--strategy paper`, end at "
-                f"{run.until.samples}.",
-                advice=f"Take more where a setting ends there: `until: {{ samples: {needed} }}`.",
+            yield violation(
+                (*here, "run", "until"),
+                f"{subject}. A search goes on to them; `--from` with `--to`, and `--strategy paper`, end at "
+                "{samples}.",
+                f"Take more where a setting ends there: `until: {{ samples: {needed} }}`.",
                 related=(((*here, "apt", index), True, "the threshold"),),
-                values={**values, "samples": run.until.samples},
+                samples=run.until.samples,
+                **facts,
             )
         if (lasts := _least_until(run, between)) > budget:
-            yield Violation(
-                path=(*here, "run", "until"),
-                detail=f'"{component.name}" is measured for {show_duration(float(lasts))} before it is judged, and the '
-                f"budget of a setting is {show_duration(float(budget))}: each setting outlasts it.",
-                advice="Lower `until`: a setting goes on until it is clear. Or raise `policy.measuring.setting`.",
-                values={"takes_ms": float(lasts), "budget_ms": float(budget)},
+            yield violation(
+                (*here, "run", "until"),
+                '"{component}" is measured for {takes:duration} before it is judged, and the budget of a '
+                "setting is {budget:duration}: each setting outlasts it.",
+                "Lower `until`: a setting goes on until it is clear. Or raise `policy.measuring.setting`.",
+                takes=float(lasts),
+                budget=float(budget),
             )
 
 
@@ -259,12 +270,13 @@ def pattern_is_not_re2(system: System) -> Iterator[Violation]:
     for component, samples in _with_pattern(system):
         groups = pattern_groups(samples.pattern)
         if isinstance(groups, str):
-            yield Violation(
-                path=("components", component.name, "run", "samples", "pattern"),
-                detail=f'The pattern of "{component.name}" cannot be used: {groups}. Patterns are RE2, which always '
+            yield violation(
+                ("components", component.name, "run", "samples", "pattern"),
+                'The pattern of "{component}" cannot be used: {reason}. Patterns are RE2, which always '
                 "matches in short time and has no back-references and no look-around.",
-                advice="Write the pattern without them. Named groups are `(?P<name>...)`.",
-                values={"pattern": samples.pattern, "reason": groups},
+                "Write the pattern without them. Named groups are `(?P<name>...)`.",
+                pattern=samples.pattern,
+                reason=groups,
             )
 
 
@@ -278,11 +290,14 @@ def pattern_without_group(system: System) -> Iterator[Violation]:
         for key, field in fields.items():
             if field is not None and not isinstance(groups, str) and field.name not in groups:
                 similar, suggestion = suggestions.find(field.name, list(groups))
-                yield Violation(
-                    path=("components", component.name, "run", "samples", key, "field"),
-                    detail=f'The pattern of "{component.name}" has no group "{field.name}".{suggestion}',
-                    advice=f"Add `(?P<{field.name}>...)` to the pattern, or correct the name.",
-                    values={"field": key, "group": field.name, "similar": similar},
+                yield violation(
+                    ("components", component.name, "run", "samples", key, "field"),
+                    'The pattern of "{component}" has no group "{group}".{_suggestion}',
+                    f"Add `(?P<{field.name}>...)` to the pattern, or correct the name.",
+                    field=key,
+                    group=field.name,
+                    similar=similar,
+                    _suggestion=suggestion,
                 )
 
 

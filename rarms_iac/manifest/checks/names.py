@@ -1,9 +1,10 @@
 """Checks of names: what they refer to, which ones Windows or rarms keeps for itself, and renamed partitions."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 from rarms_iac.manifest.checks.system_lookups import partition_names
-from rarms_iac.manifest.checks.violation import Path, Violation, check
+from rarms_iac.manifest.checks.violation import Path, Violation, check, violation
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.environment_setup import TEST_PARTITIONS
@@ -11,7 +12,7 @@ from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY
 from rarms_iac.model.names import POWERSHELL_MEMBERS, WINDOWS_DEVICES
 from rarms_iac.model.system import System
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import MOST_NAMES, Suggestions, in_a_row
+from rarms_iac.model.wording import MOST_NAMES, Suggestions
 
 UNUSED_INTERFERENCE = Finding.note("RARMS086", "An interference is not used")
 
@@ -23,12 +24,15 @@ def unknown_name(system: System) -> Iterator[Violation]:
     for path, name, kind, known in _references(system):
         if name not in known:
             similar, suggestion = suggestions.find(name, known)
-            yield Violation(
-                path=path,
-                detail=f'There is no {kind} "{name}".{suggestion}',
-                advice=f"Correct the name, or add the {kind}.",
+            yield violation(
+                path,
+                'There is no {kind} "{name}".{_suggestion}',
+                f"Correct the name, or add the {kind}.",
                 address="" if path[0] in {"policy", "moved"} else None,
-                values={"kind": kind, "name": name, "similar": similar},
+                kind=kind,
+                name=name,
+                similar=similar,
+                _suggestion=suggestion,
             )
 
 
@@ -37,12 +41,13 @@ def older_than_required(system: System) -> Iterator[Violation]:
     """A least version that this rarms does not reach."""
     required = (system.application.requires_rarms or "").removeprefix(">=").strip()
     if _numbers(required) > _numbers(__version__):
-        yield Violation(
-            path=("application", "requires_rarms"),
-            detail=f"It requires rarms {required} or newer, and this is rarms {__version__}.",
-            advice="Install a newer rarms, or ask the author of the requirement what it is for.",
+        yield violation(
+            ("application", "requires_rarms"),
+            "It requires rarms {requires} or newer, and this is rarms {version}.",
+            "Install a newer rarms, or ask the author of the requirement what it is for.",
             address="",
-            values={"requires": required, "version": __version__},
+            requires=required,
+            version=__version__,
         )
 
 
@@ -106,13 +111,13 @@ def device_name(system: System) -> Iterator[Violation]:
 
 
 def _device_violation(path: Path, name: str, *, at_key: bool) -> Violation:
-    return Violation(
-        path=path,
+    return violation(
+        path,
+        'Windows keeps the name "{name}" for a device. No folder can have this name, so no virtual '
+        "machine and no data log can have it.",
+        f'Choose another name, for example "{name}-1".',
         at_key=at_key,
-        detail=f'Windows keeps the name "{name}" for a device. No folder can have this name, so no virtual machine '
-        "and no data log can have it.",
-        advice=f'Choose another name, for example "{name}-1".',
-        values={"name": name},
+        name=name,
     )
 
 
@@ -121,12 +126,12 @@ def powershell_name(system: System) -> Iterator[Violation]:
     """An application whose name no object of PowerShell can have as a property, as a journal's would."""
     name = system.application.name
     if name in POWERSHELL_MEMBERS:
-        yield Violation(
-            path=("application", "name"),
-            detail=f'PowerShell keeps the name "{name}" for a member of every object: a journal with the runs of '
+        yield violation(
+            ("application", "name"),
+            'PowerShell keeps the name "{name}" for a member of every object: a journal with the runs of '
             "this application could not be read.",
-            advice=f'Choose another name, for example "{name}-1".',
-            values={"name": name},
+            f'Choose another name, for example "{name}-1".',
+            name=name,
         )
 
 
@@ -139,7 +144,7 @@ def partition_like_host(system: System) -> Iterator[Violation]:
             yield _partition_name_violation(
                 system,
                 name,
-                f'"{name}" is also the name of a host. Hyper-V lists the host computer among its machines, so that a '
+                '"{name}" is also the name of a host. Hyper-V lists the host computer among its machines, so that a '
                 "search for the partition may find the host.",
                 "Rename the host or the partition (the component, if the partition has no entry).",
             )
@@ -152,16 +157,15 @@ def test_partition_name(system: System) -> Iterator[Violation]:
         yield _partition_name_violation(
             system,
             name,
-            f"`rarms measure` creates and removes partitions with the names {in_a_row(TEST_PARTITIONS)}.",
+            "`rarms measure` creates and removes partitions with the names {test_partitions:all}.",
             "Rename the partition (the component, if the partition has no entry).",
+            test_partitions=tuple(TEST_PARTITIONS),
         )
 
 
-def _partition_name_violation(system: System, name: str, detail: str, advice: str) -> Violation:
+def _partition_name_violation(system: System, name: str, template: str, advice: str, **facts: Any) -> Violation:
     path = (system.section_of(name), name)
-    return Violation(
-        path=path, at_key=True, detail=detail, advice=advice, address=f"partition/{name}", values={"name": name}
-    )
+    return violation(path, template, advice, at_key=True, address=f"partition/{name}", name=name, **facts)
 
 
 @check(Finding.error("RARMS080", "Entries of `moved` form a circle"))
@@ -175,13 +179,16 @@ def moved_in_a_circle(system: System) -> Iterator[Violation]:
             while len(names) < min(length, MOST_NAMES):
                 names.append(system.moved[names[-1]])
             following = [f"{length - MOST_NAMES} more"] if length > MOST_NAMES else []
-            yield Violation(
-                path=("moved", old),
+            yield violation(
+                ("moved", old),
+                "{_circle}: {_reason}.",
+                "Let each entry lead from a name that the manifest no longer has to a name that it has.",
                 at_key=True,
-                detail=f"{' -> '.join([*names, *following, old])}: {reason}.",
-                advice="Let each entry lead from a name that the manifest no longer has to a name that it has.",
                 address=f"partition/{old}",
-                values={"names": tuple(names), "length": length},
+                names=tuple(names),
+                length=length,
+                _circle=" -> ".join([*names, *following, old]),
+                _reason=reason,
             )
 
 
@@ -192,13 +199,14 @@ def moved_from_existing(system: System) -> Iterator[Violation]:
     in_circles = _circle_lengths(system.moved)
     for old, new in system.moved.items():
         if old in names and old not in in_circles:  # else RARMS080 reports it
-            yield Violation(
-                path=("moved", old),
+            yield violation(
+                ("moved", old),
+                '`moved` renames "{old}" to "{new}", but the manifest still has a partition "{old}".',
+                "Remove the entry, or rename the partition.",
                 at_key=True,
-                detail=f'`moved` renames "{old}" to "{new}", but the manifest still has a partition "{old}".',
-                advice="Remove the entry, or rename the partition.",
                 address=f"partition/{old}",
-                values={"old": old, "new": new},
+                old=old,
+                new=new,
             )
 
 
@@ -223,12 +231,11 @@ def _circle_lengths(moved: Mapping[str, str]) -> dict[str, int]:
 def no_components(system: System) -> Iterator[Violation]:
     """A manifest without components."""
     if not system.components:
-        yield Violation(
-            path=("components",),
-            detail="The manifest describes no component. A plan would stop every partition that rarms created before.",
-            advice=prose("Add a component. To remove everything, use ", command("destroy"), "."),
+        yield violation(
+            ("components",),
+            "The manifest describes no component. A plan would stop every partition that rarms created before.",
+            prose("Add a component. To remove everything, use ", command("destroy"), "."),
             address=f"application/{system.application.name}",
-            values={},
         )
 
 
@@ -238,10 +245,9 @@ def unused_interference(system: System) -> Iterator[Violation]:
     used = {*system.policy.interference}.union(*(component.interference for component in system.components.values()))
     for name in system.interference:
         if name not in used and name not in LOADS_WITHOUT_ENTRY:
-            yield Violation(
-                path=("interference", name),
+            yield violation(
+                ("interference", name),
+                'Neither `policy.interference` nor a component names "{interference}".',
+                "Name it, or remove it. Leave it if you only measure with it by hand.",
                 at_key=True,
-                detail=f'Neither `policy.interference` nor a component names "{name}".',
-                advice="Name it, or remove it. Leave it if you only measure with it by hand.",
-                values={},
             )

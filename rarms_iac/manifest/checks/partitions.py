@@ -10,7 +10,7 @@ from rarms_iac.manifest.checks.system_lookups import (
     members,
     partition_of_component,
 )
-from rarms_iac.manifest.checks.violation import Path, Violation, check, component_check, partition_check
+from rarms_iac.manifest.checks.violation import Path, Violation, check, component_check, partition_check, violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, machine_memory, write_bytes
@@ -32,12 +32,14 @@ def several_partitions(system: System) -> Iterator[Violation]:
             path = ("partitions", partition.name, "components", number)
             first = listed.setdefault(name, path)
             if name in system.components and first != path:
-                yield Violation(
-                    path=path,
-                    detail=f'"{name}" is already in the partition "{first[1]}". A component runs once.',
-                    advice="Leave it in one of them.",
+                yield violation(
+                    path,
+                    '"{component}" is already in the partition "{_first}". A component runs once.',
+                    "Leave it in one of them.",
                     related=((first, False, "listed here first"),),
-                    values={"component": name, "partitions": (str(first[1]), partition.name)},
+                    component=name,
+                    partitions=(str(first[1]), partition.name),
+                    _first=first[1],
                 )
 
 
@@ -56,11 +58,11 @@ def host_component_in_partition(system: System) -> Iterator[Violation]:
 
 
 def _host_component_violation(path: Path, name: str) -> Violation:
-    return Violation(
-        path=path,
-        detail=f'"{name}" has `runs_on: host`: it runs in the operating system of the host, not in a partition.',
-        advice=f'Remove "{name}" here, or remove its `runs_on`.',
-        values={"component": name},
+    return violation(
+        path,
+        '"{component}" has `runs_on: host`: it runs in the operating system of the host, not in a partition.',
+        f'Remove "{name}" here, or remove its `runs_on`.',
+        component=name,
     )
 
 
@@ -70,12 +72,11 @@ def host_component_with_cpu(component: Component) -> Iterator[Violation]:
     if component.runs_on is RunsOn.HOST:
         for path, is_set in _partition_settings(component):
             if is_set:
-                yield Violation(
-                    path=("components", component.name, *path),
-                    detail=f'"{component.name}" runs on the host itself. It has no partition, so '
-                    f"`{'.'.join(path)}` has no effect.",
-                    advice=f"Remove `{'.'.join(path)}`, or remove `runs_on: host`.",
-                    values={"key": ".".join(path)},
+                yield violation(
+                    ("components", component.name, *path),
+                    '"{component}" runs on the host itself. It has no partition, so `{key}` has no effect.',
+                    f"Remove `{'.'.join(path)}`, or remove `runs_on: host`.",
+                    key=".".join(path),
                 )
 
 
@@ -94,13 +95,13 @@ def partition_of_another_name(system: System, partition: PartitionRequest) -> It
     """Partitions that are called like a component which is no member."""
     name = partition.name
     if name in system.components and name not in partition.components:
-        yield Violation(
-            path=("partitions", name),
+        yield violation(
+            ("partitions", name),
+            'The partition "{partition}" does not contain the component "{partition}". A reader would look '
+            "for the component there.",
+            f'Add "{name}" to its components, or name the partition after its most critical member.',
             at_key=True,
-            detail=f'The partition "{name}" does not contain the component "{name}". A reader would look for the '
-            "component there.",
-            advice=f'Add "{name}" to its components, or name the partition after its most critical member.',
-            values={"component": name},
+            component=name,
         )
 
 
@@ -111,11 +112,13 @@ def together_and_apart(system: System) -> Iterator[Violation]:
     for component in system.components.values():
         for number, other in enumerate(component.apart):
             if bound.get(other) is bound[component.name]:
-                yield Violation(
-                    path=("components", component.name, "apart", number),
-                    detail=_contradiction(system, component.name, other, bound[other]),
-                    advice="Remove `together` or `apart`.",
-                    values={"other": other, "bound": tuple(bound[other])},
+                yield violation(
+                    ("components", component.name, "apart", number),
+                    _contradiction(system, component, other),
+                    "Remove `together` or `apart`.",
+                    other=other,
+                    bound=tuple(bound[other]),
+                    _between=list_others(bound[other], (component.name, other)) if len(bound[other]) > 2 else "",
                 )
 
 
@@ -124,11 +127,11 @@ def together_with_itself(component: Component) -> Iterator[Violation]:
     """A component that `together` binds to itself: another was probably meant."""
     for number, other in enumerate(component.together):
         if other == component.name:
-            yield Violation(
-                path=("components", component.name, "together", number),
-                detail=f'"{other}" is always together with itself.',
-                advice="Name the other component, or remove it from `together`.",
-                values={"component": other},
+            yield violation(
+                ("components", component.name, "together", number),
+                '"{component}" is always together with itself.',
+                "Name the other component, or remove it from `together`.",
+                component=other,
             )
 
 
@@ -141,12 +144,12 @@ def _bound(system: System) -> dict[str, list[str]]:
     return {name: groups[first[name]] for name in first}
 
 
-def _contradiction(system: System, name: str, other: str, bound: list[str]) -> str:
-    if name == other:
-        return f'"{name}" cannot be apart from itself.'
-    is_direct = other in system.components[name].together or name in system.components[other].together
-    chain = "" if is_direct else f" through {list_others(bound, (name, other))}"
-    return f'"{name}" must be apart from "{other}", but `together` binds the two{chain}.'
+def _contradiction(system: System, component: Component, other: str) -> str:
+    if component.name == other:
+        return '"{component}" cannot be apart from itself.'
+    is_direct = other in component.together or component.name in system.components[other].together
+    chain = "" if is_direct else " through {_between}"
+    return f'"{{component}}" must be apart from "{{other}}", but `together` binds the two{chain}.'
 
 
 @check(Finding.error("RARMS050", "A dedicated component shares its partition"))
@@ -167,11 +170,12 @@ def dedicated_shares(system: System) -> Iterator[Violation]:
 
 
 def _dedicated_violation(name: str, members: Sequence[str], reason: str) -> Violation:
-    return Violation(
-        path=("components", name, "dedicated"),
-        detail=f'"{name}" is dedicated: it must be alone in its partition, but {reason}.',
-        advice="Remove `dedicated`, or leave the component alone in its partition.",
-        values={"members": tuple(members)},
+    return violation(
+        ("components", name, "dedicated"),
+        '"{component}" is dedicated: it must be alone in its partition, but {_reason}.',
+        "Remove `dedicated`, or leave the component alone in its partition.",
+        members=tuple(members),
+        _reason=reason,
     )
 
 
@@ -183,13 +187,13 @@ def apart_in_one_partition(system: System, partition: PartitionRequest) -> Itera
     for component in components:
         for number, other in enumerate(component.apart):
             if other in names and other != component.name:
-                yield Violation(
-                    path=("components", component.name, "apart", number),
-                    detail=f'"{component.name}" must be apart from "{other}", but the partition '
-                    f'"{partition.name}" contains both.',
-                    advice="Move one of the two to another partition, or remove `apart`.",
+                yield violation(
+                    ("components", component.name, "apart", number),
+                    '"{component}" must be apart from "{other}", but the partition "{partition}" contains both.',
+                    "Move one of the two to another partition, or remove `apart`.",
                     related=((("partitions", partition.name, "components"), False, "contains both"),),
-                    values={"other": other, "partition": partition.name},
+                    other=other,
+                    partition=partition.name,
                 )
 
 
@@ -203,15 +207,14 @@ def together_is_separated(system: System) -> Iterator[Violation]:
             if other is None or not (component.runs_on is other.runs_on is RunsOn.PARTITION):
                 continue  # RARMS042 and RARMS046 report these
             if listed.get(component.name) != listed.get(name):
-                yield Violation(
-                    path=("components", component.name, "together", number),
-                    detail=f'"{component.name}" must be together with "{name}", but '
-                    f"{_location(component.name, listed)}, and {_location(name, listed)}.",
-                    advice="List both in one partition, or remove `together`.",
-                    values={
-                        "other": name,
-                        "partitions": tuple(listed[each] for each in (component.name, name) if each in listed),
-                    },
+                yield violation(
+                    ("components", component.name, "together", number),
+                    '"{component}" must be together with "{other}", but {_this_one}, and {_other_one}.',
+                    "List both in one partition, or remove `together`.",
+                    other=name,
+                    partitions=tuple(listed[each] for each in (component.name, name) if each in listed),
+                    _this_one=_location(component.name, listed),
+                    _other_one=_location(name, listed),
                 )
 
 
@@ -241,11 +244,12 @@ def _no_common_host_violation(system: System, path: Path, components: list[Compo
         f"{component.name} on {list_names(host.name for host in allowed_hosts(system, component))}"
         for component in components
     )
-    return Violation(
-        path=path,
-        detail=f"These components share a partition, but no host is allowed for all of them: {each}.",
-        advice="Allow a common host in `hosts` of each, or put them into different partitions.",
-        values={"components": tuple(component.name for component in components)},
+    return violation(
+        path,
+        "These components share a partition, but no host is allowed for all of them: {_each}.",
+        "Allow a common host in `hosts` of each, or put them into different partitions.",
+        components=tuple(component.name for component in components),
+        _each=each,
     )
 
 
@@ -256,12 +260,13 @@ def partition_memory_below_members(system: System, partition: PartitionRequest) 
     needed = sum(component.memory for component in components)
     if partition.memory is not None and partition.memory < needed:
         each = list_names(f"{component.name} {write_bytes(component.memory)}" for component in components)
-        yield Violation(
-            path=("partitions", partition.name, "memory"),
-            detail=f'"{partition.name}" has {write_bytes(partition.memory)}, but its components need '
-            f"{write_bytes(needed)} ({each}).",
-            advice="Raise the memory, or remove it: the partition then gets the sum.",
-            values={"has_memory_bytes": partition.memory, "needs_memory_bytes": needed},
+        yield violation(
+            ("partitions", partition.name, "memory"),
+            '"{partition}" has {has_memory:bytes}, but its components need {needs_memory:bytes} ({_each}).',
+            "Raise the memory, or remove it: the partition then gets the sum.",
+            has_memory=partition.memory,
+            needs_memory=needed,
+            _each=each,
         )
 
 
@@ -273,16 +278,14 @@ def memory_over_host(system: System) -> Iterator[Violation]:
             largest = max(hosts, key=lambda host: (_memory_for_partitions(host), host.name))
             if _memory_for_partitions(largest) < 0:
                 continue  # RARMS346 says so at the hosts
-            yield Violation(
-                path=(section, name, "memory"),
-                detail=f'"{name}" needs {write_bytes(memory)}, but "{largest.name}" has '
-                f"{write_bytes(_memory_for_partitions(largest))} for partitions.",
-                advice="Lower the memory, keep less for the host, or allow a larger host.",
-                values={
-                    "needs_memory_bytes": memory,
-                    "host": largest.name,
-                    "has_memory_bytes": _memory_for_partitions(largest),
-                },
+            yield violation(
+                (section, name, "memory"),
+                '"{name}" needs {needs_memory:bytes}, but "{host}" has {has_memory:bytes} for partitions.',
+                "Lower the memory, keep less for the host, or allow a larger host.",
+                needs_memory=memory,
+                host=largest.name,
+                has_memory=_memory_for_partitions(largest),
+                name=name,
             )
 
 
@@ -294,12 +297,14 @@ def memory_not_of_hyperv(system: System) -> Iterator[Violation]:
         if memory != up and any(map(behaves_like_hyperv, hosts)):
             down = up - MEMORY_GRAIN
             less = f" or {down // _MEBIBYTE} MiB" if down >= LEAST_MEMORY else ""
-            yield Violation(
-                path=(section, name, "memory"),
-                detail=f'"{name}" has {write_bytes(memory)}, but Hyper-V takes an even number of MiB, at least '
-                f"{write_bytes(LEAST_MEMORY)}.",
-                advice=f"Write {up // _MEBIBYTE} MiB{less}.",
-                values={"has_memory_bytes": memory, "fits_memory_bytes": up},
+            yield violation(
+                (section, name, "memory"),
+                '"{name}" has {has_memory:bytes}, but Hyper-V takes an even number of MiB, at least {_least:bytes}.',
+                f"Write {up // _MEBIBYTE} MiB{less}.",
+                has_memory=memory,
+                fits_memory_bytes=up,
+                name=name,
+                _least=LEAST_MEMORY,
             )
 
 

@@ -13,7 +13,7 @@ from rarms_iac.manifest.checks.system_lookups import (
     members,
     on_every,
 )
-from rarms_iac.manifest.checks.violation import Violation, check, partition_check
+from rarms_iac.manifest.checks.violation import Violation, check, partition_check, violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.quantities import (
@@ -39,7 +39,7 @@ from rarms_iac.model.system import (
     System,
     weight_of_criticality,
 )
-from rarms_iac.model.wording import counted, in_a_row, list_names
+from rarms_iac.model.wording import in_a_row
 
 RESERVE_OVER_HOST = Finding.error("RARMS061", "The reserve is larger than any host can give")
 MORE_PROCESSORS_THAN_HOST = Finding.error("RARMS064", "More virtual processors than any host can run")
@@ -53,11 +53,13 @@ def weight_on_linux(system: System) -> Iterator[Violation]:
     for section, name, cpu, hosts in cpu_settings(system):
         found = [host.name for host in hosts if host.provider is ProviderKind.LINUX]
         if cpu.weight is not None and found:
-            yield Violation(
-                path=(section, name, "cpu", "weight"),
-                detail=f'"{name}" may run on {list_names(found)}, a Linux host, where its reserve is its weight.',
-                advice="Remove `weight`, or reserve more.",
-                values={"weight": cpu.weight, "hosts": tuple(found)},
+            yield violation(
+                (section, name, "cpu", "weight"),
+                '"{name}" may run on {hosts}, a Linux host, where its reserve is its weight.',
+                "Remove `weight`, or reserve more.",
+                weight=cpu.weight,
+                hosts=tuple(found),
+                name=name,
             )
 
 
@@ -69,13 +71,14 @@ def reserve_over_limit(system: System) -> Iterator[Violation]:
         if reserve is None or limit is None or isinstance(reserve, Measured):
             continue
         if _is_above(reserve, limit, hosts):
-            yield Violation(
-                path=(section, name, "cpu", "limit"),
-                detail=f'"{name}" reserves {show_amount(reserve)} but may use at most {show_amount(limit)}. It could '
-                "never use its whole reserve.",
-                advice="Raise the limit, lower the reserve, or remove the limit.",
+            yield violation(
+                (section, name, "cpu", "limit"),
+                '"{name}" reserves {reserve} but may use at most {limit}. It could never use its whole reserve.',
+                "Raise the limit, lower the reserve, or remove the limit.",
                 related=(((section, name, "cpu", "reserve"), False, "the reserve"),),
-                values={"reserve": show_amount(reserve), "limit": show_amount(limit)},
+                reserve=show_amount(reserve),
+                limit=show_amount(limit),
+                name=name,
             )
 
 
@@ -105,18 +108,17 @@ def reserve_over_host(system: System) -> Iterator[Violation]:
             largest = max(hosts, key=lambda host: (capacity[host.name], host.name))
             if capacity[largest.name] < 0:
                 continue  # RARMS346 says so at the hosts
-            yield Violation(
-                path=(section, name, "cpu", "reserve"),
-                detail=f'"{name}" reserves {show_amount(reserve)}, but "{largest.name}" has '
-                f"{show_processors(capacity[largest.name])} of its {largest.logical_processors} LP for partitions"
-                f"{', more than any other host it may run on' if len(hosts) > 1 else ''}.",
-                advice="Lower the reserve, keep less for the host, or allow a larger host.",
-                values={
-                    "reserve": show_amount(reserve),
-                    "host": largest.name,
-                    "capacity_lp": float(capacity[largest.name]),
-                    "host_lp": largest.logical_processors,
-                },
+            yield violation(
+                (section, name, "cpu", "reserve"),
+                '"{name}" reserves {reserve}, but "{host}" has {capacity:lp} of its {host_lp} LP for '
+                "partitions{_rank}.",
+                "Lower the reserve, keep less for the host, or allow a larger host.",
+                reserve=show_amount(reserve),
+                host=largest.name,
+                capacity=capacity[largest.name],
+                host_lp=largest.logical_processors,
+                name=name,
+                _rank=", more than any other host it may run on" if len(hosts) > 1 else "",
             )
 
 
@@ -143,12 +145,13 @@ def reserve_beyond_parallelism(system: System) -> Iterator[Violation]:
             if (reserve := fixed_reserve(component.cpu, host)) is not None
         ]
         if reserves and min(reserves) > threads:
-            yield Violation(
-                path=("components", component.name, "cpu", "reserve"),
-                detail=f'"{component.name}" reserves {show_processors(min(reserves))}, but '
-                f"{counted(threads, 'thread')} can use at most {show_processors(threads)}. The rest cannot be used.",
-                advice=f"Write `processors: {threads}`, with a reserve of at most {show_processors(threads)}.",
-                values={"reserve_lp": float(min(reserves)), "threads": threads},
+            yield violation(
+                ("components", component.name, "cpu", "reserve"),
+                '"{component}" reserves {reserve:lp}, but {threads:thread} can use at most {threads} LP. The '
+                "rest cannot be used.",
+                f"Write `processors: {threads}`, with a reserve of at most {show_processors(threads)}.",
+                reserve=min(reserves),
+                threads=threads,
             )
 
 
@@ -162,12 +165,13 @@ def reserve_over_processors(system: System) -> Iterator[Violation]:
         smallest = min(hosts, key=lambda host: host.logical_processors, default=None)
         reserve = fixed_reserve(cpu, smallest) if smallest else None
         if count is not None and reserve is not None and reserve > count:
-            yield Violation(
-                path=(section, name, "cpu", "reserve"),
-                detail=f'"{name}" reserves {show_processors(reserve)}, but '
-                f"{counted(count, 'virtual processor')} can use at most {show_processors(count)}.",
-                advice=f"Write `processors: {ceil(reserve)}`, or reserve at most {show_processors(count)}.",
-                values={"reserve_lp": float(reserve), "processors": count},
+            yield violation(
+                (section, name, "cpu", "reserve"),
+                '"{name}" reserves {reserve:lp}, but {processors:virtual processor} can use at most {processors} LP.',
+                f"Write `processors: {ceil(reserve)}`, or reserve at most {show_processors(count)}.",
+                reserve=reserve,
+                processors=count,
+                name=name,
             )
 
 
@@ -177,12 +181,14 @@ def more_processors_than_host(system: System) -> Iterator[Violation]:
     for section, name, processors, hosts in _virtual_processors(system):
         most = max((host.logical_processors for host in hosts), default=processors)
         if processors > most:
-            yield Violation(
-                path=(section, name, "processors"),
-                detail=f'"{name}" has {processors} virtual processors, but no host that it may run on has more than '
-                f"{most} LP. Its reservation would not be guaranteed.",
-                advice=f"Write `processors: {most}` or fewer, or allow a larger host.",
-                values={"processors": processors, "most_lp": most},
+            yield violation(
+                (section, name, "processors"),
+                '"{name}" has {processors} virtual processors, but no host that it may run on has more '
+                "than {most_lp} LP. Its reservation would not be guaranteed.",
+                f"Write `processors: {most}` or fewer, or allow a larger host.",
+                processors=processors,
+                most_lp=most,
+                name=name,
             )
 
 
@@ -207,13 +213,13 @@ def different_cpu(system: System, partition: PartitionRequest) -> Iterator[Viola
     for key in ("reserve", "limit", "weight"):
         wanted, other = getattr(partition.cpu, key), getattr(component.cpu, key)
         if wanted is not None and other is not None and wanted != other:
-            yield Violation(
-                path=("partitions", partition.name, "cpu", key),
-                detail=f'The partition "{partition.name}" and its only component "{component.name}" have a '
-                f"different {key}.",
-                advice="Remove one of the two.",
+            yield violation(
+                ("partitions", partition.name, "cpu", key),
+                'The partition "{partition}" and its only component "{component}" have a different {key}.',
+                "Remove one of the two.",
                 related=((("components", component.name, "cpu", key), False, "the component's"),),
-                values={"component": component.name, "key": key},
+                component=component.name,
+                key=key,
             )
 
 
@@ -227,20 +233,25 @@ def held_back(system: System) -> Iterator[Violation]:
             continue
         subject = f'"{name}" has an APT' if section == "components" else f'"{name}" contains {with_apt[0]} with an APT'
         if cpu.limit is not None and _caps(cpu.limit, processors, components, hosts):
-            yield Violation(
-                path=(section, name, "cpu", "limit"),
-                detail=f"{subject} and a limit of {show_amount(cpu.limit)}, less than its virtual processors could "
-                "use. It answers later than without the limit, and measurements without the limit are not valid.",
-                advice="rarms keeps this limit. Remove it if you do not need it.",
-                values={"component": with_apt[0], "limit": show_amount(cpu.limit)},
+            yield violation(
+                (section, name, "cpu", "limit"),
+                "{subject} and a limit of {limit}, less than its virtual processors could use. It answers "
+                "later than without the limit, and measurements without the limit are not valid.",
+                "rarms keeps this limit. Remove it if you do not need it.",
+                component=with_apt[0],
+                limit=show_amount(cpu.limit),
+                subject=subject,
             )
         if cpu.weight is not None and cpu.weight < USUAL_WEIGHT:
-            yield Violation(
-                path=(section, name, "cpu", "weight"),
-                detail=f"{subject} and the weight {cpu.weight}, less than the usual {USUAL_WEIGHT}. Beyond its reserve "
+            yield violation(
+                (section, name, "cpu", "weight"),
+                "{subject} and the weight {weight}, less than the usual {usual_weight}. Beyond its reserve "
                 "it waits for others, and no measurement shows this.",
-                advice="rarms keeps this weight. Remove it if you do not need it.",
-                values={"component": with_apt[0], "weight": cpu.weight},
+                "rarms keeps this weight. Remove it if you do not need it.",
+                component=with_apt[0],
+                weight=cpu.weight,
+                subject=subject,
+                usual_weight=USUAL_WEIGHT,
             )
 
 
@@ -276,14 +287,16 @@ def criticalities_alike(system: System) -> Iterator[Violation]:
         return
     first, *others = sorted(alike, key=lambda component: (-component.criticality, component.name))
     said = in_a_row([f"{component.name} ({component.criticality})" for component in (first, *others)])
-    yield Violation(
-        path=("components", first.name, "criticality"),
-        detail=f"{said} all get the weight {MOST_WEIGHT}, the highest there is: a weight is {USUAL_WEIGHT} times the "
-        "criticality.",
-        advice=f"Write criticalities of at most {MOST_WEIGHT // USUAL_WEIGHT} in the same order, or fix the weights: "
+    yield violation(
+        ("components", first.name, "criticality"),
+        "{said} all get the weight {weight}, the highest there is: a weight is {usual_weight} times the criticality.",
+        f"Write criticalities of at most {MOST_WEIGHT // USUAL_WEIGHT} in the same order, or fix the weights: "
         "`cpu: { weight: 5000 }`.",
         related=tuple((("components", other.name, "criticality"), False, "alike") for other in others),
-        values={"components": tuple(component.name for component in (first, *others)), "weight": MOST_WEIGHT},
+        components=tuple(component.name for component in (first, *others)),
+        weight=MOST_WEIGHT,
+        said=said,
+        usual_weight=USUAL_WEIGHT,
     )
 
 
@@ -298,17 +311,15 @@ def reserve_rounded_up(system: System) -> Iterator[Violation]:
             continue
         host = hosts[0]
         wanted, rounded, _ = _rounded(cpu, host, fixed, components)
-        yield Violation(
-            path=(section, name, "cpu", "reserve"),
-            detail=f'"{name}" reserves {show_processors(wanted)}, and gets {show_processors(rounded)} on '
-            f'"{host.name}": a host gives whole per cent of each virtual processor.',
-            advice="Give it fewer `processors`: what is rounded up is less then.",
-            values={
-                "name": name,
-                "reserve": show_processors(wanted),
-                "given": show_processors(rounded),
-                "host": host.name,
-            },
+        yield violation(
+            (section, name, "cpu", "reserve"),
+            '"{name}" reserves {reserve}, and gets {given} on "{host}": a host gives whole per cent of '
+            "each virtual processor.",
+            "Give it fewer `processors`: what is rounded up is less then.",
+            name=name,
+            reserve=show_processors(wanted),
+            given=show_processors(rounded),
+            host=host.name,
         )
 
 

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator
 
-from rarms_iac.manifest.checks.violation import Violation, check, component_check
+from rarms_iac.manifest.checks.violation import Violation, check, component_check, violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import HypervHost
 from rarms_iac.model.system import Component, System
@@ -24,13 +24,14 @@ def secret_in_clear(system: System) -> Iterator[Violation]:
             named.append((("hosts", name, "hyperv"), name, host.settings.credential))
     for path, name, credential in named:
         if credential is not None and not is_reference(credential):
-            yield Violation(
-                path=(*path, "credential"),
-                detail=f'The credential of "{name}" looks like the secret itself. The manifest lies in git, '
-                "where others can read it and nothing is deleted.",
-                advice="Write the name under which the credential is stored: letters, digits and . _ / - only, for "
+            yield violation(
+                (*path, "credential"),
+                'The credential of "{name}" looks like the secret itself. The manifest lies in git, where '
+                "others can read it and nothing is deleted.",
+                "Write the name under which the credential is stored: letters, digits and . _ / - only, for "
                 "example `robot/guest`. Change the secret if it was committed.",
-                values={"key": "credential"},
+                key="credential",
+                name=name,
             )
 
 
@@ -44,10 +45,10 @@ def secret_in_environment(component: Component) -> Iterator[Violation]:
     """Variables with a secret's name whose value stands in the manifest."""
     for name, value in (component.run.environment if component.run is not None else {}).items():
         if isinstance(value, str) and value and _SECRET.search(name):
-            yield Violation(
-                path=("components", component.name, "run", "environment", name),
-                detail=f'The manifest contains the value of {name} for "{component.name}". The manifest lies in '
+            yield violation(
+                ("components", component.name, "run", "environment", name),
+                'The manifest contains the value of {variable} for "{component}". The manifest lies in '
                 "git, where others can read it.",
-                advice=f"Write `{name}: {{ from_env: {name} }}`. Change the secret if it was committed.",
-                values={"variable": name},
+                f"Write `{name}: {{ from_env: {name} }}`. Change the secret if it was committed.",
+                variable=name,
             )

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from rarms_iac.manifest.checks.system_lookups import known_tasks, operating_systems, task_entry
-from rarms_iac.manifest.checks.violation import Path, Violation, check
+from rarms_iac.manifest.checks.violation import Path, Violation, check, violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.system import Component, System
@@ -24,13 +24,13 @@ def shipped_task(system: System) -> Iterator[Violation]:
 
 
 def _shipped_task_violation(path: Path, name: str) -> Violation:
-    return Violation(
-        path=path,
+    return violation(
+        path,
+        'The class "{task}" comes with Windows, and other programs use it. rarms would change its values.',
+        f"Use a robotic class such as {ROBOTIC_TASKS[1]}, or write `replace_shipped: true` in `tasks.{name}`.",
         at_key=path[0] == "tasks",
-        detail=f'The class "{name}" comes with Windows, and other programs use it. rarms would change its values.',
-        advice=f"Use a robotic class such as {ROBOTIC_TASKS[1]}, or write `replace_shipped: true` in `tasks.{name}`.",
         address=f"task/{name}",
-        values={"task": name},
+        task=name,
     )
 
 
@@ -44,11 +44,13 @@ def unknown_task(system: System) -> Iterator[Violation]:
         task = component.task
         if task is not None and task.lower() not in folded and not is_shipped_task(task):
             similar, suggestion = suggestions.find(task, known)
-            yield Violation(
-                path=("components", component.name, "task"),
-                detail=f'There is no task class "{task}".{suggestion}',
-                advice=f"Use one of {', '.join(ROBOTIC_TASKS)}, or add `{task}: {{}}` to `tasks`.",
-                values={"task": task, "similar": similar},
+            yield violation(
+                ("components", component.name, "task"),
+                'There is no task class "{task}".{_suggestion}',
+                f"Use one of {', '.join(ROBOTIC_TASKS)}, or add `{task}: {{}}` to `tasks`.",
+                task=task,
+                similar=similar,
+                _suggestion=suggestion,
             )
 
 
@@ -59,13 +61,13 @@ def task_differs_in_case(system: System) -> Iterator[Violation]:
     for name in system.tasks:
         before = first.setdefault(name.lower(), name)
         if before != name:
-            yield Violation(
-                path=("tasks", name),
+            yield violation(
+                ("tasks", name),
+                '"{task}" and "{other}" are the same registry key: Windows ignores case in these names.',
+                "Keep one of the two.",
                 at_key=True,
-                detail=f'"{name}" and "{before}" are the same registry key: Windows ignores case in these names.',
-                advice="Keep one of the two.",
                 related=((("tasks", before), True, "the other one"),),
-                values={"other": before},
+                other=before,
             )
 
 
@@ -79,18 +81,15 @@ def shared_task(system: System) -> Iterator[Violation]:
                 continue
             leader = most_critical.setdefault(component.task.lower(), component)
             if leader.criticality > component.criticality:
-                yield Violation(
-                    path=("components", component.name, "task"),
-                    detail=f'"{component.name}" (criticality {component.criticality}) and "{leader.name}" '
-                    f"({leader.criticality}) share the class {component.task} in one operating system. The threads of "
-                    "both get the same priority.",
-                    advice="Give the less critical component a class of its own.",
-                    values={
-                        "task": component.task,
-                        "criticality": component.criticality,
-                        "other": leader.name,
-                        "other_criticality": leader.criticality,
-                    },
+                yield violation(
+                    ("components", component.name, "task"),
+                    '"{component}" (criticality {criticality}) and "{other}" ({other_criticality}) share '
+                    "the class {task} in one operating system. The threads of both get the same priority.",
+                    "Give the less critical component a class of its own.",
+                    task=component.task,
+                    criticality=component.criticality,
+                    other=leader.name,
+                    other_criticality=leader.criticality,
                 )
 
 
@@ -100,12 +99,11 @@ def unused_task(system: System) -> Iterator[Violation]:
     used = {component.task.lower() for component in system.components.values() if component.task is not None}
     for name in system.tasks:
         if name.lower() not in used:
-            yield Violation(
-                path=("tasks", name),
+            yield violation(
+                ("tasks", name),
+                "No component has `task: {task}`. Nothing would run in this class.",
+                "Write it at a component, or remove the class.",
                 at_key=True,
-                detail=f"No component has `task: {name}`. Nothing would run in this class.",
-                advice="Write it at a component, or remove the class.",
-                values={},
             )
 
 
@@ -121,12 +119,12 @@ def task_like_a_value(system: System) -> Iterator[Violation]:
 
 
 def _reserved_name_violation(path: Path, name: str) -> Violation:
-    return Violation(
-        path=path,
+    return violation(
+        path,
+        'rarms stores the value of `system_responsiveness` under the name "{task}". A task class cannot '
+        "have this name.",
+        "Rename the class. To set the value itself, write `system_responsiveness` at the host.",
         at_key=path[0] == "tasks",
-        detail=f'rarms stores the value of `system_responsiveness` under the name "{name}". A task class cannot have '
-        "this name.",
-        advice="Rename the class. To set the value itself, write `system_responsiveness` at the host.",
         address=f"task/{name}",
-        values={"task": name},
+        task=name,
     )

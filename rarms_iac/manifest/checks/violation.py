@@ -1,11 +1,10 @@
 """What a check is, and what it reports: violations, with their places in the manifest."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from itertools import chain
 
 from rarms_iac.model.commands import Wording
-from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding, Place, Places, Related
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Given, Place, Places, Related
 from rarms_iac.model.host import Host
 from rarms_iac.model.system import Component, PartitionRequest, System
 
@@ -14,33 +13,42 @@ Path = tuple[str | int, ...]
 _ADDRESSED = ("hosts", "components", "partitions", "interference", "tasks")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Violation:
-    """One case of a check's finding: where in the manifest, what is wrong, and what to do."""
+Violation = Callable[[Finding, Places], Diagnostic]
+"""One case of a check, to be made a finding of its kind with its places in the manifest's text."""
 
-    path: Path
-    detail: str
-    advice: Wording
-    values: Facts  # the names and numbers of `detail`, but for the name that the path leads into
-    at_key: bool = False  # it points at the key of the path, not at its value
-    address: str | None = None  # as `policy.accept` names it; None: the host, component, ... that the path leads into
-    related: tuple[tuple[Path, bool, str], ...] = ()  # other paths, whether their key is meant, and a label
 
-    def as_diagnostic(self, finding: Finding, places: Places) -> Diagnostic:
-        """The violation as a case of this finding, with its places in the manifest's text."""
-        related = tuple(Related(place=_place(places, path, key), message=label) for path, key, label in self.related)
+def violation(
+    path: Path,
+    template: str,
+    advice: Wording,
+    *,
+    at_key: bool = False,
+    address: str | None = None,
+    related: tuple[tuple[Path, bool, str], ...] = (),
+    **facts: Given,
+) -> Violation:
+    """Return one case of a check; places are looked up only for those that are shown.
+
+    Args:
+        path: Where in the manifest. The host, component, ... that it leads into is a fact under that name.
+        template: As of `Finding.at`, with `facts`.
+        at_key: The place is the key of the path, not its value.
+        address: As `policy.accept` names it; None: the host, component, ... that the path leads into.
+        related: Other paths, whether their key is meant, and a label.
+    """
+
+    def case(finding: Finding, places: Places) -> Diagnostic:
         return finding.at(
-            _place(places, self.path, self.at_key),
-            self.detail,
-            self.advice,
-            values={**_owner(self.path), **self.values},
-            address=self._address() if self.address is None else self.address,
-            related=related,
+            _place(places, path, at_key),
+            template,
+            advice,
+            address=next((f"{kind}/{name}" for kind, name in _owner(path).items()), "") if address is None else address,
+            related=tuple(Related(place=_place(places, other, key), message=label) for other, key, label in related),
+            values=None,
+            **{**_owner(path), **facts},
         )
 
-    def _address(self) -> str:
-        """`components, vision, cpu` -> `component/vision`, as `policy.accept` names it."""
-        return next((f"{kind}/{name}" for kind, name in _owner(self.path).items()), "")
+    return case
 
 
 Check = Callable[[System], Iterator[Violation]]
