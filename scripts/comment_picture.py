@@ -60,18 +60,13 @@ code { background: #eff1f3; border-radius: 4px; padding: 1px 5px; font-size: 13p
 
 def write_comment(folder: Path) -> str:
     """Apply the base in this folder, change the manifest, and return the comment."""
-    manifest, base = folder / "cell" / "rarms.yaml", folder / "base" / "cell"
+    manifest = folder / "cell" / "rarms.yaml"
     manifest.parent.mkdir()
     manifest.write_text(BASE, encoding="utf-8")
     for words in ("measure -f cell", "apply -f cell --auto-approve", "snapshot -f cell --out host.json"):
         _rarms(folder, words)
-    base.parent.mkdir()
-    manifest.parent.rename(base)
-    manifest.parent.mkdir()
-    (base / "measurements").rename(manifest.parent / "measurements")
-    (base / "measurements").symlink_to(manifest.parent / "measurements")
     manifest.write_text(HEAD, encoding="utf-8")
-    return _rarms(folder, "plan -f cell --snapshot onboard=host.json --base base --output markdown")
+    return _rarms(folder, "plan -f cell --snapshot onboard=host.json --output markdown")
 
 
 def _rarms(folder: Path, words: str) -> str:

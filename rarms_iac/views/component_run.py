@@ -12,7 +12,7 @@ from rarms_iac.model.series import Sample
 from rarms_iac.model.wording import counted
 from rarms_iac.running.reading import describe_skipped
 from rarms_iac.running.samples import SamplingEnd
-from rarms_iac.views.console import paragraph, stack, table
+from rarms_iac.views.console import Table, paragraph, stack
 from rarms_iac.views.harmless import visible
 from rarms_iac.views.measure import show_estimate
 
@@ -51,7 +51,7 @@ def _summary_text(ran: ComponentRunResult) -> "RenderableType":
     ]
     skipped = ran.skipped_lines
     notes = [paragraph(f"{describe_skipped(ran.run.samples, skipped)}.")] if skipped.count else []
-    return stack(paragraph(_head(ran)), table(rows, wrap=(1,), indent=2), *notes)
+    return stack(paragraph(_head(ran)), Table(rows, wrap=(1,), indent=2), *notes)
 
 
 def _head(ran: ComponentRunResult) -> str:

@@ -8,7 +8,7 @@ program reads (JSON, SARIF, JUnit, GitHub annotations, scripts) is plain `str` a
 
 import io
 import re
-from collections.abc import Iterable, Iterator, MutableSequence, Sequence
+from collections.abc import Iterator, MutableSequence, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -126,36 +126,6 @@ def indented(content: "RenderableType", indent: int) -> "RenderableType":
     return _HangingIndent(head=styled(" " * indent), more=0, content=content)
 
 
-def table(
-    rows: Iterable[Sequence[Content]],
-    *,
-    header: Sequence[str] = (),
-    wrap: Sequence[int] = (),
-    right: Sequence[int] = (),
-    indent: int = 0,
-) -> "RenderableType":
-    """Cells in columns, two spaces apart; below one another, where the words of a row need more than a line.
-
-    Args:
-        rows: of equal length.
-        header: a name for each column; empty: the table has no header.
-        wrap: numbers of the columns whose cells continue on lines below where the table is wider than the terminal;
-            the others stay whole, so a name or a number is never broken.
-        right: numbers of the columns whose cells stand at the right, for numbers.
-        indent: columns before the table.
-    """
-    cells = [[styled(cell) for cell in row] for row in rows]
-    widest: list[int] = []
-    least: list[int] = []
-    for number in range(max(map(len, cells), default=len(header))):
-        folds = number in wrap
-        texts = [*header[number : number + 1], *(row[number].plain for row in cells)]
-        widest.append(max((columns(line) for text in texts for line in text.split("\n")), default=0))
-        words = [word for text in texts for word in text.split()]
-        least.append(max(map(columns, words), default=0) if folds else widest[-1])
-    return indented(_FittedTable(header=header, cells=cells, right=right, widest=widest, least=least), indent)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _HangingIndent:
     """Content whose first line stands behind a head, and whose further lines stand below the first.
@@ -184,38 +154,54 @@ class _HangingIndent:
             yield Segment.line()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _FittedTable:
-    """A table within its width: the widest column gives first, and where no column can, cells are stacked.
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Rows of cells as data, for every form of a result; as it stands, a renderable for a terminal.
+
+    In a terminal its columns are two spaces apart. Where it is too wide, the widest column that may wrap gives first;
+    where none can give more, the cells of a row stand below one another.
 
     NOTE: rich's `Table` takes the same from all wide columns, and then some of them would break a word; and it takes
     five times as long for a thousand rows.
     """
 
-    header: Sequence[str]
-    cells: Sequence[Sequence["Text"]]
-    right: Sequence[int]  # numbers of the columns whose cells stand at the right
-    widest: Sequence[int]  # of each column: where nothing is broken
-    least: Sequence[int]  # of each column: where no word is
+    rows: Sequence[Sequence[Content]]  # of equal length
+    header: Sequence[str] = ()  # a name for each column; empty: the table has no header
+    wrap: Sequence[int] = ()  # columns whose cells may go on in a second line; a name or a number is never broken
+    right: Sequence[int] = ()  # columns whose cells stand at the right, for numbers
+    indent: int = 0
 
     def __rich_console__(self, console: "Console", options: "ConsoleOptions") -> "RenderResult":
-        widths, between = list(self.widest), 2 * (len(self.widest) - 1)
-        while sum(widths) + between > options.max_width:
-            shrinkable = [number for number, width in enumerate(widths) if width > self.least[number]]
+        space = options.max_width - self.indent
+        cells = [[styled(cell) for cell in row] for row in self.rows]
+        widths, least = self._widths(cells)
+        while sum(widths) + 2 * (len(widths) - 1) > space:
+            shrinkable = [number for number, width in enumerate(widths) if width > least[number]]
             if not shrinkable:
-                yield self._stacked(options.max_width)
+                yield indented(self._stacked(cells, space), self.indent)
                 return
             widths[max(shrinkable, key=widths.__getitem__)] -= 1
         if self.header:
             yield from self._lines([styled((name, STRONG)) for name in self.header], widths, console)
-        for row in self.cells:
+        for row in cells:
             yield from self._lines(row, widths, console)
+
+    def _widths(self, cells: "Sequence[Sequence[Text]]") -> tuple[list[int], list[int]]:
+        """The width of each column where nothing is broken, and where no word is."""
+        widest: list[int] = []
+        least: list[int] = []
+        for number in range(max(map(len, cells), default=len(self.header))):
+            texts = [*self.header[number : number + 1], *(row[number].plain for row in cells)]
+            widest.append(max((columns(line) for text in texts for line in text.split("\n")), default=0))
+            words = [word for text in texts for word in text.split()]
+            least.append(max(map(columns, words), default=0) if number in self.wrap else widest[-1])
+        return widest, least
 
     def _lines(self, row: "Sequence[Text]", widths: Sequence[int], console: "Console") -> "Iterator[Text]":
         """The lines of a row, each cell filled up to its column's width."""
         blank = styled()
         for line in zip_longest(*(_fold(cell, width, console) for cell, width in zip(row, widths, strict=True))):
-            text = styled()
+            text = styled(" " * self.indent)
             text.no_wrap, text.overflow = True, "ignore"
             for number, (part, width) in enumerate(zip(line, widths, strict=True)):
                 words = part or blank
@@ -224,15 +210,15 @@ class _FittedTable:
                 text.append_text(words).append("" if number in self.right else fill)
             yield text
 
-    def _stacked(self, width: int) -> "RenderableType":
+    def _stacked(self, cells: "Sequence[Sequence[Text]]", width: int) -> "RenderableType":
         """Each row as its first cell, with the others below it: what a column is called stands before its cell.
 
         A cell is not broken where it fits on a line of its own.
         """
-        names = [f"{name}: " for name in self.header[1:]] or [""] * len(self.widest[1:])
         parts: list[RenderableType] = []
-        for first, *others in self.cells:
+        for first, *others in cells:
             parts += [paragraph(first)] if first.plain else []
+            names = [f"{name}: " for name in self.header[1:]] or [""] * len(others)
             line = styled()
             for named in (styled(name, cell) for name, cell in zip(names, others, strict=True) if cell.plain):
                 if line.plain and line.cell_len + 2 + named.cell_len > width - 2:
@@ -378,7 +364,7 @@ class LiveTable:
             self._live.start()
         wrapped = range(len(row))
         row = cut_row(row, self.rows, self._console.width)
-        self._live.update(_Harmless(table([*self.rows, row], header=self._header, wrap=wrapped)), refresh=True)
+        self._live.update(_Harmless(Table([*self.rows, row], header=self._header, wrap=wrapped)), refresh=True)
 
     def hide(self) -> None:
         """Take the table from the terminal, and give the cursor back."""

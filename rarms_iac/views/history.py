@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.status import History
 from rarms_iac.applying.refusals import describe_missing_journal
 from rarms_iac.model.journal import Closing, PastRun, RunKind
-from rarms_iac.views.console import CHANGED, STRONG, paragraph, stack, styled, table
+from rarms_iac.views.console import CHANGED, STRONG, Table, paragraph, stack, styled
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -27,7 +27,7 @@ def history_text(history: History) -> "RenderableType":
         if marked:
             parts.append(paragraph(styled((describe_missing_journal(host, marked), CHANGED)), indent=2, more=2))
         rows = history_rows(runs)
-        parts.append(table(rows, wrap=(0, 4), indent=2))
+        parts.append(Table(rows, wrap=(0, 4), indent=2))
     return stack(*parts)
 
 

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.install import HostInstallation, Installation
 from rarms_iac.model.commands import DOCTOR, START_AT_BOOT, prose
-from rarms_iac.views.console import paragraph, stack, table
+from rarms_iac.views.console import Table, paragraph, stack
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -21,7 +21,7 @@ def installation_text(result: Installation) -> "RenderableType":
     without_boot = [host.host for host in result.hosts if host.changed and host.version and not host.boot]
     boot = f"{', '.join(without_boot)}: neither systemd nor cron is there. Run this at each start of the machine: "
     return stack(
-        table(rows, indent=0),
+        Table(rows, indent=0),
         *finished,
         paragraph(prose(boot, START_AT_BOOT, ".")) if without_boot else None,
         paragraph(prose("Next: ", DOCTOR)) if any(host.version for host in result.hosts) else None,

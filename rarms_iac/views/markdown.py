@@ -10,7 +10,8 @@ from html import escape
 from rarms_iac.model.commands import plain_text, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Severity
 from rarms_iac.model.wording import counted
-from rarms_iac.views.harmless import visible
+from rarms_iac.views.console import Content, Table
+from rarms_iac.views.harmless import GLUE, visible
 
 _LONGEST_TEXT = 500
 """Characters that are shown of one name, message or title."""
@@ -43,8 +44,22 @@ def _finding(finding: Diagnostic) -> str:
     return f"- **{finding.severity.value} {finding.code}** {safe(finding.summary)}{place}: {detail}"
 
 
-ROW, ITEM, LINE = "| | {} |", "- {}", "{}"
-"""How a line stands in a table, in a list and in a block of code."""
+ROW, ITEM = "| {} |", "- {}"
+"""How a line stands in a table and in a list."""
+
+
+def table_markdown(table: Table, room: int, more: str) -> str:
+    """A table with as many of its rows as have room; `more` is the word for those that are left out."""
+    rules = ["--:" if number in table.right else "---" for number in range(len(table.header))]
+    rows = [ROW.format(" | ".join(map(_cell, row))) for row in table.rows]
+    return "\n".join(
+        [ROW.format(" | ".join(table.header)), ROW.format(" | ".join(rules)), *fitting(rows, room, ROW, more)]
+    )
+
+
+def _cell(content: Content) -> str:
+    text = content if isinstance(content, str) else content.plain.replace(GLUE, " ")
+    return re.sub(r"(?<!\\)\|", r"\|", safe(text))
 
 
 def fitting(lines: Sequence[str], room: int, form: str, more: str) -> list[str]:

@@ -30,7 +30,7 @@ from rarms_iac.model.setting import Setting
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.error_probability import describe_errors, describe_extreme
 from rarms_iac.statistics.verdicts import until_share
-from rarms_iac.views.console import LiveRows, paragraph, show_seconds, stack, table
+from rarms_iac.views.console import LiveRows, Table, paragraph, show_seconds, stack
 from rarms_iac.views.prove import skipped_sentence
 from rarms_iac.views.status import describe_other_claims
 from rarms_iac.views.sweep import sweep_text
@@ -62,7 +62,7 @@ def summary_text(outcome: MeasureOutcome) -> "RenderableType":
     rows += [row for experiment in outcome.not_begun for row in _rows(experiment, "", "-", "not begun")]
     swept = [result for result in outcome.experiments if isinstance(result.conclusion, Swept)]
     settings = [part for result in swept for part in sweep_text(result)]
-    return stack(*settings, table(rows, header=HEADER, wrap=(1, 5), right=(3,)), *map(paragraph, _totals(outcome)))
+    return stack(*settings, Table(rows, header=HEADER, wrap=(1, 5), right=(3,)), *map(paragraph, _totals(outcome)))
 
 
 def _rows(experiment: Experiment, share: str, amount: str, remark: str) -> Iterator[Row]:
@@ -203,7 +203,7 @@ def settings_text(result: ExperimentResult) -> "RenderableType":
         amount = show_processors(guaranteed(setting.reserve, processors))
         share = share_of_processors(setting.reserve, processors)
         rows.append((amount, share, *(show_band(indexes[name]) for name in names)))
-    return table(rows, header=("reservation", "CR", *heads), wrap=range(2, len(heads) + 2))
+    return Table(rows, header=("reservation", "CR", *heads), wrap=range(2, len(heads) + 2))
 
 
 def show_band(index: MeasuredIndex) -> str:

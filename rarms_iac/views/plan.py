@@ -16,8 +16,7 @@ from rarms_iac.model.host import Connect, LinuxHost, Receiver, WinRmConnect
 from rarms_iac.model.layout import describe_placement
 from rarms_iac.model.operations import RemoveDisk, RemovePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, UndoLevel, UnusedPartition
-from rarms_iac.model.quantities import guaranteed, share_of_host, show_bytes, show_milliseconds, show_processors
-from rarms_iac.model.setting_texts import NO_LIMIT, setting_text
+from rarms_iac.model.quantities import share_of_host, show_bytes, show_milliseconds, show_processors
 from rarms_iac.model.state import Mark, Partition, StoppedBy
 from rarms_iac.model.totals import HostTotals
 from rarms_iac.model.wording import counted, in_a_row, natural_order
@@ -30,7 +29,7 @@ from rarms_iac.views.changes import (
     members_of,
     tasks_of_created,
 )
-from rarms_iac.views.console import BAD, CHANGED, DIM, GOOD, NOTE, STRONG, paragraph, stack, styled, table
+from rarms_iac.views.console import BAD, CHANGED, DIM, GOOD, NOTE, STRONG, Table, paragraph, stack, styled
 from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.harmless import visible
 
@@ -40,12 +39,12 @@ if TYPE_CHECKING:
 
 STYLES = {"+": GOOD, "~": CHANGED, "-/+": BAD, "-": BAD, ">": NOTE, "<": NOTE}
 TITLES = {
-    Purpose.APPLY: "What the manifest asks for",
-    Purpose.DESTROY: "Removing what rarms made",
-    Purpose.IMPORT: "Taking over",
-    Purpose.RELEASE: "Letting go",
-    Purpose.STOP: "Stopping",
-    Purpose.START: "Starting",
+    Purpose.APPLY: "apply",
+    Purpose.DESTROY: "remove what rarms made",
+    Purpose.IMPORT: "import",
+    Purpose.RELEASE: "release",
+    Purpose.STOP: "stop partitions",
+    Purpose.START: "start partitions",
 }
 
 
@@ -68,11 +67,11 @@ def plan_text(
     ]
     parts: list[RenderableType] = []
     if changed:
-        manifest = visible(" with ".join([plan.manifest, *plan.overlays]), keep="")
-        robot = f" on {plan.robot}" if plan.robot else ""
-        title = f"{TITLES[plan.purpose]}: {plan.application}{robot} (plan {plan.id}, from {manifest})"
         planned = _read_host if is_read else _planned_host
-        parts += [paragraph(title), *(piece for part in changed for piece in planned(part, plan, verbose=verbose))]
+        parts += [
+            paragraph(plan_title(plan)),
+            *(piece for part in changed for piece in planned(part, verbose=verbose)),
+        ]
         quiet = [part.host.name for part in plan.hosts if part not in changed]
         if quiet:
             parts.append(paragraph(f"No changes on {counted(len(quiet), 'more host')}: {', '.join(quiet)}."))
@@ -85,6 +84,13 @@ def plan_text(
     return stack(
         *parts, *_findings(plan, sources or {}, verbose=verbose), paragraph(styled((plan_summary(plan), STRONG)))
     )
+
+
+def plan_title(plan: Plan) -> str:
+    """`Plan e1b8e52e55c8 to apply rarms.yaml with laptop.yaml: delivery-robot on robot-3`."""
+    manifest = visible(" with ".join([plan.manifest, *plan.overlays]), keep="")
+    robot = f" on {plan.robot}" if plan.robot else ""
+    return f"Plan {plan.id} to {TITLES[plan.purpose]}: {plan.application}{robot}, from {manifest}"
 
 
 def _findings(plan: Plan, sources: Sources, *, verbose: bool) -> "Iterator[RenderableType]":
@@ -100,7 +106,7 @@ def _words_of_file(plan: Plan, sources: Sources, *, verbose: bool) -> "Iterator[
     """What a plan file says beside its changes, below the line that says so."""
     words: list[RenderableType] = []
     for part in plan.hosts:
-        own = [*_members(part), *_stated(part, plan, verbose=verbose)]
+        own = [*_members(part), *_stated(part, verbose=verbose)]
         own += _reasons(part) if verbose else []
         own += _details(part) if verbose else []
         if part.host_totals is not None:
@@ -156,21 +162,25 @@ def _nothing(plan: Plan) -> str:
             assert_never(plan.purpose)
 
 
-def _planned_host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[RenderableType]":
+def _planned_host(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]":
     yield from _changed_host(part, verbose=verbose)
-    yield from _stated(part, plan, verbose=verbose)
+    yield from _stated(part, verbose=verbose)
     yield from _not_undone(part)
     if verbose:
         yield from _details(part)
         yield from _steps(part)
     if part.host_totals is not None:
-        totals, promised = part.host_totals, part.host_totals.promised
-        own = _reserved(totals, totals.reserved_lp, promised.memory, part.name)
-        idle = [f"of these, {text}" for text in _idle(totals)]
-        yield paragraph(_afterwards([own, *idle, *_other_totals(totals)]), indent=2)
+        yield paragraph(afterwards(part.host_totals, part.name), indent=2)
 
 
-def _read_host(part: HostPlan, _: Plan, *, verbose: bool) -> "Iterator[RenderableType]":
+def afterwards(totals: HostTotals, host: str) -> str:
+    """Say what a host has promised after the plan, and what is free."""
+    own = _reserved(totals, totals.reserved_lp, totals.promised.memory, host)
+    idle = [f"of these, {text}" for text in _idle(totals)]
+    return _afterwards([own, *idle, *_other_totals(totals)])
+
+
+def _read_host(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]":
     """As `_planned_host`, without what only the file says."""
     changes = tuple(replace(change, reason=Reason(message="")) for change in part.changes)
     steps = tuple(replace(step, place=None) for step in part.steps)
@@ -241,15 +251,17 @@ def _changed_host(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]
     if verbose:
         for change in part.changes:
             yield from _full_change(change, part)
-    else:
-        yield from _short_changes(part)
+    elif part.changes or part.held_back:
+        yield plan_table(part)
 
 
-def _stated(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[RenderableType]":
+def _stated(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]":
     """What is not changed, and why not."""
     if verbose and part.unchanged:
         yield paragraph(f"{counted(part.unchanged, 'unchanged resource')} hidden.", indent=2)
-    yield from _held_back(part, plan)
+    if verbose:
+        for held in part.held_back:
+            yield from _full_change(held.change, part, f"held back: {held.why}")
     for unused in part.unused:
         name, holds = unused.name, describe_held(unused)
         yield paragraph(
@@ -273,20 +285,22 @@ def _details(part: HostPlan) -> "Iterator[RenderableType]":
     yield from _threads(part)
 
 
-def _short_changes(part: HostPlan) -> "Iterator[RenderableType]":
-    """A table of the partitions that come and go, then a line for every other change."""
-    machines = [
-        change
-        for change in part.changes
-        if isinstance(change, Create | Delete) and isinstance(_resource(change), Partition)
-    ]
+HEADER = ("change", "reserve", "memory", "remark")
+
+
+def plan_table(part: HostPlan) -> Table:
+    """A row a change of a host: partitions by name, then the rest in the plan's order, then what is held back.
+
+    A task class that is added with its partition is a remark of that one.
+    """
     classes = tasks_of_created(part.changes)
-    if machines:
-        machines.sort(key=lambda change: (natural_order(change.address.partition), change.address))
-        yield table([_row(change, part, classes) for change in machines], right=(1, 2), wrap=(0, 3), indent=2)
-    for change in part.changes:
-        if change not in machines and change.address.task not in classes.get(change.address.partition, ()):
-            yield _line(change, part)
+    changes = [
+        change for change in part.changes if change.address.task not in classes.get(change.address.partition, ())
+    ]
+    changes.sort(key=lambda change: (bool(change.address.task), natural_order(change.address.partition)))
+    rows = [_row(change, part, classes) for change in changes]
+    rows += [_row(held.change, part, {}, f"held back: {held.why}") for held in part.held_back]
+    return Table(rows, header=HEADER, right=(1, 2), wrap=(0, 1, 2, 3), indent=2)
 
 
 def describe_held(unused: UnusedPartition) -> str:
@@ -296,44 +310,30 @@ def describe_held(unused: UnusedPartition) -> str:
     return f", and it still holds {in_a_row(held)}" if held else ""
 
 
-def _resource(change: Create | Delete) -> object:
-    return change.after if isinstance(change, Create) else change.before
-
-
-def _row(change: Create | Delete, part: HostPlan, classes: Mapping[str, Sequence[str]]) -> "tuple[Text | str, ...]":
-    """`+ hmi [hmi, historian]  1.16 LP  1 GiB  limit 1.5 LP, task Localization`."""
-    machine = _resource(change)
-    assert isinstance(machine, Partition)
-    settings = machine.settings
-    reserved = Fraction(guaranteed(settings.reserve, settings.processors))
-    tasks = ", ".join(classes.get(change.address.partition, ()))
-    limit = f"limit {setting_text('limit', settings)}" if settings.limit < NO_LIMIT else ""
-    note = ", ".join(filter(None, (limit, f"task {tasks}" if tasks else "")))
-    return (
-        _name(change, part),
-        show_processors(reserved),
-        show_bytes(settings.memory),
-        note if isinstance(change, Create) else disruption_of(change, part),
-    )
+def _row(
+    change: Change, part: HostPlan, classes: Mapping[str, Sequence[str]], held: str = ""
+) -> "tuple[Text | str, ...]":
+    """`+ hmi [hmi, historian]`, `1.16 LP`, `1 GiB`, `limit 1.5 LP, task Localization`."""
+    shown = {attribute.name: attribute for attribute in attributes_of(change, part.facts)}
+    reserve, memory = ("" if name not in shown else _value(shown[name]) for name in ("reserve", "memory"))
+    remarks = [
+        f"{name} {_value(attribute)}"
+        for name, attribute in shown.items()
+        if attribute.differs and name not in {"reserve", "memory"} and not isinstance(change, Create | Delete)
+    ]
+    if isinstance(change, Create):
+        limit = shown.get("limit")
+        remarks += [f"limit {limit.after}"] if limit is not None and limit.after != "none" else []
+        tasks = ", ".join(classes.get(change.address.partition, ()))
+        remarks += [f"task {tasks}"] if tasks else []
+    remark = "; ".join(filter(None, [", ".join(remarks), disruption_of(change, part), held]))
+    return _name(change, part), reserve, memory, remark
 
 
 def _name(change: Change, part: HostPlan) -> "Text":
     sign, address = SYMBOLS[change.action], change.address.in_short
     members = "" if change.address.task else members_of(change.address.partition, part.components)
     return styled((sign, STYLES[sign]), " ", (address, STRONG), members)
-
-
-def _line(change: Change, part: HostPlan) -> "RenderableType":
-    """`~ vision  reserve 0.7 LP -> 0.4 LP; stopped for up to 60 s to shut down, then for its start`."""
-    differences = "" if isinstance(change, Create | Delete) else differences_of(change, part)
-    text = "; ".join(words for words in (differences, disruption_of(change, part)) if words)
-    return paragraph(styled(_name(change, part), "  ", text), indent=2, more=4)
-
-
-def differences_of(change: Change, part: HostPlan) -> str:
-    """The attributes that a change of this host makes different: `reserve 0.7 LP -> 0.4 LP`, after commas."""
-    differing = [attribute for attribute in attributes_of(change, part.facts) if attribute.differs]
-    return ", ".join(f"{attribute.name} {_value(attribute)}" for attribute in differing)
 
 
 def disruption_of(change: Change, part: HostPlan) -> str:
@@ -378,14 +378,14 @@ def is_part_of(step: Step, change: Change) -> bool:
     return not change.address.task and step.address.partition == change.address.partition
 
 
-def _full_change(change: Change, part: HostPlan) -> "Iterator[RenderableType]":
-    note = disruption_of(change, part)
+def _full_change(change: Change, part: HostPlan, held: str = "") -> "Iterator[RenderableType]":
+    note = "; ".join(filter(None, [disruption_of(change, part), held]))
     yield paragraph(
         styled(_name(change, part), f", {note}" if note else "", _at(change.reason.place)), indent=2, more=4
     )
     if change.reason.message:
         yield paragraph(change.reason.message, indent=6)
-    yield table([_attribute(attribute) for attribute in attributes_of(change, part.facts)], wrap=(1, 2), indent=6)
+    yield Table([_attribute(attribute) for attribute in attributes_of(change, part.facts)], wrap=(1, 2), indent=6)
 
 
 def _attribute(attribute: AttributeText) -> "tuple[Text | str, ...]":
@@ -404,14 +404,6 @@ def _at(place: Place | None) -> str:
     return "" if place is None else f"  ({visible(f'{place.file}:{place.line}', keep='')})"
 
 
-def _held_back(part: HostPlan, plan: Plan) -> "Iterator[RenderableType]":
-    if part.held_back:
-        yield f"  Held back, not in the plan (it may disturb at most: {plan.max_disruption.value}):"
-    for held in part.held_back:
-        yield _line(held.change, part)
-        yield paragraph(held.why, indent=6)
-
-
 def _not_undone(part: HostPlan) -> "Iterator[RenderableType]":
     removed = {step.address.partition for step in part.steps if is_removal(step)}
     lasting = [
@@ -420,11 +412,9 @@ def _not_undone(part: HostPlan) -> "Iterator[RenderableType]":
         if step.undo.level is UndoLevel.NONE
         or (step.undo.level is UndoLevel.PARTIAL and step.address.partition not in removed)
     ]
-    if lasting:
-        yield "  What an undo cannot bring back:"
     for step in sorted(lasting, key=lambda step: natural_order(str(step.address))):
-        level = "partly" if step.undo.level is UndoLevel.PARTIAL else "not at all"
-        yield paragraph(f"{step.address}, {step.title}: {level}; {step.undo.message}", indent=4)
+        level = "can be undone only in part" if step.undo.level is UndoLevel.PARTIAL else "cannot be undone"
+        yield paragraph(f"{step.address}, {step.title}: {level}; {step.undo.message}", indent=2, more=2)
 
 
 def _threads(part: HostPlan) -> "Iterator[RenderableType]":
@@ -443,7 +433,7 @@ def _threads(part: HostPlan) -> "Iterator[RenderableType]":
         )
         for thread in part.threads
     ]
-    yield table(rows, right=(1,), wrap=(4,), indent=4)
+    yield Table(rows, right=(1,), wrap=(4,), indent=4)
 
 
 def _steps(part: HostPlan) -> "Iterator[RenderableType]":

@@ -15,7 +15,7 @@ from rarms_iac.model.system import Component, run_of
 from rarms_iac.model.wording import counted, in_a_row, natural_order
 from rarms_iac.running.reading import describe_skipped
 from rarms_iac.statistics.error_probability import describe_errors
-from rarms_iac.views.console import LiveRows, paragraph, stack, table
+from rarms_iac.views.console import LiveRows, Table, paragraph, stack
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -34,7 +34,7 @@ def proof_text(proofs: Sequence[LayoutProof]) -> "RenderableType":
     header: tuple[str, ...] = ("component", "threshold", "beside", "measured", "verdict")
     if len({proof.interference for proof in proofs}) == 1:  # then the sentences say it
         header, rows = _without_load(header), list(map(_without_load, rows))
-    verdicts = table(rows, header=header, wrap=(1, len(header) - 1))
+    verdicts = Table(rows, header=header, wrap=(1, len(header) - 1))
     sentences = (*sharing, *map(_sentence, proofs), *_describe_skipped(proofs), _sureness(proofs))
     return stack(verdicts, *map(paragraph, sentences))
 

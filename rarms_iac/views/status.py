@@ -15,7 +15,7 @@ from rarms_iac.model.quantities import share_of_processors, show_processors
 from rarms_iac.model.state import StoppedBy
 from rarms_iac.model.wording import counted, in_a_row, natural_order
 from rarms_iac.views.changes import members_of
-from rarms_iac.views.console import CHANGED, DIM, STRONG, paragraph, stack, styled, table
+from rarms_iac.views.console import CHANGED, DIM, STRONG, Table, paragraph, stack, styled
 from rarms_iac.views.drift import TITLES, name_findings
 from rarms_iac.views.history import describe_run
 from rarms_iac.views.prove import describe_proof_setting, describe_verdict, proof_time
@@ -85,7 +85,7 @@ def _host_overview(host: HostOverview) -> "Iterator[RenderableType]":
     if claims := describe_other_claims(totals.unmanaged_lp, totals.kept_lp):
         yield paragraph(f"{', '.join(claims)}, {show_processors(totals.free_lp)} free", indent=2)
     if host.partitions:
-        yield table(
+        yield Table(
             [_row(partition) for partition in sorted(host.partitions, key=lambda each: natural_order(each.name))],
             wrap=(0, 3),
             right=(1, 2),
@@ -93,7 +93,7 @@ def _host_overview(host: HostOverview) -> "Iterator[RenderableType]":
         )
     if host.test_partitions:
         yield paragraph("Test partitions of a measurement, not counted above:", indent=2)
-        yield table([_test_row(partition) for partition in host.test_partitions], wrap=(2,), right=(1,), indent=4)
+        yield Table([_test_row(partition) for partition in host.test_partitions], wrap=(2,), right=(1,), indent=4)
     for drift in host.other_drift:
         name = drift.address.in_short
         yield paragraph(styled(f"{name}: ", (TITLES[drift.drift], CHANGED)), indent=2, more=2)

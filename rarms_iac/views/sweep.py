@@ -9,7 +9,7 @@ from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.model.indexes import PerformanceIndex, index_named, show_bound, show_range, show_value
 from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
 from rarms_iac.model.system import Component
-from rarms_iac.views.console import paragraph, table
+from rarms_iac.views.console import Table, paragraph
 from rarms_iac.views.prove import describe_verdict
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def sweep_text(result: ExperimentResult) -> "Iterator[RenderableType]":
             yield paragraph(_heading(result, member, index_named(name)))
             rows = list(_rows(result, member, index_named(name)))
             shown = len(HEADER) if any(row[-1] for row in rows) else len(HEADER) - 1
-            yield table([row[:shown] for row in rows], header=HEADER[:shown], wrap=range(3, shown), right=(0, 1))
+            yield Table([row[:shown] for row in rows], header=HEADER[:shown], wrap=range(3, shown), right=(0, 1))
             yield ""
 
 

@@ -10,7 +10,7 @@ from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.candidates import ASSUMED
 from rarms_iac.planner.combining.oracle import Answer, Coi, Members, SilentReporter
 from rarms_iac.storage.datalog.decisions import TunedPartition, TuningRun
-from rarms_iac.views.console import LiveRows, paragraph, stack, table
+from rarms_iac.views.console import LiveRows, Table, paragraph, stack
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -50,7 +50,7 @@ class TuningProgress(SilentReporter):
     def ended(self) -> None:
         """Leave the table on the terminal."""
         if self._live is not None and self._live.rows:
-            self._say(table(self._live.rows, wrap=(0, 2), right=(1,)))
+            self._say(Table(self._live.rows, wrap=(0, 2), right=(1,)))
             self._live.rows.clear()
 
 
@@ -80,7 +80,7 @@ def partitions_table(partitions: Sequence[TunedPartition]) -> "RenderableType":
         )
         for partition in partitions
     ]
-    return table(rows, header=("partition", "components", "LP", "CR", "LP apart"), wrap=(0, 1), right=(2, 4))
+    return Table(rows, header=("partition", "components", "LP", "CR", "LP apart"), wrap=(0, 1), right=(2, 4))
 
 
 def _sentences(result: TuningResult) -> Sequence[str]:

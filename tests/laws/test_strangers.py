@@ -123,7 +123,7 @@ def test_looking_at_a_strangers_manifest_touches_nothing_of_ours(measured: Path,
 
     for words in (
         ("validate", "."),
-        ("plan", "--snapshot", "onboard=host.json", "--output", "markdown", "--base", "."),
+        ("plan", "--snapshot", "onboard=host.json", "--output", "markdown"),
     ):
         code, events, read, printed = watched(measured, *words)
         assert (code in {0, 2, 4}, events) == (True, [])

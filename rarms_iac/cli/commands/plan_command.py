@@ -8,7 +8,6 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import flag, option, verbose_option
 from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.planning import plan_request
-from rarms_iac.app.pull_request import review_for_pull_request
 from rarms_iac.app.requests import DatedManifestSource, PlanLimits, SnapshotSelection
 from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.cli.applying import write_and_advise
@@ -28,9 +27,6 @@ class PlanOptions(OutputOptions):
     """Where the plan goes, and how it is shown."""
 
     out: str | None = option("--out", metavar="FILE", help="Write the plan, sealed, for `rarms apply FILE`.")
-    base: str | None = option(
-        "--base", metavar="FOLDER", help="A checkout before the change, which --output markdown compares with."
-    )
     verbose: bool = verbose_option()
     detailed_exitcode: bool = flag(
         "--detailed-exitcode", help="End with exit code 2 where there are changes; those that are held back count."
@@ -65,13 +61,7 @@ def plan_command(
     write_outputs(
         session.terminal,
         outputs,
-        lambda form: plan_as(
-            form,
-            plan,
-            hosts.manifest,
-            verbose=options.verbose,
-            review=lambda: review_for_pull_request(hosts, plan, limits, options.base),
-        ),
+        lambda form: plan_as(form, plan, hosts.manifest, verbose=options.verbose),
     )
     if options.out is not None:
         write_and_advise(session, options.out, plan)

@@ -16,7 +16,7 @@ from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.curves import least_reserve
 from rarms_iac.views.reports.scale import Scale, scale_of
 from rarms_iac.views.reports.sentences import other_claims_text
-from rarms_iac.views.reports.table import Table, show_cell
+from rarms_iac.views.reports.table import ReportTable, show_cell
 from rarms_iac.views.reports.tables import settings_of
 from rarms_iac.views.verdicts import describe_achievement
 
@@ -63,7 +63,7 @@ class Plot:
     dots: tuple[Dot, ...]
     index_curve: IndexCurve
     scale: Scale
-    settings: Table  # what was measured, as the page has it
+    settings: ReportTable  # what was measured, as the page has it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,7 +89,7 @@ class Card:
         return "" if self.measurement.decides else "; to compare, no reservation rests on it"
 
 
-def on_page(table: Table) -> Table:
+def on_page(table: ReportTable) -> ReportTable:
     """Return the columns that the page shows."""
     return table.select(lambda column: column.title)
 
@@ -188,7 +188,7 @@ def _band(rows: Sequence[CurveRow], scale: Scale) -> str:
     return f"{above}L{_path(below[::-1])[1:]}Z"
 
 
-def _dots(curve: IndexCurve, settings: Table, scale: Scale) -> Iterator[Dot]:
+def _dots(curve: IndexCurve, settings: ReportTable, scale: Scale) -> Iterator[Dot]:
     for number, (point, row) in enumerate(zip(curve.points, settings.rows, strict=True)):
         if point.value is not None:
             yield Dot(

@@ -37,16 +37,16 @@ class Cell:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
+class ReportTable:
     """Columns, and rows with as many cells."""
 
     columns: tuple[Column, ...]
     rows: tuple[Sequence[Cell | Value], ...]
 
-    def select(self, heading: Callable[[Column], str]) -> "Table":
+    def select(self, heading: Callable[[Column], str]) -> "ReportTable":
         """Return the table without the columns that have no such heading."""
         chosen = [bool(heading(column)) for column in self.columns]
-        return Table(
+        return ReportTable(
             columns=tuple(compress(self.columns, chosen)),
             rows=tuple(tuple(compress(row, chosen)) for row in self.rows),
         )

@@ -21,7 +21,7 @@ from rarms_iac.model.indexes import show_bound, show_range, show_threshold, show
 from rarms_iac.model.quantities import share_of_processors, show_reserve
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.views.prove import describe_proof_setting, describe_verdict
-from rarms_iac.views.reports.table import Cell, Column, Table, Value, finite
+from rarms_iac.views.reports.table import Cell, Column, ReportTable, Value, finite
 from rarms_iac.views.verdicts import describe_achievement
 
 MOST_CANDIDATES = 24
@@ -62,14 +62,14 @@ LEVELS = (
 )
 
 
-def levels_table(report: Report) -> Table:
+def levels_table(report: Report) -> ReportTable:
     """A row a threshold that a reservation rests on, most critical first; then what is fixed or not measured."""
-    return Table(columns=LEVELS, rows=tuple(row for _, row in _levels(report)))
+    return ReportTable(columns=LEVELS, rows=tuple(row for _, row in _levels(report)))
 
 
-def levels_of_component(report: Report, component: str) -> Table:
+def levels_of_component(report: Report, component: str) -> ReportTable:
     """The rows of that table that are about a component, alone or with the others of its partition."""
-    return Table(columns=LEVELS, rows=tuple(row for names, row in _levels(report) if component in names))
+    return ReportTable(columns=LEVELS, rows=tuple(row for names, row in _levels(report) if component in names))
 
 
 def _levels(report: Report) -> Iterator[tuple[Sequence[str], Row]]:
@@ -149,9 +149,9 @@ TOTALS = _fields(
 )
 
 
-def totals_table(report: Report) -> Table:
+def totals_table(report: Report) -> ReportTable:
     """A row a platform."""
-    return Table(columns=TOTALS, rows=tuple(map(_total, report.capacities)))
+    return ReportTable(columns=TOTALS, rows=tuple(map(_total, report.capacities)))
 
 
 def _total(fit: PlatformCapacity) -> Row:
@@ -184,15 +184,15 @@ SETTINGS = (
 )
 
 
-def settings_table(report: Report) -> Table:
+def settings_table(report: Report) -> ReportTable:
     """A row a setting and performance index."""
     curves = ((measurement, curve) for measurement in report.measurements for curve in measurement.indexes)
-    return Table(columns=SETTINGS, rows=tuple(row for each in curves for row in settings_of(*each).rows))
+    return ReportTable(columns=SETTINGS, rows=tuple(row for each in curves for row in settings_of(*each).rows))
 
 
-def settings_of(measurement: Measurement, curve: IndexCurve) -> Table:
+def settings_of(measurement: Measurement, curve: IndexCurve) -> ReportTable:
     """The rows of one performance index."""
-    return Table(columns=SETTINGS, rows=tuple(_setting(measurement, curve, point) for point in curve.points))
+    return ReportTable(columns=SETTINGS, rows=tuple(_setting(measurement, curve, point) for point in curve.points))
 
 
 def _setting(measurement: Measurement, curve: IndexCurve, point: MeasuredPoint) -> Row:
@@ -226,9 +226,9 @@ SAMPLES = (
 )
 
 
-def samples_table(report: Report) -> Table:
+def samples_table(report: Report) -> ReportTable:
     """A row a sample, in the order in which they were measured."""
-    return Table(columns=SAMPLES, rows=tuple(_samples(report)))
+    return ReportTable(columns=SAMPLES, rows=tuple(_samples(report)))
 
 
 def _samples(report: Report) -> Iterator[Row]:
@@ -263,9 +263,9 @@ PROOFS = (
 )
 
 
-def proofs_table(report: Report) -> Table:
+def proofs_table(report: Report) -> ReportTable:
     """A row for what each component showed when all ran together, in the report's order."""
-    return Table(columns=PROOFS, rows=tuple(map(_proof, report.proofs)))
+    return ReportTable(columns=PROOFS, rows=tuple(map(_proof, report.proofs)))
 
 
 def _proof(proof: ComponentProof) -> Row:
@@ -310,9 +310,9 @@ TRAIL = (
 )
 
 
-def trail_table(tunings: Iterable[PlatformTuning]) -> Table:
+def trail_table(tunings: Iterable[PlatformTuning]) -> ReportTable:
     """A row a setting that tuning asked for, in order; the last says what is claimed of the layout."""
-    return Table(columns=TRAIL, rows=tuple(row for tuning in tunings for row in _trail(tuning)))
+    return ReportTable(columns=TRAIL, rows=tuple(row for tuning in tunings for row in _trail(tuning)))
 
 
 def _trail(tuning: PlatformTuning) -> Iterator[Row]:
@@ -347,7 +347,7 @@ TUNED = (
 )
 
 
-def tuned_table(tuning: PlatformTuning) -> Table:
+def tuned_table(tuning: PlatformTuning) -> ReportTable:
     """A row a partition as it was left, with what the parts of a new one reserved."""
     rows = (
         (
@@ -359,13 +359,13 @@ def tuned_table(tuning: PlatformTuning) -> Table:
         )
         for part in tuning.run.partitions
     )
-    return Table(columns=TUNED, rows=tuple(rows))
+    return ReportTable(columns=TUNED, rows=tuple(rows))
 
 
 CANDIDATES = (Column(title="Components together"), Column(title="Reserve"))
 
 
-def candidates_table(report: Report) -> Table:
+def candidates_table(report: Report) -> ReportTable:
     """A row a compound that could reserve less than its parts, at most `MOST_CANDIDATES`, with what is known of it.
 
     Measured compounds come first, then those that may save most.
@@ -374,7 +374,7 @@ def candidates_table(report: Report) -> Table:
         _compounds(report), key=lambda node: (not node.measured, node.low - node.high, len(node.members), node.name)
     )
     rows = ((" + ".join(node.members), node.label[-1]) for node in ranked[:MOST_CANDIDATES])
-    return Table(columns=CANDIDATES, rows=tuple(rows))
+    return ReportTable(columns=CANDIDATES, rows=tuple(rows))
 
 
 def candidates_left_out(report: Report) -> int:

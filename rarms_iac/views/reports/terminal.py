@@ -13,10 +13,10 @@ from rarms_iac.model.achievement import Achievement
 from rarms_iac.model.commands import prose
 from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.quantities import show_number
-from rarms_iac.views.console import paragraph, stack, table
+from rarms_iac.views.console import Table, paragraph, stack
 from rarms_iac.views.reports.scale import Scale, scale_of
 from rarms_iac.views.reports.sentences import applied_text, fit_text, tuning_text
-from rarms_iac.views.reports.table import Table, show_cell
+from rarms_iac.views.reports.table import ReportTable, show_cell
 from rarms_iac.views.reports.tables import levels_table, proofs_table, tuned_table, verdict_of
 from rarms_iac.views.verdicts import advise_to_measure
 
@@ -112,9 +112,9 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
     yield legend(ascii_only=ascii_only)
 
 
-def _table(whole: Table) -> "RenderableType":
+def _table(whole: ReportTable) -> "RenderableType":
     shown = whole.select(lambda column: column.short)
-    return table(
+    return Table(
         [tuple(map(show_cell, row)) for row in shown.rows],
         header=[column.short for column in shown.columns],
         wrap=[number for number, column in enumerate(shown.columns) if column.wraps],

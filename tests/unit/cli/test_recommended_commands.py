@@ -589,7 +589,6 @@ NOT_RECOMMENDED = (
     "`rarms apply` starts scripts with a policy of their own and is not concerned",
     "nothing brings it back, `rarms undo` neither",
     "`rarms undo` and the undo script leave this as it is",
-    "`rarms undo` takes the whole plan back after it was applied",
     "y stops them as `rarms stop` does",
     "as `rarms tune --interactive` does",
 )

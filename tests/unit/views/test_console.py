@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.views.console import BAD, UNLIMITED, columns, cut_row, indented, paragraph, render, stack, styled, table
+from rarms_iac.views.console import BAD, UNLIMITED, Table, columns, cut_row, indented, paragraph, render, stack, styled
 from rarms_iac.views.harmless import visible
 
 
@@ -27,7 +27,7 @@ def test_an_item_s_further_lines_stand_below_its_first_word() -> None:
 @pytest.mark.parametrize("width", [40, 50, 60])
 def test_a_narrow_table_breaks_between_words_and_cuts_nothing(width: int) -> None:
     cells = ("path-planning", "maximum_response_time <= 400 ms", "177.5 ms", "met so far")
-    shown = lines(table([cells], header=("component", "threshold", "measured", "verdict"), wrap=(1, 3)), width)
+    shown = lines(Table([cells], header=("component", "threshold", "measured", "verdict"), wrap=(1, 3)), width)
 
     assert max(map(len, shown)) <= width
     told = " ".join(shown).split()
@@ -41,7 +41,7 @@ def test_a_row_whose_words_need_more_than_a_line_stands_below_its_first_cell() -
         ("y", "7 ms", "not met so far"),
     ]
 
-    assert lines(indented(table(rows, header=("component", "value", "verdict")), 2), 32) == [
+    assert lines(indented(Table(rows, header=("component", "value", "verdict")), 2), 32) == [
         "  face-detection-in-front",
         "    value: 88 ms  verdict: met",
         "  x",
@@ -52,7 +52,7 @@ def test_a_row_whose_words_need_more_than_a_line_stands_below_its_first_cell() -
         "    value: 7 ms",
         "    verdict: not met so far",
     ]
-    assert lines(table([("a", "x" * 60)], wrap=(1,)), 40) == ["a", "  " + "x" * 60]
+    assert lines(Table([("a", "x" * 60)], wrap=(1,)), 40) == ["a", "  " + "x" * 60]
 
 
 def test_further_lines_hang_below_the_text() -> None:
@@ -79,7 +79,7 @@ def test_wrapping_loses_no_word_and_only_single_words_stick_out(text: str, width
 def test_a_table_wraps_the_columns_that_may_and_breaks_no_name() -> None:
     rows = [("mean_response_time", "88 ms", "far below what it must be"), ("x", "9 ms", "met")]
 
-    assert lines(table(rows, header=("index", "value", "verdict"), right=(1,), wrap=(2,)), 44) == [
+    assert lines(Table(rows, header=("index", "value", "verdict"), right=(1,), wrap=(2,)), 44) == [
         "index               value  verdict",
         "mean_response_time  88 ms  far below what it",
         "                           must be",
@@ -107,7 +107,7 @@ def test_a_table_that_is_too_wide_loses_neither_a_column_nor_a_word(wrap: tuple[
         ("vision", "throughput", "29.8 /s", "enough, by a hair", "140 %"),
     ]
 
-    shown = lines(table(rows, header=header, wrap=wrap, right=(2, 4)), width)
+    shown = lines(Table(rows, header=header, wrap=wrap, right=(2, 4)), width)
 
     words = " ".join(shown).replace(":", "").split()
     assert [word for cells in (header[1:], *rows) for cell in cells for word in cell.split() if word not in words] == []

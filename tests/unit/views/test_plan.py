@@ -47,7 +47,7 @@ def test_a_partition_that_is_new_is_one_line_with_its_components_share_and_memor
 
     lines = lines_of(plan(part))
 
-    assert "  + vision [vision, speech]  0.3 LP  512 MiB  task MotionControl" in lines
+    assert "  + vision [vision, speech]   0.3 LP  512 MiB  task MotionControl" in lines
     assert lines[-1] == "Plan: 2 to add (1 task class with its partition), 0 to change, 0 to remove."
     assert lines_of(plan(host_plan(changes=[create(task())])))[-1] == "Plan: 1 to add, 0 to change, 0 to remove."
 
@@ -55,7 +55,7 @@ def test_a_partition_that_is_new_is_one_line_with_its_components_share_and_memor
 def test_a_change_shows_what_differs_and_verbosely_its_reason_its_line_and_the_rest() -> None:
     change = update(partition(settings(reserve=70)), partition(settings(reserve=40)), reason=because("asked", line=7))
 
-    assert "  ~ vision  reserve 1.4 LP -> 0.8 LP" in shown_alone(change)
+    assert "  ~ vision  1.4 LP -> 0.8 LP  512 MiB" in shown_alone(change)
     shown = shown_alone(change, verbose=True)
     start = shown.index("  ~ vision  (rarms.yaml:7)")
     assert [line.split() for line in shown[start + 1 : start + 3]] == [["asked"], ["name", "vision"]]
@@ -77,7 +77,7 @@ def test_what_must_be_made_again_says_so_and_counts_twice() -> None:
 
     shown = shown_alone(update(before, after, disruption=Disruption.REMOVAL))
 
-    assert "  -/+ vision  generation 1 -> 2; made again" in shown
+    assert "  -/+ vision   0.8 LP  512 MiB  generation 1 -> 2; made again" in shown
     assert shown[-1] == "Plan: 1 to add, 0 to change, 1 to remove."
 
 
@@ -93,8 +93,8 @@ def test_a_reserve_that_is_per_cent_of_few_processors_changes_in_lps() -> None:
     narrow = update(partition(settings(processors=1, reserve=80)), partition(settings(processors=1, reserve=60)))
     wide = update(partition(settings(processors=2, reserve=80)), partition(settings(processors=2, reserve=60)))
 
-    assert "  ~ vision  reserve 0.8 LP -> 0.6 LP" in shown_alone(narrow)
-    assert "  ~ vision  reserve 1.6 LP -> 1.2 LP" in shown_alone(wide)
+    assert "  ~ vision  0.8 LP -> 0.6 LP  512 MiB" in shown_alone(narrow)
+    assert "  ~ vision  1.6 LP -> 1.2 LP  512 MiB" in shown_alone(wide)
 
 
 def test_what_goes_with_a_removed_machine_is_not_listed_as_coming_back_in_part() -> None:
@@ -110,7 +110,7 @@ def test_what_goes_with_a_removed_machine_is_not_listed_as_coming_back_in_part()
 
     shown = " ".join(" ".join(lines_of(plan(host_plan(changes=[change], steps=steps)))).split())
 
-    assert "not at all; it is not made again" in shown
+    assert "cannot be undone; it is not made again" in shown
     assert "it starts anew" not in shown
 
 
@@ -128,8 +128,8 @@ def test_a_task_class_shows_its_types_and_when_it_takes_effect() -> None:
         "Host onboard (simulated, 2 LP, 4 GiB)",
         "Host workshop (simulated, 4 LP, 4 GiB)",
         "  partition/former is unused and stopped: the manifest no longer names it.",
-        "    partition/old, remove the machine: not at all; it is not made again",
-        "  ~ speech  processors 1 -> 2, reserve 0.4 LP -> 0.8 LP; stops the partition",
+        "  partition/old, remove the machine: cannot be undone; it is not made again",
+        "  ~ speech    0.4 LP -> 0.8 LP  512 MiB  processors 1 -> 2; stops the partition",
         "  Afterwards: 1.9 LP of 2 LP (95 % of onboard) and 2 GiB reserved; 0.1 LP and",
         "warning[RARMS041] A change restarts or stops a partition",
     ],
