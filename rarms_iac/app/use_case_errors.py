@@ -22,7 +22,7 @@ class UseCaseError(Exception):
 
     Attributes:
         outcome: what kind of end it is; the command line makes an exit code of it.
-        findings: the reasons, at least one; the first of each kind.
+        findings: the reasons, the first of each kind; none only if the user interrupted the work of a robot.
         sources: the manifest's files that the reasons point into, by the names that places use.
     """
 

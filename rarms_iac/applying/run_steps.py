@@ -155,8 +155,8 @@ def failed_run(error: HostError) -> RunReport:
     if isinstance(error, HostLocked):
         return RunReport(ending=RunEnding.REFUSED, findings=(refusals.locked(error),))
     if isinstance(error, EndedThere):
-        ending = RunEnding.REFUSED if error.outcome == RunEnding.REFUSED.value else RunEnding.FAILED
-        return RunReport(ending=ending, findings=error.findings)
+        endings = {ending.value: ending for ending in (RunEnding.REFUSED, RunEnding.INTERRUPTED)}
+        return RunReport(ending=endings.get(error.outcome, RunEnding.FAILED), findings=error.findings)
     return RunReport(ending=RunEnding.FAILED, findings=(refusals.host_failed(error),))
 
 

@@ -51,19 +51,24 @@ def run_guarded(
     except UseCaseError as problem:
         _trace(terminal)
         by_signal = session.interrupts.exit_code if problem.outcome is Outcome.INTERRUPTED else None
+        if by_signal and not problem.findings:
+            return _interrupted(session, by_signal)
         return _tell(session, by_signal or CODES[problem.outcome], problem.findings, problem.sources)
     except KeyboardInterrupt as interrupt:
-        code = interrupt.code if isinstance(interrupt, Interrupted) else ExitCode.INTERRUPTED
-        from rarms_iac.views.run import interruption_text
-
-        terminal.talk(interruption_text(code.name.lower(), session.command, begun=session.interrupts.begun))
-        return code
+        return _interrupted(session, interrupt.code if isinstance(interrupt, Interrupted) else ExitCode.INTERRUPTED)
     except OSError as error:
         _trace(terminal)
         return _tell(session, ExitCode.FAILED, [system_finding(error)])
     except (Exception, RecursionError) as error:  # noqa: BLE001 - the last line of defence: no traceback reaches a user
         _trace(terminal)
         return _tell(session, ExitCode.FAILED, [bug_finding(error)])
+
+
+def _interrupted(session: Session, code: ExitCode) -> ExitCode:
+    from rarms_iac.views.run import interruption_text
+
+    session.terminal.talk(interruption_text(code.name.lower(), session.command, begun=session.interrupts.begun))
+    return code
 
 
 def _invoke(session: Session, arguments: Sequence[str]) -> ExitCode:

@@ -174,7 +174,7 @@ def _measure_there(
     listener = ExperimentListener(hosts=hosts, host=name, control=control, reporters=reporters)
     members = dict.fromkeys(member for experiment in experiments for member in experiment.setup.members)
     loads = dict.fromkeys(experiment.setup.interference for experiment in experiments)
-    answer = ask_robot(hosts, name, "measure", request, listener, components=members, loads=loads)
+    answer = ask_robot(listener, "measure", request, components=members, loads=loads)
     with readable_answer(name):
         return replace(decode(MeasureOutcome, answer), experiments=tuple(listener.results))
 

@@ -172,32 +172,23 @@ class ExperimentListener(RobotReports):
 
 
 def ask_robot(
-    hosts: Hosts,
-    host: str,
-    command: str,
-    request: object,
-    listener: ExperimentListener,
-    *,
-    components: Iterable[str],
-    loads: Iterable[str],
+    listener: ExperimentListener, command: str, request: object, *, components: Iterable[str], loads: Iterable[str]
 ) -> Json:
     """Have a robot do an experiment, and return the encoded result of its use case.
 
     Args:
-        hosts: those of the manifest.
-        host: the robot's name in it.
+        listener: names the robot, and hears what it reports.
         command: `measure`, `tune`, `prove` or `run`.
         request: of the command.
-        listener: hears what the robot reports.
         components: names of the components whose files must be equal on both sides.
         loads: names of the loads whose files must be equal on both sides.
 
     Raises:
         UseCaseError: the robot cannot be asked or `connect` has no folder (failed); or its use case raised one.
     """
-    logs = logs_below(hosts.folder)
+    hosts, host, control = listener.hosts, listener.host, listener.control
+    logs, system = logs_below(hosts.folder), hosts.system
     listener.known = dict(logs)
-    system, control = hosts.system, listener.control
     members, against = [system.components[name] for name in components], [system.interference[name] for name in loads]
     job = ExperimentJob(
         texts=tuple(ManifestText(file=file, text=text_of(file)) for file in hosts.manifest.sources),

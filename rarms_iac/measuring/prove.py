@@ -167,7 +167,7 @@ def _prove_there(hosts: Hosts, request: ProveRequest, control: Control, listener
     follower = ExperimentListener(hosts=hosts, host=name, control=control, samples=listener)
     components = (each.name for each in hosts.system.components.values() if each.may_run_on(name))
     loads = loads_to_prove(hosts.system, request)
-    answer = ask_robot(hosts, name, "prove", request, follower, components=components, loads=loads)
+    answer = ask_robot(follower, "prove", request, components=components, loads=loads)
     with readable_answer(name):
         return decode(ProveOutcome, answer)
 

@@ -178,7 +178,7 @@ def run_components_of(
     refuse_unknown(loads, hosts.system.interference, "interference")
     reporters = {SAMPLES: (SampleReporter, reporter or SampleReporter())}
     listener = ExperimentListener(hosts=hosts, host=robots[0], control=control, reporters=reporters)
-    answer = ask_robot(hosts, robots[0], "run", request, listener, components=chosen, loads=loads)
+    answer = ask_robot(listener, "run", request, components=chosen, loads=loads)
     with readable_answer(robots[0]):
         return decode(RunOutcome, answer)
 

@@ -192,7 +192,7 @@ def _tune_there(hosts: Hosts, host: str, request: TuneRequest, control: Control,
     reporters = {SETTINGS: (MeasuringReporter, control.reporter.settings), TUNING: (TuningCalls, TuningCalls(prompt))}
     listener = ExperimentListener(hosts=hosts, host=host, control=control, reporters=reporters)
     system = hosts.system
-    answer = ask_robot(hosts, host, "tune", request, listener, components=system.components, loads=system.interference)
+    answer = ask_robot(listener, "tune", request, components=system.components, loads=system.interference)
     with readable_answer(host):
         tuned = decode(TunedThere, answer)
         if not set(tuned.texts) <= set(before):

@@ -139,14 +139,15 @@ class Failure:
     """Why a command ended without a result."""
 
     outcome: Literal["failed", "refused", "negative", "missing", "interrupted"]  # the value of an `Outcome`
-    findings: tuple[Diagnostic, ...]
+    findings: tuple[Diagnostic, ...]  # empty: this side asked for the end
 
 
 class EndedThere(HostError):
     """The robot's rarms ended without a result, for reasons that its findings have."""
 
     def __init__(self, host: str, failure: Failure) -> None:
-        super().__init__(host, "; ".join(f"{each.summary} ({each.code})" for each in failure.findings), "")
+        reasons = [f"{each.summary} ({each.code})" for each in failure.findings]
+        super().__init__(host, "; ".join(reasons) or "it stopped, as asked", "")
         self.outcome = failure.outcome
         self.findings = failure.findings
 
@@ -256,11 +257,9 @@ class RobotByChannel:
                     return cast("Json", answer["result"])
                 if "failure" in answer:
                     failure = self._decoded(Failure, answer["failure"])
-                    raise (
-                        EndedThere(self.name, failure)
-                        if failure.findings
-                        else self._garbage("the failure has no reason")
-                    )
+                    if failure.findings or (has_stopped and failure.outcome == "interrupted"):
+                        raise EndedThere(self.name, failure)
+                    raise self._garbage("the failure has no reason")
                 call = self._decoded(ReporterCall, answer.get("call"))
                 with self._readable():
                     reply = listener.on_call(call.target, call.method, answer.get("arguments"))

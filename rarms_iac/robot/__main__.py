@@ -17,7 +17,7 @@ from typing import BinaryIO
 from rarms_iac.app.general_findings import bug_finding, system_finding
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.applying import refusals
-from rarms_iac.cli.ending import Interrupted, Interrupts
+from rarms_iac.cli.ending import ExitCode, Interrupted, Interrupts
 from rarms_iac.model.commands import Wording
 from rarms_iac.model.version import __version__
 from rarms_iac.providers.interface import HostRefused
@@ -60,13 +60,14 @@ def main() -> int:
             refuse_writable_code()
             set_environment(SETTINGS_FILE)
             request, job = read_request(sys.stdin.buffer)
-            caller = Caller(send, interrupts, request.listens, SimpleQueue())
-            threading.Thread(target=listen, args=(sys.stdin.buffer, caller, ended), daemon=True).start()
             host = request.host.name
             act_for(request.by)
+            # NOTE: Import before listening: Python ignores a signal's exception in some callbacks of an import.
             module = import_module(f"rarms_iac.robot.{MODULES[request.command]}")
+            caller = Caller(send, interrupts, request.listens, SimpleQueue())
+            threading.Thread(target=listen, args=(sys.stdin.buffer, caller, ended), daemon=True).start()
             result = module.COMMANDS[request.command](request.host, job, caller)
-        ended.set()
+            ended.set()
         send({"result": result})
     except BaseException as error:  # noqa: BLE001 - the answer has each error
         ended.set()
@@ -197,10 +198,11 @@ def _failure_of(error: BaseException, host: str) -> Failure:
         return Failure(outcome=error.outcome.value, findings=tuple(error.findings))
     if isinstance(error, RequestError):
         return _failure_of(_refused(error.message, error.advice, host), host)
+    if isinstance(error, Interrupted) and error.code is ExitCode.INTERRUPTED:  # the other side asked for it
+        return Failure(outcome=Outcome.INTERRUPTED.value, findings=())
     if isinstance(error, Interrupted):
-        stopped = HostRefused(host, "the command was stopped", "Results are saved. Run the same command to continue.")
-        finding = refusals.host_failed(stopped)
-        return Failure(outcome=Outcome.INTERRUPTED.value, findings=(finding,))
+        stopped = HostRefused(host, "rarms was terminated there", "Run the same command again to continue.")
+        return Failure(outcome=Outcome.INTERRUPTED.value, findings=(refusals.host_failed(stopped),))
     traceback.print_exception(error)
     finding = system_finding(error) if isinstance(error, OSError) else bug_finding(error)
     return Failure(outcome=Outcome.FAILED.value, findings=(finding,))

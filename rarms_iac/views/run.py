@@ -212,7 +212,7 @@ def _sentences(report: RunReport) -> Iterator[Wording]:
         case RunEnding.NOTHING:
             yield "Nothing to do."
         case RunEnding.INTERRUPTED:
-            yield prose("Stopped after the running step. ", GO_ON)
+            yield prose("Stopped after the running step. " if report.hosts else "Stopped. ", GO_ON)
         case RunEnding.DONE | RunEnding.REFUSED | RunEnding.FAILED:
             pass
 

@@ -1,18 +1,25 @@
 """Measuring, running and proving on a robot behind a real sshd, which is this machine, with components of its own."""
 
 import json
+import os
+import signal
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import pytest
 
+from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from rarms_iac.storage.datalog.files import read_log
+from rarms_iac.storage.lock import hold
 from tests.contracts.benches import forget_host, slice_of
 from tests.contracts.test_measuring_contract import JOBS
-from tests.remote import Remote, a_server
+from tests.remote import Remote, a_server, descendants
 from tests.robot_install import on_robot, robot_rarms
 from tests.system.test_linux_measured import MANIFEST
 from tests.unit.cli.running import Ran, rarms
@@ -73,6 +80,7 @@ def test_measure_plan_apply_prove_over_ssh(robot: Robot) -> None:
     assert ran.code == 0, ran.err
     measured = robot.run(*MEASURE)
     assert measured.code == 0, measured.err
+    assert "eyes beside busy-loop on here: 2 to 3 settings" in " ".join(measured.err.split()), "progress of the robot"
     (experiment,) = json.loads(measured.out)["experiments"]
     log = read_log(Path(experiment["log"]))
     assert Path(experiment["log"]).is_relative_to(robot.here)
@@ -101,3 +109,48 @@ def test_another_file_there_is_named(robot: Robot) -> None:
 
     assert measured.code == 3
     assert "jobs.py differs in" in " ".join(measured.err.split())
+
+
+@pytest.mark.parametrize(
+    ("command", "advice"),
+    [
+        (("measure", "eyes"), "rarms was interrupted. Results are saved; run the same command to continue."),
+        (("apply", "--auto-approve", "PLAN"), "Stopped. "),
+    ],
+    ids=["measure", "apply"],
+)
+def test_ctrl_c_while_the_robot_waits_is_the_usual_end(
+    robot: Robot, server: Remote, tmp_path: Path, command: tuple[str, ...], advice: str
+) -> None:
+    plan = tmp_path / "plan.json"
+    text = (robot.here / "rarms.yaml").read_text(encoding="utf-8").replace("measured", "0.5 LP")
+    (robot.here / "fixed.yaml").write_text(text, encoding="utf-8")
+    assert rarms("plan", "-f", str(robot.here / "fixed.yaml"), "--out", str(plan)).code == 0
+    lock = STATE_FOLDER / slice_of(tmp_path) / "lock"
+
+    def interrupt() -> None:
+        while not any(_waits_for(process, lock) for process in descendants(server.pid)):
+            time.sleep(0.02)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    lock.parent.mkdir(mode=0o700, parents=True)
+    with hold(lock, "a test", 0):
+        interrupting = Thread(target=interrupt)
+        interrupting.start()
+        words = [str(plan) if word == "PLAN" else word for word in command]
+        ended = robot.run(*words, "--lock-timeout", "60s")
+        interrupting.join()
+
+    assert ended.code == 130, ended
+    assert advice in " ".join(ended.err.split())
+    assert "error" not in ended.err
+
+
+def _waits_for(process: int, lock: Path) -> bool:
+    """Whether a process has opened a lock to hold it; who only looks at it opens it to read."""
+    with suppress(OSError):
+        for link in Path(f"/proc/{process}/fd").iterdir():
+            if link.readlink() == lock:
+                flags = Path(f"/proc/{process}/fdinfo/{link.name}").read_text(encoding="ascii").split()[3]
+                return int(flags, 8) & os.O_RDWR != 0
+    return False
