@@ -1,34 +1,30 @@
-"""The data log of an experiment for who measures: where it lies, whether it still holds, and measuring it once more.
+"""The data log of an experiment: where it lies, whether it still holds, and its settings as a search knows them."""
 
-With `--again` each log says which remeasurement is not ended, so that the same command goes on with it after a kill.
-"""
-
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rarms_iac.app.data_logs import files_of, subject_of
 from rarms_iac.app.hosts import Hosts
-from rarms_iac.app.measurement_files import hold_data_log, log_errors, now
+from rarms_iac.app.measurement_files import log_errors, now
 from rarms_iac.measuring.evidence import is_weak
-from rarms_iac.measuring.session import MeasuringSession
-from rarms_iac.measuring.settings_log import SettingsLog
+from rarms_iac.measuring.session import Session
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.state import Partition
+from rarms_iac.model.quantities import ReservePercent
+from rarms_iac.model.setting import Setting, join_settings
 from rarms_iac.model.version import __version__
-from rarms_iac.storage.datalog.files import append_remeasurement, end_remeasurement, log_path, read_log
+from rarms_iac.storage.datalog.files import append_setting, log_path, read_log
 from rarms_iac.storage.datalog.identity import header_of, identity_of
-from rarms_iac.storage.datalog.log import DataLog, Header, Provenance, Remeasurement
+from rarms_iac.storage.datalog.log import DataLog, Header, Provenance, Recorded
 from rarms_iac.storage.datalog.staleness import Changed, Present, present_log
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentLog:
-    """The records of an experiment, and the header that a setting would have now."""
+    """The records of an experiment as they were read; the first new setting begins the file, or adds a header."""
 
     path: Path
+    experiment: Experiment
     header: Header  # as everything is now
     present: Present | None  # what holds of the file; None: there is no file
 
@@ -42,8 +38,100 @@ class ExperimentLog:
         """What changed since it was measured, where nothing of it holds."""
         return () if self.present is None else self.present.comparison.changed
 
+    @property
+    def known(self) -> "KnownSettings":
+        """The settings that count, with as many processors as the experiment has now."""
+        records = () if self.valid is None else self.valid.of(self.header.setup.processors).counting
+        simulated = self.header.platform_facts.provider is ProviderKind.SIMULATED
+        return KnownSettings(runs=tuple(record.setting for record in records), simulated=simulated)
 
-def read_experiment_log(session: MeasuringSession, experiment: Experiment) -> ExperimentLog:
+    def add(self, setting: Setting, beside: tuple[str, ...]) -> None:
+        """Record a setting, whole or not at all; it is on the disk when this returns.
+
+        Args:
+            setting: One that is not in the log.
+            beside: Names of other partitions that ran meanwhile.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        weak = is_weak(self.experiment.load, setting, self.experiment.host)
+        taken = Provenance(rarms_version=__version__, when=now(), beside=beside, weak_load=weak)
+        append_setting(self.path, self.header, Recorded(setting=setting, provenance=taken))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownSettings:
+    """What was measured, each run by itself, and joined to one setting a reservation."""
+
+    runs: tuple[Setting, ...]
+    simulated: bool
+    joined: dict[int, Setting] = field(default_factory=dict)  # by reserve, what `at` worked out
+
+    @property
+    def settings(self) -> tuple[Setting, ...]:
+        """One setting a reservation, in the order in which they were first measured."""
+        return tuple(map(self.at, dict.fromkeys(run.reserve for run in self.runs)))
+
+    def seen_with(self, seed: int | None) -> tuple[Setting, ...]:
+        """Select the settings that were measured with this seed.
+
+        Args:
+            seed: None for all.
+
+        Returns:
+            Each with all that counts at its reservation.
+        """
+        reserves = {run.reserve for run in self.runs if seed is None or run.seed == seed}
+        return tuple(setting for setting in self.settings if setting.reserve in reserves)
+
+    def at(self, reserve: ReservePercent) -> Setting:
+        """Join the runs of a reservation that was measured.
+
+        NOTE: once, since estimates are kept with the samples that they are made of.
+
+        Args:
+            reserve: the CR in per cent of P1's own processors.
+        """
+        if reserve not in self.joined:
+            self.joined[reserve] = self.joined_with(reserve)
+        return self.joined[reserve]
+
+    def joined_with(self, reserve: ReservePercent, *more: Setting) -> Setting:
+        """Join the runs of a reservation with more.
+
+        Args:
+            reserve: the CR in per cent of P1's own processors.
+            more: runs that are not recorded yet.
+        """
+        runs = [run for run in self.runs if run.reserve == reserve]
+        (joined,) = join_settings((*runs, *more), simulated=self.simulated)
+        return joined
+
+    def spent_ms(self, reserve: ReservePercent, seed: int) -> float:
+        """Sum the host's time that was spent on a reservation before.
+
+        Args:
+            reserve: the CR in per cent of P1's own processors.
+            seed: of the run that follows: a simulated host goes through the time of the same seed again.
+
+        Returns:
+            Milliseconds.
+        """
+        runs = [run for run in self.runs if run.reserve == reserve and not (self.simulated and run.seed == seed)]
+        return join_settings(runs, simulated=self.simulated)[0].host_ms if runs else 0.0
+
+    def with_run(self, run: Setting) -> "KnownSettings":
+        """Return these and one run more.
+
+        Args:
+            run: as it was recorded.
+        """
+        joined = {reserve: setting for reserve, setting in self.joined.items() if reserve != run.reserve}
+        return replace(self, runs=(*self.runs, run), joined=joined)
+
+
+def read_experiment_log(session: Session, experiment: Experiment) -> ExperimentLog:
     """Read the data log of an experiment, and compare it with what is now.
 
     Args:
@@ -60,35 +148,7 @@ def read_experiment_log(session: MeasuringSession, experiment: Experiment) -> Ex
     with log_errors():
         file = read_log(path)
     present = None if file is None else present_log(file, header.setup.members, header.identity, header.platform_facts)
-    return ExperimentLog(path=path, header=header, present=present)
-
-
-def settings_log_of(
-    log: ExperimentLog, experiment: Experiment, remeasure_seed: int | None, running: Sequence[Partition]
-) -> SettingsLog:
-    """Return the log as the loop of measuring writes to it.
-
-    Args:
-        log: What is recorded.
-        experiment: What it is of.
-        remeasure_seed: All of it is measured with this seed; None: what is there is not measured again.
-        running: What runs on the host beside P1 and P2; every setting says so.
-
-    Returns:
-        A log to read the settings of and to add to.
-    """
-    others = tuple(partition.shown_name for partition in running)
-    return SettingsLog(
-        path=log.path,
-        header=log.header,
-        provenance=lambda setting: Provenance(
-            rarms_version=__version__,
-            when=now(),
-            beside=others,
-            weak_load=is_weak(experiment.load, setting, experiment.host),
-        ),
-        remeasure_seed=remeasure_seed,
-    )
+    return ExperimentLog(path=path, experiment=experiment, header=header, present=present)
 
 
 def data_log_path(hosts: Hosts, experiment: Experiment) -> Path:
@@ -105,7 +165,7 @@ def data_log_path(hosts: Hosts, experiment: Experiment) -> Path:
     return log_path(hosts.folder, experiment.host.platform, setup.members, setup.interference)
 
 
-def _header(session: MeasuringSession, experiment: Experiment) -> Header:
+def _header(session: Session, experiment: Experiment) -> Header:
     """What the data log of this experiment begins with, as everything is now."""
     system, setup = session.hosts.system, experiment.setup
     subject = subject_of(system, experiment.host, setup.members, setup.interference)
@@ -117,69 +177,3 @@ def _header(session: MeasuringSession, experiment: Experiment) -> Header:
         names = " and ".join(setup.members)
         session.control.reporter.message(f"{names}: {files.cut}. A change of what is left out makes no log stale.")
     return header_of(subject, identity, session.host_of(experiment).platform_facts())
-
-
-def remeasurements_for(
-    session: MeasuringSession, experiments: Sequence[Experiment], asked: str, refuse: Callable[[Experiment], None]
-) -> Mapping[Path, Remeasurement]:
-    """Find or begin the remeasurement of each experiment.
-
-    A command that was killed goes on: its other logs say whether they had their turn.
-
-    Args:
-        session: It holds the experiments' hosts.
-        experiments: What is to be measured once more.
-        asked: Tells this command's remeasurements from those of others (`measure_request.describe_request`).
-        refuse: Raises where an experiment cannot be run; nothing is written then.
-
-    Returns:
-        By data log the remeasurement that is not ended, or a new one, which all logs say then.
-
-    Raises:
-        UseCaseError: A log is damaged (negative), or held by another run (refused).
-    """
-    logs = [read_experiment_log(session, experiment) for experiment in experiments]
-    unfinished = [last for log in logs if (last := _last(log, asked)) is not None and not last.ended]
-    begun = max((remeasurement.begun for remeasurement in unfinished), default=None)
-    known = {log.path: _of_that_command(log, asked, begun) for log in logs}
-    for experiment, log in zip(experiments, logs, strict=True):
-        if known[log.path] is None:
-            refuse(experiment)
-    started = begun or datetime.now(UTC).isoformat(timespec="microseconds")
-    return {log.path: known[log.path] or _begin(session, log, asked, started) for log in logs}
-
-
-def end_remeasurements(session: MeasuringSession, complete: Mapping[Path, Remeasurement]) -> None:
-    """Record in each data log that all of its remeasurement is measured.
-
-    Args:
-        session: Of the command that measured it; its hosts need not be held any more.
-        complete: The remeasurements, by data log.
-
-    Raises:
-        UseCaseError: A log is held by another run (refused).
-    """
-    for path, remeasurement in complete.items():
-        if not remeasurement.ended:
-            with hold_data_log(session.hosts.folder, path, session.lock_timeout_ms):
-                end_remeasurement(path, remeasurement)
-
-
-def _last(log: ExperimentLog, asked: str) -> Remeasurement | None:
-    remeasurements = () if log.valid is None else log.valid.remeasurements
-    return next((each for each in reversed(remeasurements) if each.asked == asked), None)
-
-
-def _of_that_command(log: ExperimentLog, asked: str, begun: str | None) -> Remeasurement | None:
-    """The remeasurement of a command that began then; one that is not ended is gone on with in any case."""
-    last = _last(log, asked)
-    if begun is None or last is None or (last.ended and last.begun != begun):
-        return None
-    return last
-
-
-def _begin(session: MeasuringSession, log: ExperimentLog, asked: str, begun: str) -> Remeasurement:
-    begins = Remeasurement(seed=1 if log.valid is None else log.valid.highest_seed + 1, asked=asked, begun=begun)
-    with hold_data_log(session.hosts.folder, log.path, session.lock_timeout_ms):
-        append_remeasurement(log.path, log.header, begins)
-    return begins

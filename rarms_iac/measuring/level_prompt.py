@@ -1,7 +1,7 @@
 """The use scenario of the paper: the user picks a level of performance from a curve, sees what follows, refines it."""
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from rarms_iac.app.hosts import Hosts
@@ -10,7 +10,10 @@ from rarms_iac.app.report import report_of_manifest
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.select import BeyondMeasured, Selection, SelectRequest, select_level
 from rarms_iac.app.use_case_errors import RequestError, UseCaseError
-from rarms_iac.measuring.measure_request import ExperimentResult, reserves_between
+from rarms_iac.measuring.measure_request import ExperimentResult, MeasureRequest, method_of, reserves_between
+from rarms_iac.measuring.session import Session
+from rarms_iac.measuring.several_loads import decisive, measure_with_each_load
+from rarms_iac.model.experiment import Experiment, experiments_of
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.outcomes import Stopped, Swept
 from rarms_iac.statistics.curves import curves_of, least_reserve
@@ -89,19 +92,30 @@ class LevelPrompt(Protocol):
         """
 
 
-def ask_levels(
-    hosts: Hosts,
-    result: ExperimentResult,
-    prompt: LevelPrompt,
-    measure: Callable[[tuple[int, ...]], ExperimentResult],
-) -> ExperimentResult:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Further:
+    """The experiments of some components, one a load, which a level may ask more of."""
+
+    session: Session
+    loads: Sequence[Experiment]
+    request: MeasureRequest
+
+    def measure(self, reserves: tuple[int, ...]) -> ExperimentResult:
+        """Measure these settings; none: search for the thresholds that the manifest has now. Nothing is run twice."""
+        fresh = self.session.hosts.reloaded()
+        names, first = [before.setup.interference for before in self.loads], self.loads[0]
+        again = experiments_of(fresh.system, first.host, first.setup.members, names, self.request.samples)
+        method = method_of(replace(self.request, reserves=reserves, coarse=False))
+        return decisive(measure_with_each_load(replace(self.session, hosts=fresh), again, method))
+
+
+def ask_levels(further: Further, result: ExperimentResult, prompt: LevelPrompt) -> ExperimentResult:
     """Ask for a level of each component of an experiment, and write the answers into the manifest.
 
     Args:
-        hosts: Those of the manifest, which is read anew for each level.
-        result: What was measured.
+        further: The manifest of its session is read for each level.
+        result: The first answer.
         prompt: Shows it, and asks.
-        measure: Measures these settings; none: searches what the manifest then asks for.
 
     Raises:
         SessionEnded: an end was asked for.
@@ -109,6 +123,7 @@ def ask_levels(
     Returns:
         The result beside the thresholds that the manifest has then; what was searched for others is left out.
     """
+    hosts = further.session.hosts
     source, names = hosts.manifest.source, result.experiment.setup.members
     prompt.show(result, report_of_manifest(hosts.manifest))
     for name in names:
@@ -122,10 +137,10 @@ def ask_levels(
                 prompt.written(written)
                 if not any(level.may_be_less for level in written.levels) or not prompt.refines(written):
                     break
-                result = measure(())
+                result = further.measure(())
             except (RequestError, UseCaseError) as problem:
                 prompt.refused(problem)
-                extended = _extended(problem, prompt, measure)
+                extended = _extended(problem, prompt, further)
                 if extended is None:
                     continue
                 repeated, result = level, extended
@@ -135,16 +150,12 @@ def ask_levels(
     return _judged_by_new_thresholds(hosts, result)
 
 
-def _extended(
-    problem: RequestError | UseCaseError,
-    prompt: LevelPrompt,
-    measure: Callable[[tuple[int, ...]], ExperimentResult],
-) -> ExperimentResult | None:
+def _extended(problem: RequestError | UseCaseError, prompt: LevelPrompt, further: Further) -> ExperimentResult | None:
     """What higher settings came to, where the level needs them and the user wants them; else None."""
     if not isinstance(problem, BeyondMeasured) or not prompt.extends(problem):
         return None
     try:
-        return measure(reserves_between(problem.first, problem.last, None))
+        return further.measure(reserves_between(problem.first, problem.last, None))
     except UseCaseError as refusal:
         prompt.refused(refusal)
         return None

@@ -3,10 +3,9 @@
 Begin at `measure_components`. A single experiment is `run_experiment`'s.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Literal
@@ -21,8 +20,8 @@ from rarms_iac.app.report_model import ComponentVerdict
 from rarms_iac.app.scripts import PlanScript
 from rarms_iac.app.totals import partitions_without_log, totals_at_hand
 from rarms_iac.app.use_case_errors import RequestError
-from rarms_iac.measuring.experiment_log import data_log_path, end_remeasurements, remeasurements_for
-from rarms_iac.measuring.level_prompt import LevelPrompt, SessionEnded, ask_levels
+from rarms_iac.measuring.experiment_log import data_log_path
+from rarms_iac.measuring.level_prompt import Further, LevelPrompt, SessionEnded, ask_levels
 from rarms_iac.measuring.measure_request import (
     ExperimentResult,
     MeasureRequest,
@@ -33,17 +32,16 @@ from rarms_iac.measuring.measure_request import (
     weak_answer,
 )
 from rarms_iac.measuring.measuring_findings import findings_of
-from rarms_iac.measuring.methods import Method
 from rarms_iac.measuring.on_robot import SETTINGS, ExperimentListener, ask_robot, readable_answer
 from rarms_iac.measuring.partitions import host_resources
-from rarms_iac.measuring.run_experiment import run_experiment, stop_what_is_in_the_way
-from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, starting_again
+from rarms_iac.measuring.remeasuring import end_remeasurements, remeasurements_for
+from rarms_iac.measuring.session import Session, hold_measuring_hosts, starting_again
 from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
 from rarms_iac.measuring.several_loads import by_partition, decisive, idle_settings, leave_idle, measure_with_each_load
 from rarms_iac.measuring.work_findings import work_of_settings
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.experiment import Experiment, experiments_of
+from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.outcomes import SettingFailed, Stopped
 from rarms_iac.model.output import Internal
@@ -117,7 +115,7 @@ def measure_components(
                 prose("Leave --interactive out, and choose with ", command("select", "COMPONENT", at="LEVEL"), "."),
             )
         return _measure_on_each(hosts, request, control)
-    session = MeasuringSession(
+    session = Session(
         hosts=hosts,
         control=control,
         seed=request.seed,
@@ -192,7 +190,7 @@ def _together(outcomes: Sequence[MeasureOutcome], not_begun: Iterable[Experiment
 
 
 def _measure_all(
-    session: MeasuringSession, request: MeasureRequest, prompt: LevelPrompt | None
+    session: Session, request: MeasureRequest, prompt: LevelPrompt | None
 ) -> tuple[MeasureOutcome, Mapping[Path, Remeasurement]]:
     """The outcome, and by data log the remeasurements that nothing is left to do for."""
     hosts = session.hosts
@@ -205,21 +203,19 @@ def _measure_all(
     ended = False
     names = [experiment.host.name for experiment in experiments]
     with hold_measuring_hosts(session, names) as held, starting_again(held) as still_stopped:
-        remeasurements = _remeasurements(held, experiments, request)
-
-        def run(experiment: Experiment, method: Method) -> ExperimentResult:
-            remeasurement = remeasurements.get(data_log_path(hosts, experiment))
-            seeded = replace(held, seed=remeasurement.seed, remeasures=True) if remeasurement else held
-            return run_experiment(seeded, experiment, method)
-
+        asked = describe_request(request)
+        remeasurements = remeasurements_for(held, experiments, asked, method) if request.again else {}
         for loads in groups:
-            of_loads = measure_with_each_load(loads, method, run)
+            of_loads = measure_with_each_load(replace(held, remeasurements=remeasurements), loads, method)
             if not isinstance(of_loads[-1].conclusion, Stopped | SettingFailed):
                 paths = [data_log_path(hosts, experiment) for experiment in loads]
                 complete |= {path: remeasurements[path] for path in paths if path in remeasurements}
             if prompt is not None and not isinstance(of_loads[-1].conclusion, Stopped):
-                further = partial(_measure_further, held, loads, request)
-                answered, ended = _with_levels(hosts, decisive(of_loads), prompt, further)
+                first = decisive(of_loads)
+                try:
+                    answered = ask_levels(Further(session=held, loads=loads, request=request), first, prompt)
+                except SessionEnded:
+                    answered, ended = first, True
                 of_loads = (*(each for each in of_loads if each.log != answered.log), answered)
             is_weak = decisive(of_loads).reserve is not None and refuses_weak_loads(request) and leave_idle(of_loads)
             of_loads = tuple(replace(each, is_weak=is_weak) for each in of_loads)
@@ -267,44 +263,6 @@ def _real_components(hosts: Hosts, experiments: Sequence[Experiment]) -> Sequenc
         for name in experiment.setup.members
     )
     return [hosts.system.components[name] for name in names]
-
-
-def _with_levels(
-    hosts: Hosts,
-    result: ExperimentResult,
-    prompt: LevelPrompt,
-    measure: Callable[[tuple[int, ...]], ExperimentResult],
-) -> tuple[ExperimentResult, bool]:
-    """The result beside the levels that were chosen, and whether an end was asked for."""
-    try:
-        return ask_levels(hosts, result, prompt, measure), False
-    except SessionEnded:
-        return result, True
-
-
-def _measure_further(
-    session: MeasuringSession, loads: Sequence[Experiment], request: MeasureRequest, reserves: tuple[int, ...]
-) -> ExperimentResult:
-    """Measure these settings, or else search for the thresholds that the manifest has now; nothing is run twice."""
-    fresh = session.hosts.reloaded()
-    names = [before.setup.interference for before in loads]
-    again = experiments_of(fresh.system, loads[0].host, loads[0].setup.members, names, request.samples)
-    method = method_of(replace(request, reserves=reserves, coarse=False))
-    run = partial(run_experiment, replace(session, hosts=fresh))
-    return decisive(measure_with_each_load(again, method, run))
-
-
-def _remeasurements(
-    session: MeasuringSession, experiments: Sequence[Experiment], request: MeasureRequest
-) -> Mapping[Path, Remeasurement]:
-    """By data log; none where nothing is to be measured once more."""
-    if not request.again:
-        return {}
-
-    def refuse(experiment: Experiment) -> None:
-        stop_what_is_in_the_way(session, experiment, method_of(request))
-
-    return remeasurements_for(session, experiments, describe_request(request), refuse)
 
 
 def record_reservations(hosts: Hosts) -> None:

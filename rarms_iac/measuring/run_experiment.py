@@ -4,6 +4,7 @@ Begin at `run_experiment`. Which experiments there are, and in which order, is f
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
 from rarms_iac.app.data_logs import files_of, stale_advice, used_processors
@@ -19,23 +20,23 @@ from rarms_iac.measuring.duration import (
     with_part_of_budget,
 )
 from rarms_iac.measuring.evidence import TRIES
-from rarms_iac.measuring.experiment_log import ExperimentLog, data_log_path, read_experiment_log, settings_log_of
-from rarms_iac.measuring.loop import LoopResult, ProcessorNumberChanged, measure_settings
+from rarms_iac.measuring.experiment_log import ExperimentLog, data_log_path, read_experiment_log
 from rarms_iac.measuring.measure_request import USUAL_SEED, ExperimentResult
 from rarms_iac.measuring.methods import Method, Search, is_of_paper, strategy_of
 from rarms_iac.measuring.partitions import MeasuringResources, highest_reserve, host_resources, other_running_partitions
-from rarms_iac.measuring.session import MeasuringSession, refuse_what_cannot_run, stop_own_partitions
-from rarms_iac.measuring.setting_run import MeasuringContext
-from rarms_iac.measuring.settings_log import SettingsLog
+from rarms_iac.measuring.search.trials import conclude
+from rarms_iac.measuring.session import Session, refuse_what_cannot_run, stop_own_partitions
+from rarms_iac.measuring.setting_run import Site, other_processors, run_setting
 from rarms_iac.measuring.stopping import stopped_to_measure
-from rarms_iac.measuring.strategies import Sweep, ThresholdCheck, goal_of
+from rarms_iac.measuring.strategies import SettingCount, Strategy, Sweep, ThresholdCheck, goal_of
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.outcomes import Conclusion, Measure, Stopped
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource, processor_number
 from rarms_iac.model.quantities import ReservePercent, show_duration
-from rarms_iac.model.setting import most_used
+from rarms_iac.model.setting import Setting, most_used
 from rarms_iac.model.state import Partition
 from rarms_iac.model.wording import counted
 from rarms_iac.planner.groups import groups_of
@@ -45,7 +46,16 @@ from rarms_iac.statistics.curves import curves_of, least_reserve
 from rarms_iac.statistics.error_probability import FIRST_LOOK
 
 
-def run_experiment(session: MeasuringSession, experiment: Experiment, method: Method) -> ExperimentResult:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Availability:
+    """What an experiment can get of its host, and what is in the way there."""
+
+    resources: MeasuringResources
+    running: tuple[Partition, ...]  # they run beside the experiment, and rarms does not stop them
+    highest_reserve: ReservePercent  # the highest CR that the host can give
+
+
+def run_experiment(session: Session, experiment: Experiment, method: Method) -> ExperimentResult:
     """Measure the settings of an experiment that its data log does not hold yet.
 
     Args:
@@ -61,38 +71,135 @@ def run_experiment(session: MeasuringSession, experiment: Experiment, method: Me
             to search for, or the log is damaged (negative).
         HostError: The host did not do what was asked.
     """
-    path = data_log_path(session.hosts, experiment)
+    path, reporter = data_log_path(session.hosts, experiment), session.control.reporter
     with session.control.stop.gently(), hold_data_log(session.hosts.folder, path, session.lock_timeout_ms):
         experiment = with_part_of_budget(experiment, session.host_of(experiment).scheduler_memory_ms)
         experiment = with_observed_processors(session, experiment)
-        tells_duration = not isinstance(method, ThresholdCheck)  # tuning reports its own questions
+        says_duration = not isinstance(method, ThresholdCheck)  # tuning reports its own questions
         while True:
-            settings_log, measurement = _run_with_processors(session, experiment, method, tells_duration=tells_duration)
-            tells_duration = False
-            if not isinstance(measurement.conclusion, ProcessorNumberChanged):
+            run = _begin(session, experiment, method, says_duration=says_duration)
+            answer = measure_settings(run)
+            if run.available.running and (isinstance(answer, ProcessorNumberChanged) or answer.new):
+                reporter.findings([_busy_warning(experiment, run.available.running)])
+            if isinstance(answer, ExperimentResult):
                 break
-            used = measurement.conclusion.number
+            says_duration = False
             if experiment.processors_from is ProcessorSource.HOST:
-                session.control.reporter.message(_describe_number(experiment, used))
+                reporter.message(_describe_number(experiment, answer.number))
             else:
-                finding = measuring_findings.more_processors(experiment, used, session.hosts.manifest.places)
-                session.control.reporter.findings([finding], session.hosts.manifest.sources)
-                tells_duration = not isinstance(method, ThresholdCheck)  # what was said counted for one curve
-            number = ProcessorNumber(number=used, source=ProcessorSource.USED)
+                finding = measuring_findings.more_processors(experiment, answer.number, session.hosts.manifest.places)
+                reporter.findings([finding], session.hosts.manifest.sources)
+                says_duration = not isinstance(method, ThresholdCheck)  # what was said counted for one curve
+            number = ProcessorNumber(number=answer.number, source=ProcessorSource.USED)
             experiment = experiment.with_processors(number)
-        if experiment.processors_from is ProcessorSource.HOST and most_used(measurement.settings) is not None:
+        if experiment.processors_from is ProcessorSource.HOST and most_used(answer.settings) is not None:
             experiment = replace(experiment, processors_from=ProcessorSource.USED)  # all of the host's are
+        return replace(answer, experiment=experiment)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProcessorNumberChanged:
+    """P1 was seen to use another number of processors than it has: what was measured so far is no curve of it."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExperimentRun:
+    """An experiment with all that decides which settings are run, and how."""
+
+    session: Session
+    experiment: Experiment
+    method: Method
+    strategy: Strategy
+    log: ExperimentLog
+    available: Availability
+    count: SettingCount | None  # of the settings that are still to be run; None: as many as the strategy asks for
+    says_duration: bool = False
+
+
+def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumberChanged:
+    """Run settings until the strategy has its answer; P1 and P2 are there only meanwhile.
+
+    A strategy is a pure function of the recorded settings, so a run that was killed goes on by asking it again. It asks
+    for a recorded setting again only where that is not finished, or where all is to be measured again.
+
+    Returns:
+        How it ended, with all settings that count.
+
+    Raises:
+        UseCaseError: As of `stop_what_is_in_the_way`.
+        HostError: The host did not do what was asked; what is recorded stays.
+        OSError: The log cannot be written.
+    """
+    session, experiment, known, new = run.session, run.experiment, run.log.known, 0
+    reporter, times = session.control.reporter.settings, session.wall_times
+    remeasurement = session.remeasurements.get(run.log.path)
+    again = None if remeasurement is None else remeasurement.seed
+    seed = again or session.seed or max((each.seed for each in known.runs), default=0) or USUAL_SEED
+
+    def ended(conclusion: Conclusion) -> ExperimentResult:
         return ExperimentResult(
             experiment=experiment,
-            conclusion=measurement.conclusion,
-            settings=measurement.settings,
-            new=measurement.new,
-            planned=least_reserve(curves_of(measurement.settings, experiment.runs, experiment.apts)),
-            log=settings_log.path.as_posix(),
+            conclusion=conclusion,
+            settings=known.settings,
+            new=new,
+            planned=least_reserve(curves_of(known.settings, experiment.runs, experiment.apts)),
+            log=run.log.path.as_posix(),
         )
 
+    reporter.experiment_started(experiment, known.settings)
+    with ExitStack() as ends:
+        ends.callback(reporter.experiment_ended)
+        site: Site | None = None
+        while True:
+            decision = run.strategy.decide(known.seen_with(again))
+            if not isinstance(decision, Measure):
+                if again is None:
+                    return ended(decision)
+                again = None  # all is measured again: now it decides by all that counts
+                continue
+            if run.count is not None and new >= run.count.most:
+                return ended(conclude(known.settings, goal_of(experiment), run.count.most))
+            if session.control.stop.should_stop():
+                return ended(Stopped())
+            if site is None:
+                site = _prepared(run, seed)
+                ends.enter_context(site.partitions())
+            began, remaining = times.clock(), times.remaining(experiment, run.count, new, running=1)
+            reporter.setting_started(experiment, decision.reserve, remaining)
+            setting = run_setting(site, decision, known)
+            if not isinstance(setting, Setting):
+                return ended(setting)
+            times.add(experiment, times.clock() - began)
+            run.log.add(setting, tuple(each.shown_name for each in run.available.running))
+            known, new = known.with_run(setting), new + 1
+            remaining = times.remaining(experiment, run.count, new, running=0)
+            reporter.setting_ended(experiment, known.at(setting.reserve), remaining)
+            if (number := other_processors(experiment, setting.used_processors)) is not None:
+                return ProcessorNumberChanged(number=number)
 
-def with_observed_processors(session: MeasuringSession, experiment: Experiment) -> Experiment:
+
+def _prepared(run: ExperimentRun, seed: int) -> Site:
+    """Return where the settings run: what is in the way there is refused or stopped, and the duration is told."""
+    session, experiment, available = run.session, run.experiment, run.available
+    stop_what_is_in_the_way(session, experiment, run.method, available)
+    if run.says_duration and run.count is not None:
+        host = session.host_of(experiment)
+        bounds = expected_duration(experiment, run.count, run.log.known.settings, host.scheduler_memory_ms)
+        seconds = session.wall_times.comparable(experiment)
+        session.control.reporter.message(_describe_duration(experiment, run.method, bounds, seconds))
+    return Site(
+        host=session.host_of(experiment),
+        experiment=experiment,
+        resources=available.resources,
+        seed=seed,
+        control=session.control,
+        others=tuple(_work_of_others(session.hosts, available.running)),
+    )
+
+
+def with_observed_processors(session: Session, experiment: Experiment) -> Experiment:
     """Return the experiment with the number of processors that its components were seen to use, if that is known.
 
     Args:
@@ -113,60 +220,44 @@ def _describe_number(experiment: Experiment, number: int) -> str:
     return f"{experiment.name} uses {counted(number, 'processor')}; measuring with {number} VP instead of {before}."
 
 
-def _run_with_processors(
-    session: MeasuringSession, experiment: Experiment, method: Method, *, tells_duration: bool
-) -> tuple[SettingsLog, LoopResult]:
-    """Measure with as many processors as the experiment has."""
-    available = _availability(session, experiment)
+def _begin(session: Session, experiment: Experiment, method: Method, *, says_duration: bool) -> ExperimentRun:
+    """Look at the log and the host, and choose settings for as many processors as the experiment has."""
+    available = available_on_host(session, experiment)
     log = read_experiment_log(session, experiment)
-    settings_log = settings_log_of(log, experiment, session.seed if session.remeasures else None, available.running)
     if log.changed:
         _refuse_other_hardware(session, experiment, log)
         changes = "; ".join(map(str, log.changed))
         session.control.reporter.message(
             f"Changed since {log.path.as_posix()} was measured: {changes}. Its results stay there and do not count."
         )
-
-    recorded_runs = [run for run in settings_log.runs() if settings_log.remeasure_seed in (None, run.seed)]
+    again = session.remeasurements.get(log.path)
+    recorded = [each for each in log.known.runs if again is None or each.seed == again.seed]
     shows_processors = experiment.processors_from is ProcessorSource.HOST
-    count = settings_to_run(method, recorded_runs, available.highest_reserve, shows_processors=shows_processors)
-
-    def prepare_host() -> MeasuringResources:
-        stop_what_is_in_the_way(session, experiment, method, available)
-        if tells_duration:
-            bounds = expected_duration(experiment, count, settings_log.settings(), available.scheduler_window_ms)
-            seconds = session.wall_times.comparable(experiment)
-            session.control.reporter.message(_describe_duration(experiment, method, bounds, seconds))
-        return available.resources
-
-    context = MeasuringContext(
-        host=session.host_of(experiment),
-        resources=prepare_host,
-        seed=session.seed or max((run.seed for run in settings_log.runs()), default=0) or USUAL_SEED,
-        reporter=session.control.reporter.settings,
-        should_stop=session.control.stop.should_stop,
-        wall_times=session.wall_times,
-        others=tuple(_work_of_others(session.hosts, available.running)),
-    )
+    count = settings_to_run(method, recorded, available.highest_reserve, shows_processors=shows_processors)
     _refuse_without_threshold(session.hosts, experiment, method)
     # Where other partitions are in the way, `_refuse_host` names them before the first run. Do not end earlier for lack
     # of room, which says less.
     most = 100 if available.running and not session.on_busy_host else available.highest_reserve
-    strategy = strategy_of(method, goal_of(experiment), most)
-    measurement = measure_settings(experiment, strategy, settings_log, context, count=count)
-    if measurement.new and available.running:
-        session.control.reporter.findings([_busy_warning(experiment, available.running)])
-    return settings_log, measurement
+    return ExperimentRun(
+        session=session,
+        experiment=experiment,
+        method=method,
+        strategy=strategy_of(method, goal_of(experiment), most),
+        log=log,
+        available=available,
+        count=count,
+        says_duration=says_duration,
+    )
 
 
-def _refuse_other_hardware(session: MeasuringSession, experiment: Experiment, log: ExperimentLog) -> None:
+def _refuse_other_hardware(session: Session, experiment: Experiment, log: ExperimentLog) -> None:
     """Refuse to measure on other hardware what was measured on some, unless all is to be measured again.
 
     Raises:
         UseCaseError: The data log holds for another machine (negative).
     """
     changed = tuple(change for change in log.changed if change.is_of_hardware)
-    if not changed or session.remeasures:
+    if not changed or log.path in session.remeasurements:
         return
     host, path = experiment.host, log.path.as_posix()
     place = session.hosts.manifest.places.key("hosts", host.name)
@@ -177,27 +268,15 @@ def _refuse_other_hardware(session: MeasuringSession, experiment: Experiment, lo
     raise UseCaseError(Outcome.NEGATIVE, [finding], session.hosts.manifest.sources)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Availability:
-    """What an experiment can get of its host, and what is in the way there."""
-
-    resources: MeasuringResources
-    running: tuple[Partition, ...]  # they run beside the experiment, and rarms does not stop them
-    highest_reserve: ReservePercent  # the highest CR that the host can give
-    scheduler_window_ms: float  # how long its scheduler remembers (`MeasuringHost.scheduler_memory_ms`)
-
-
-def _availability(session: MeasuringSession, experiment: Experiment) -> _Availability:
+def available_on_host(session: Session, experiment: Experiment) -> Availability:
     """Look at the host; partitions of the application are stopped, unless it is to be measured beside them."""
-    host = session.host_of(experiment)
-    observed = host.observe()
+    observed = session.host_of(experiment).observe()
     state = observed if session.on_busy_host else stopped_to_measure(observed, experiment.application)
     resources = host_resources(experiment.host, state, experiment.application)
-    return _Availability(
+    return Availability(
         resources=resources,
         running=other_running_partitions(state),
         highest_reserve=highest_reserve(resources, experiment.setup),
-        scheduler_window_ms=host.scheduler_memory_ms,
     )
 
 
@@ -234,7 +313,7 @@ def _refuse_without_threshold(hosts: Hosts, experiment: Experiment, method: Meth
 
 
 def stop_what_is_in_the_way(
-    session: MeasuringSession, experiment: Experiment, method: Method, available: _Availability | None = None
+    session: Session, experiment: Experiment, method: Method, available: Availability | None = None
 ) -> None:
     """Refuse what cannot be measured, then stop what is in the way; nothing is run.
 
@@ -253,12 +332,12 @@ def stop_what_is_in_the_way(
     host = session.host_of(experiment)
     members = {member.name: member for member in experiment.members}
     refuse_what_cannot_run(session, host, components=members, loads={experiment.setup.interference: experiment.load})
-    _refuse_host(session, experiment, method, available or _availability(session, experiment))
+    _refuse_host(session, experiment, method, available or available_on_host(session, experiment))
     if not session.on_busy_host:
         stop_own_partitions(session, host)
 
 
-def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Method, available: _Availability) -> None:
+def _refuse_host(session: Session, experiment: Experiment, method: Method, available: Availability) -> None:
     """Refuse a host that is busy, has reservations that the paper does not know, or has no room.
 
     Raises:

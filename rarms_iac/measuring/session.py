@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
 
@@ -22,18 +23,19 @@ from rarms_iac.model.loads import Interference
 from rarms_iac.model.system import Component
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.providers.measuring import MeasuringHost
+from rarms_iac.storage.datalog.log import Remeasurement
 from rarms_iac.storage.lock import owner
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MeasuringSession:
+class Session:
     """Where and how a command measures."""
 
     hosts: Hosts
     control: Control = UNATTENDED
     command: Literal["measure", "tune", "prove"] = "measure"
     seed: int | None = None  # of the random numbers; None: the largest that settings in the log have, or the usual one
-    remeasures: bool = False  # what was not measured with this seed is measured once more
+    remeasurements: Mapping[Path, Remeasurement] = field(default_factory=dict)  # by data log that is measured again
     on_busy_host: bool = False  # measure although other partitions run there
     lock_timeout_ms: int = 0  # how long to wait for another run, at a host and at a data log
     wall_times: WallTimes = field(default_factory=WallTimes)  # of the settings that this command has run
@@ -56,7 +58,7 @@ UNMODELLED_SMT = (
 
 
 @contextmanager
-def hold_measuring_hosts(session: MeasuringSession, names: Iterable[str]) -> Iterator[MeasuringSession]:
+def hold_measuring_hosts(session: Session, names: Iterable[str]) -> Iterator[Session]:
     """Hold hosts that are measured on, and remove what a killed measurement left there.
 
     Args:
@@ -93,7 +95,7 @@ def hold_measuring_hosts(session: MeasuringSession, names: Iterable[str]) -> Ite
 
 
 def refuse_what_cannot_run(
-    session: MeasuringSession,
+    session: Session,
     host: MeasuringHost,
     *,
     components: Mapping[str, Component] = MappingProxyType({}),
@@ -129,7 +131,7 @@ def refuse_what_cannot_run(
             raise UseCaseError(Outcome.NEGATIVE, [finding], manifest.sources)
 
 
-def stop_own_partitions(session: MeasuringSession, host: MeasuringHost) -> None:
+def stop_own_partitions(session: Session, host: MeasuringHost) -> None:
     """Stop what runs of the application on a held host, if that is consented to.
 
     Raises:
@@ -164,7 +166,7 @@ def stop_own_partitions(session: MeasuringSession, host: MeasuringHost) -> None:
 
 
 @contextmanager
-def starting_again(session: MeasuringSession) -> Iterator[list[Diagnostic]]:
+def starting_again(session: Session) -> Iterator[list[Diagnostic]]:
     """At the end, start what a measurement stopped on the held hosts: this one, or an earlier one that was killed.
 
     Args:
@@ -183,7 +185,7 @@ def starting_again(session: MeasuringSession) -> Iterator[list[Diagnostic]]:
     errors += _start_all(session)
 
 
-def _start_all(session: MeasuringSession) -> list[Diagnostic]:
+def _start_all(session: Session) -> list[Diagnostic]:
     errors: list[Diagnostic] = []
     with session.control.stop.gently():
         for host in session.held_hosts.values():

@@ -3,14 +3,15 @@
 What disturbed it is measured once more.
 """
 
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
 from math import inf
 
-from rarms_iac.app.control import MeasuringReporter
+from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.evidence import TRIES, disturbance, with_evidence, with_memory_kills
+from rarms_iac.measuring.experiment_log import KnownSettings
 from rarms_iac.measuring.partitions import (
     MeasuringResources,
     load_share,
@@ -21,10 +22,8 @@ from rarms_iac.measuring.partitions import (
 )
 from rarms_iac.measuring.sampling import watch
 from rarms_iac.measuring.search.trials import is_clear
-from rarms_iac.measuring.settings_log import KnownSettings
 from rarms_iac.measuring.settling import Contender, Settling, wants_all_processors
 from rarms_iac.measuring.strategies import goal_of
-from rarms_iac.measuring.wall_times import WallTimes
 from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.outcomes import Measure, SettingFailed, Stopped, TooManyFailures
@@ -40,19 +39,6 @@ from rarms_iac.storage.datalog.columns import as_recorded
 
 SEED_STEP = 101
 """More than there are settings, so that no two of them share a seed."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeasuringContext:
-    """What a run of the loop is given beside the experiment."""
-
-    host: MeasuringHost  # its lock is held by who calls
-    resources: Callable[[], MeasuringResources]  # asked once, before the first setting that must be run; may refuse
-    seed: int
-    reporter: MeasuringReporter
-    should_stop: Callable[[], bool]
-    wall_times: WallTimes = field(default_factory=WallTimes)  # of the command's settings so far; they are added to
-    others: tuple[PartitionWork, ...] = ()  # what goes on in partitions beside P1 and P2, and is not looked at
 
 
 def other_processors(experiment: Experiment, used: int | None) -> int | None:
@@ -74,33 +60,29 @@ def other_processors(experiment: Experiment, used: int | None) -> int | None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TestPartitions:
-    """The test partitions of an experiment, and what there is room for."""
+class Site:
+    """A held host with the test partitions of an experiment, and who hears of its settings."""
 
+    host: MeasuringHost
     experiment: Experiment
     resources: MeasuringResources
-    shapes: tuple[PartitionShape, PartitionShape]
+    seed: int
+    control: Control = UNATTENDED
+    others: tuple[PartitionWork, ...] = ()  # that goes on in other partitions, and is not looked at
 
+    @property
+    def shapes(self) -> tuple[PartitionShape, PartitionShape]:
+        """The shapes of P1 and P2."""
+        return shapes_for(self.experiment, self.resources)
 
-def make_test_partitions(experiment: Experiment, context: MeasuringContext, ends: ExitStack) -> TestPartitions:
-    """Make P1 and P2 on the host.
+    def partitions(self) -> AbstractContextManager[None]:
+        """Have P1 and P2 on the host inside.
 
-    Args:
-        experiment: what is measured.
-        context: its host and resources.
-        ends: they are removed when this ends.
-
-    Returns:
-        What they are, with the resources that their reserves come out of.
-
-    Raises:
-        HostError: the host did not make them.
-    """
-    resources = context.resources()
-    shapes = shapes_for(experiment, resources)
-    classes = {values.name: registry_values(values) for values in _task_classes(experiment)}
-    ends.enter_context(running_test_partitions(context.host, experiment.application, shapes, classes))
-    return TestPartitions(experiment=experiment, resources=resources, shapes=shapes)
+        Raises:
+            HostError: The host did not make or remove them.
+        """
+        classes = {values.name: registry_values(values) for values in _task_classes(self.experiment)}
+        return running_test_partitions(self.host, self.experiment.application, self.shapes, classes)
 
 
 def shapes_for(experiment: Experiment, resources: MeasuringResources) -> tuple[PartitionShape, PartitionShape]:
@@ -137,31 +119,28 @@ def _task_classes(experiment: Experiment) -> tuple[ClassValues, ...]:
     return classes_of(experiment.members, experiment.tasks, P1, FirstLine(file="")).classes
 
 
-def run_setting(
-    context: MeasuringContext, partitions: TestPartitions, request: Measure, known: KnownSettings
-) -> Setting | SettingFailed | Stopped:
+def run_setting(site: Site, request: Measure, known: KnownSettings) -> Setting | SettingFailed | Stopped:
     """Measure a setting; where something disturbed it, measure it again.
 
     Args:
-        context: the host, locked, and who is told.
-        partitions: P1 and P2 of the experiment, which run.
-        request: the reservation, one that the host can give, and when its samples are enough.
-        known: what was measured before.
+        site: Its test partitions run.
+        request: The reservation, one that the host can give, and when its samples are enough.
+        known: The earlier settings.
 
     Returns:
         The setting as the log is to have it, or why there is none.
 
     Raises:
-        HostError: the host did not do what was asked.
+        HostError: The host did not do what was asked.
     """
-    experiment = partitions.experiment
-    share = load_share(partitions.resources, experiment.setup, request.reserve)
+    experiment, control = site.experiment, site.control
+    share = load_share(site.resources, experiment.setup, request.reserve)
     if share is None:
         raise ValueError(f"{request.reserve} % was asked for, and the host cannot give that")
-    set_reserves(context.host, experiment.application, partitions.shapes, {P1: request.reserve, P2: share.reserve})
-    processors = partitions.resources.capacity.logical_processors
+    set_reserves(site.host, experiment.application, site.shapes, {P1: request.reserve, P2: share.reserve})
+    processors = site.resources.capacity.logical_processors
     steady_share = share if wants_all_processors(experiment.load, processors) else None
-    left_ms = experiment.budget.at(request.reserve) - known.spent_ms(request.reserve, context.seed)
+    left_ms = experiment.budget.at(request.reserve) - known.spent_ms(request.reserve, site.seed)
     disturbances: list[str] = []
     spent_ms = 0.0
     while True:
@@ -169,11 +148,11 @@ def run_setting(
             reserve=request.reserve,
             series=(),
             beside=share.reserve,
-            seed=context.seed,
+            seed=site.seed,
             spent_ms=spent_ms,
             processors=experiment.setup.processors,
         )
-        setting, evidence = _try_setting(context, partitions, request, empty, known)
+        setting, evidence = _try_setting(site, request, empty, known)
         if not isinstance(setting, Setting) or evidence is None:
             return setting
         spent_ms = setting.host_ms
@@ -181,14 +160,14 @@ def run_setting(
         disturbances += [reason] if reason else []
         if not reason or len(disturbances) == TRIES or (request.until_clear and spent_ms >= left_ms):
             return as_recorded(with_evidence(setting, evidence, disturbances, undisturbed=not reason))
-        context.reporter.setting_disturbed(experiment, request.reserve, reason)
+        control.reporter.settings.setting_disturbed(experiment, request.reserve, reason)
 
 
 def _try_setting(
-    context: MeasuringContext, partitions: TestPartitions, request: Measure, empty: Setting, known: KnownSettings
+    site: Site, request: Measure, empty: Setting, known: KnownSettings
 ) -> tuple[Setting | SettingFailed | Stopped, SettingEvidence | None]:
     """A setting from the first sample to the last, and what the host counted meanwhile."""
-    experiment = partitions.experiment
+    experiment, control = site.experiment, site.control
     goal = replace(goal_of(experiment), ends_at_until=request.within_until)
     until = {name: run.until for name, run in goal.runs.items() if run.until is not None}
 
@@ -205,7 +184,7 @@ def _try_setting(
         return as_recorded(replace(empty, series=measured, spent_ms=spent_ms, used_processors=used()))
 
     def is_enough(seen: Mapping[str, Series]) -> bool:
-        context.reporter.samples_came(experiment, request.reserve, seen)
+        control.reporter.settings.samples_came(experiment, request.reserve, seen)
         if not request.until_clear or any(until_share(seen[name], each) < 1.0 for name, each in until.items()):
             return False
         setting = so_far(seen, running.elapsed_ms())
@@ -214,17 +193,17 @@ def _try_setting(
         joined = known.joined_with(request.reserve, setting)
         return is_clear(joined, goal, precision=request.precision)
 
-    contenders = _contenders(experiment, partitions.resources, request.reserve)
-    settling = Settling(scheduler_window_ms=context.host.scheduler_memory_ms, contenders=contenders)
-    work = replace(_work(experiment, context, request), least_ms=settling.least_ms)
-    left_ms = goal.budget.at(request.reserve) - known.spent_ms(request.reserve, context.seed) - empty.host_ms
-    with context.host.run(work) as running:
+    contenders = _contenders(experiment, site.resources, request.reserve)
+    settling = Settling(scheduler_window_ms=site.host.scheduler_memory_ms, contenders=contenders)
+    work = replace(_work(site, request), least_ms=settling.least_ms)
+    left_ms = goal.budget.at(request.reserve) - known.spent_ms(request.reserve, site.seed) - empty.host_ms
+    with site.host.run(work) as running:
         series = watch(
             running,
             experiment.members,
             settling,
             is_enough,
-            context.should_stop,
+            control.stop.should_stop,
             limit_ms=max(0.0, left_ms) if request.until_clear else inf,
             needs_starts=needs_starts if request.until_clear and not request.within_until else None,
         )
@@ -248,16 +227,17 @@ def _contenders(
     return (Contender(components=names, processors=processors, excess_forbids_verdict=True),)
 
 
-def _work(experiment: Experiment, context: MeasuringContext, request: Measure) -> Work:
+def _work(site: Site, request: Measure) -> Work:
     """What runs at this setting.
 
     Each setting has a seed of its own, so that settings do not share one lucky or unlucky draw.
     """
     # NOTE: more than count, since jobs that end while something settles are none of them: `is_clear` ends the setting.
+    experiment = site.experiment
     goes_on, all_samples = request.until_clear and not request.within_until, SampleCount(samples=4 * MOST_SAMPLES)
     return Work(
         application=experiment.application,
-        partitions=(*work_in_test_partitions(experiment), *context.others),
+        partitions=(*work_in_test_partitions(experiment), *site.others),
         until={name: all_samples if goes_on else run.ends for name, run in experiment.runs.items()},
-        seed=context.seed * SEED_STEP + request.reserve,
+        seed=site.seed * SEED_STEP + request.reserve,
     )

@@ -1,13 +1,15 @@
 """Components beside several loads, one after the other: each further load confirms the answer so far, or raises it."""
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import groupby
 
 from rarms_iac.measuring.evidence import leaves_idle
 from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.methods import Method, Search
+from rarms_iac.measuring.run_experiment import run_experiment
+from rarms_iac.measuring.session import Session
 from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.loads import is_steady
@@ -15,9 +17,6 @@ from rarms_iac.model.outcomes import NotAchievable, NotResolved, SettingFailed, 
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting
 from rarms_iac.planner.verdicts import hardest
-
-Run = Callable[[Experiment, Method], ExperimentResult]
-"""Measures one experiment: components beside one load."""
 
 
 def by_partition(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], ...]:
@@ -33,32 +32,67 @@ def by_partition(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, .
     return tuple(tuple(group) for _, group in groups)
 
 
-def measure_with_each_load(experiments: Sequence[Experiment], method: Method, run: Run) -> tuple[ExperimentResult, ...]:
+def measure_with_each_load(
+    session: Session, experiments: Sequence[Experiment], method: Method
+) -> tuple[ExperimentResult, ...]:
     """Find the least reservation that stands up to every load.
 
-    The first load has a search. Each further one is asked whether the answer so far is enough beside it, and searched
-    above only where it is not; so the last answer is the greatest. A sweep is run beside each.
-
     Args:
+        session: It holds the experiments' host.
         experiments: The same components on the same host, one a load.
         method: How settings are chosen.
-        run: Called once a load, until there is no answer that another could confirm.
 
     Returns:
         A result for each load that was measured.
     """
-    results: list[ExperimentResult] = []
-    while len(results) < len(experiments):
-        so_far = results[-1].reserve if results else None
-        experiment = _after(results, experiments[len(results)])
-        result = run(experiment, replace(method, floor=so_far or 0) if isinstance(method, Search) else method)
-        if results and result.processors != results[-1].processors:
-            results = []  # beside this load more processors were used at once: all loads are measured with so many
-            continue
-        results.append(replace(result, so_far=so_far, of_loads=len(experiments)))
-        if isinstance(result.conclusion, NotAchievable | NotResolved | SettingFailed | Stopped):
-            break
-    return tuple(results)
+    results: tuple[ExperimentResult, ...] = ()
+    while (asked := next_experiment(experiments, results, method)) is not None:
+        results = with_result(experiments, results, run_experiment(session, *asked))
+    return results
+
+
+def next_experiment(
+    experiments: Sequence[Experiment], results: Sequence[ExperimentResult], method: Method
+) -> tuple[Experiment, Method] | None:
+    """Choose the next load, and its method.
+
+    The first load has a search. Each further one is asked whether the answer so far is enough with it, and searched
+    above only where it is not; so the last answer is the greatest. A sweep is run with each.
+
+    Args:
+        experiments: The same components on the same host, one a load.
+        results: Of the loads so far.
+        method: How settings are chosen.
+
+    Returns:
+        None: all are measured, or there is no answer that another load could confirm.
+    """
+    if len(results) == len(experiments) or (
+        results and isinstance(results[-1].conclusion, NotAchievable | NotResolved | SettingFailed | Stopped)
+    ):
+        return None
+    floor = (results[-1].reserve if results else None) or 0
+    experiment = _after(results, experiments[len(results)])
+    return experiment, replace(method, floor=floor) if isinstance(method, Search) else method
+
+
+def with_result(
+    experiments: Sequence[Experiment], results: tuple[ExperimentResult, ...], result: ExperimentResult
+) -> tuple[ExperimentResult, ...]:
+    """Add the result of the next load.
+
+    Args:
+        experiments: As of `next_experiment`.
+        results: Likewise.
+        result: With the next load.
+
+    Returns:
+        None at all if the components used more processors with this load: then all are measured with so many.
+    """
+    if results and result.processors != results[-1].processors:
+        return ()
+    so_far = results[-1].reserve if results else None
+    return (*results, replace(result, so_far=so_far, of_loads=len(experiments)))
 
 
 def _after(results: Sequence[ExperimentResult], experiment: Experiment) -> Experiment:

@@ -3,23 +3,48 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from rarms_iac.app.control import MeasuringReporter
-from rarms_iac.measuring.loop import LoopResult, measure_settings
+from rarms_iac.app.control import Control, MeasuringReporter, NeverStop, SilentAppReporter
+from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.requests import HostSelection, ManifestSource
+from rarms_iac.app.snapshots import Snapshots
+from rarms_iac.manifest.load import Loaded
+from rarms_iac.manifest.text.positions import FirstLine
+from rarms_iac.measuring.experiment_log import ExperimentLog
+from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.methods import Search, strategy_of
-from rarms_iac.measuring.partitions import host_resources, remove_test_partitions
-from rarms_iac.measuring.setting_run import MeasuringContext
-from rarms_iac.measuring.settings_log import SettingsLog
-from rarms_iac.measuring.strategies import Searching, SettingCount, Strategy, goal_of
+from rarms_iac.measuring.partitions import remove_test_partitions
+from rarms_iac.measuring.run_experiment import ExperimentRun, available_on_host, measure_settings
+from rarms_iac.measuring.session import Session
+from rarms_iac.measuring.strategies import Searching, SettingCount, Strategy, Sweep, goal_of
 from rarms_iac.measuring.wall_times import WallTimes
+from rarms_iac.model.environment_setup import PlatformFacts
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
+from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of
-from rarms_iac.storage.datalog.log import Provenance
-from tests.builders import a_host
+from rarms_iac.storage.datalog.log import Remeasurement
+from rarms_iac.storage.datalog.staleness import present_log
+from tests.builders import a_host, a_system
 from tests.fluid import fluid
 
-TAKEN = Provenance(rarms_version="0", when="2027-01-31T12:00:00Z")
+
+class Told(SilentAppReporter):
+    """Passes on what is told of settings."""
+
+    def __init__(self, settings: MeasuringReporter) -> None:
+        self.settings = settings
+
+
+class Stops(NeverStop):
+    """Is asked to stop when the test says so."""
+
+    def __init__(self, should_stop: Callable[[], bool]) -> None:
+        self._should_stop = should_stop
+
+    def should_stop(self) -> bool:
+        return self._should_stop()
 
 
 class Bench:
@@ -37,18 +62,28 @@ class Bench:
 
         return SimulatedMeasuringHost(a_host(), self.folder / "onboard.json", counted)
 
-    def book(self, remeasure_seed: int | None = None) -> SettingsLog:
-        experiment = self.experiment
+    @property
+    def book(self) -> ExperimentLog:
+        experiment, path = self.experiment, self.folder / "logs" / "log.jsonl"
         subject = LogSubject(
             platform="onboard", components=experiment.members, setup=experiment.setup, load=experiment.load, tasks={}
         )
-        header = header_of(subject, identity_of(subject, {}, {}), self.host().platform_facts())
-        return SettingsLog(
-            path=self.folder / "logs" / "log.jsonl",
-            header=header,
-            provenance=lambda _setting: TAKEN,
-            remeasure_seed=remeasure_seed,
-        )
+        header = header_of(subject, identity_of(subject, {}, {}), self.facts)
+        file = read_log(path)
+        present = None if file is None else present_log(file, header.setup.members, header.identity, self.facts)
+        return ExperimentLog(path=path, experiment=experiment, header=header, present=present)
+
+    @property
+    def facts(self) -> PlatformFacts:
+        return self.host().platform_facts()
+
+    @property
+    def hosts(self) -> Hosts:
+        system = a_system(hosts=[self.experiment.host], components=list(self.experiment.members))
+        folder = str(self.folder)
+        loaded = Loaded(system=system, places=FirstLine(file=""), diagnostics=(), sources={}, folder=folder, digest="")
+        manifest = Manifest(source=ManifestSource(), system=system, loaded=loaded)
+        return Hosts(manifest=manifest, selection=HostSelection(), snapshots=Snapshots(hosts={}))
 
     def search(self, name: str = "bisection", most: int = 100) -> Searching:
         searching = strategy_of(Search(strategy=name), goal_of(self.experiment), most)
@@ -66,24 +101,35 @@ class Bench:
         count: SettingCount | None = None,
         reporter: MeasuringReporter | None = None,
         wall_times: WallTimes | None = None,
-    ) -> LoopResult:
-        host = self.host(simulate)
+    ) -> ExperimentResult:
+        host, book = self.host(simulate), self.book
+        again = Remeasurement(seed=remeasure_seed or 0, asked="", begun="")
         with host.lock("a test"):
             remove_test_partitions(host)
-            around = MeasuringContext(
-                host=host,
-                resources=lambda: host_resources(a_host(), host.observe(), "robot"),
+            session = Session(
+                hosts=self.hosts,
+                control=Control(reporter=Told(reporter or MeasuringReporter()), stop=Stops(should_stop)),
                 seed=seed,
-                reporter=reporter or MeasuringReporter(),
+                remeasurements={book.path: again} if remeasure_seed else {},
                 wall_times=wall_times or WallTimes(),
-                should_stop=should_stop,
+                held_hosts={host.name: host},
             )
-            book = self.book(remeasure_seed)
-            return measure_settings(self.experiment, strategy or self.search(), book, around, count=count)
+            run = ExperimentRun(
+                session=session,
+                experiment=self.experiment,
+                method=Sweep(),
+                strategy=strategy or self.search(),
+                log=book,
+                available=available_on_host(session, self.experiment),
+                count=count,
+            )
+            answer = measure_settings(run)
+            assert isinstance(answer, ExperimentResult), answer
+            return answer
 
     @property
     def recorded(self) -> list[int]:
-        return [setting.reserve for setting in self.book().settings()]
+        return [setting.reserve for setting in self.book.known.settings]
 
     @property
     def machines(self) -> list[str]:

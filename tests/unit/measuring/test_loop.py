@@ -127,7 +127,7 @@ def test_a_disturbed_setting_is_measured_again_and_says_so(bench: Bench, monkeyp
         counted(1.0), disturbances=("the load in P2 got 0.20 LP where 1.00 are reserved",)
     )
     assert not setting.series[0].unsettled
-    assert bench.book().settings() == (setting,)
+    assert bench.book.known.settings == (setting,)
 
 
 def test_a_setting_that_is_disturbed_three_times_has_no_verdict(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -289,6 +289,6 @@ def test_the_first_setting_goes_on_until_its_level_is_known_as_precisely_as_the_
 def test_what_is_decided_again_from_the_log_is_what_was_decided_before(bench: Bench) -> None:
     """Early ends are decided while samples come in, and judged anew from what was recorded."""
     ended = bench.measure()
-    replayed = bench.search().decide(bench.book().settings())
+    replayed = bench.search().decide(bench.book.known.settings)
 
     assert replayed == ended.conclusion

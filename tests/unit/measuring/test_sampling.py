@@ -33,7 +33,7 @@ def test_a_setting_of_a_search_has_thirty_starts_of_periodic_jobs_beside_a_load_
     ended = bench.measure(bench.search("default"), simulate=SchedulerSimulation)
 
     assert isinstance(ended.conclusion, Sufficient)
-    for setting in bench.book().settings():
+    for setting in bench.book.known.settings:
         (series,) = setting.series
         assert len(series.starts) >= PERIODIC_STARTS - 1
         assert list(series.starts) == sorted(set(series.starts))

@@ -10,7 +10,7 @@ import pytest
 
 from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.methods import Method, Search
-from rarms_iac.measuring.several_loads import by_partition, decisive, measure_with_each_load
+from rarms_iac.measuring.several_loads import by_partition, decisive, next_experiment, with_result
 from rarms_iac.measuring.strategies import Sweep
 from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.experiment import Experiment, experiment_of
@@ -52,7 +52,11 @@ SEARCH = Search()
 
 
 def measure(needs: Needs, method: Method = SEARCH) -> Sequence[ExperimentResult]:
-    return measure_with_each_load(experiments(*LOADS), method, needs.run)
+    loads = experiments(*LOADS)
+    results: tuple[ExperimentResult, ...] = ()
+    while (asked := next_experiment(loads, results, method)) is not None:
+        results = with_result(loads, results, needs.run(*asked))
+    return results
 
 
 def test_each_load_begins_with_the_answer_so_far_and_the_last_answer_stands_up_to_all() -> None:
@@ -75,12 +79,10 @@ def test_without_an_answer_there_is_nothing_that_another_load_could_confirm() ->
 
 
 def test_an_end_that_is_asked_for_leaves_the_other_loads_out() -> None:
-    def stop(experiment: Experiment, _method: Method) -> ExperimentResult:
-        return ExperimentResult(
-            experiment=experiment, conclusion=Stopped(), settings=(), new=0, planned=None, log="log"
-        )
+    loads = experiments(*LOADS)
+    stopped = ExperimentResult(experiment=loads[0], conclusion=Stopped(), settings=(), new=0, planned=None, log="log")
 
-    assert len(measure_with_each_load(experiments(*LOADS), Search(), stop)) == 1
+    assert next_experiment(loads, [stopped], Search()) is None
 
 
 def test_a_sweep_runs_beside_each_load_and_shows_the_one_by_which_most_is_reserved() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.manifest.text.positions import FirstLine
-from rarms_iac.measuring.loop import LoopResult
+from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.performance import shortfall_at, why_unsteady
 from rarms_iac.model.experiment import Experiment, experiment_of
@@ -58,7 +58,7 @@ def growing(reserves: range) -> Simulate:
 
 def searched(
     experiment: Experiment, folder: Path, silent: range = FIRST, scheduler: Simulate | None = None
-) -> LoopResult:
+) -> ExperimentResult:
     bench = Bench(folder, experiment)
     return bench.measure(bench.search("default"), simulate=scheduler or growing(silent))
 
