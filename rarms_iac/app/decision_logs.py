@@ -67,9 +67,8 @@ def _choices(manifest: Manifest, components: Iterable[str]) -> tuple[Path, ...]:
                 platforms.setdefault(host.platform, host)
         for host in platforms.values():
             sized = size(group, host, reservations)
-            least = reservations.least(group.members, host)
             log = reservations.log(group.members, host)
-            if isinstance(sized, PlacedPartition) and isinstance(log, MeasuredTogether) and least is not None:
+            if isinstance(sized, PlacedPartition) and isinstance(log, MeasuredTogether) and log.least is not None:
                 entries = _entries(group, log, sized.settings.reserve)
                 paths += [path for entry in entries if (path := _record(manifest.folder, host.platform, entry))]
     return tuple(paths)

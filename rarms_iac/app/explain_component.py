@@ -106,7 +106,7 @@ def _with_measurements(explanation: Explanation) -> Explanation:
     if not isinstance(answer, MeasuredTogether):
         return explanation
     curves = [answer.curves(member.name, index) for member in group.members for index in member.apt]
-    least = partition.reservations.least(group.members, host)
+    least = answer.least
     at = least if least is not None else max(answer.measured, default=0)
     return replace(
         explanation,
@@ -139,7 +139,7 @@ def _log_despite_fixed(partition: ExplainedPartition, host: Host) -> tuple[DataL
     log = reservations.log(members, host)
     if not isinstance(log, MeasuredTogether):
         return None, None
-    return _data_log_summary(manifest, group, log), reservations.least(members, host)
+    return _data_log_summary(manifest, group, log), log.least
 
 
 def _wanted(partition: ExplainedPartition, host: Host) -> LogicalProcessors | None:

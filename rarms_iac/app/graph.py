@@ -207,11 +207,11 @@ def _answers(manifest: Manifest, host: Host, names: Members, states: Mapping[str
         return
     system, group = put_together(manifest.system, names)
     reservations = measured_reservations(replace(manifest, system=system), states)
-    log, least = reservations.log(group.members, host), reservations.least(group.members, host)
+    log = reservations.log(group.members, host)
     if isinstance(log, NotMeasured):
         return
     for reserve in log.measured:
-        enough = least is not None and reserve >= least
+        enough = log.least is not None and reserve >= log.least
         worse = () if enough else components_not_shown(curves_of(group, log), reserve)
         unresolved = bool(worse) and reserve > highest_missed(curves_of(group, log))
         yield Answer(members=names, reserve=reserve, worse=worse, unresolved=unresolved)

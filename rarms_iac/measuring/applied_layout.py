@@ -25,8 +25,6 @@ def applied_layouts(
     """Return by host what of the manifest runs there.
 
     Args:
-        hosts: Those of the manifest.
-        states: Of hosts that can run components.
         everywhere: Those states, and those of other hosts that could be reached.
 
     Returns:
@@ -108,7 +106,6 @@ def observe_others(hosts: Hosts, measurable: tuple[str, ...]) -> dict[str, State
     """Observe the hosts that are not measurable, where they can be reached: their partitions are not missing either.
 
     Args:
-        hosts: of the manifest.
         measurable: names of those that can run components.
 
     Returns:
@@ -125,8 +122,6 @@ def refuse_unapplied(hosts: Hosts, states: Mapping[str, State], everywhere: Mapp
     """Refuse hosts that a plan would change: only what manifest and data logs say now can be proven.
 
     Args:
-        hosts: of the manifest.
-        states: of hosts that can run components.
         everywhere: those states, and those of other hosts that could be reached.
 
     Raises:

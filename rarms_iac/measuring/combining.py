@@ -60,9 +60,6 @@ def combine_if_wanted(
 
     Args:
         hosts: Of one platform, with the manifest as it is now.
-        request: How components are combined.
-        prompt: Asks, and hears what the search asks and is answered.
-        control: The caller's part in what is measured.
 
     Returns:
         What tuning came to; empty where nothing had to be combined, or it was not wanted.

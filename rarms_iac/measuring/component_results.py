@@ -78,8 +78,6 @@ def findings_of_run(result: ComponentRunResult, manifest: Manifest, *, reserved:
     """Report what is wrong with a run.
 
     Args:
-        result: what the component showed.
-        manifest: the component's.
         reserved: whether it ran in a partition, so that an APT that is missed says nothing.
 
     Yields:
@@ -123,12 +121,7 @@ def findings_of_run(result: ComponentRunResult, manifest: Manifest, *, reserved:
 
 
 def cannot_start(manifest: Manifest, problem: CannotStart) -> Diagnostic:
-    """Make the finding of a component that cannot be started.
-
-    Args:
-        manifest: the component's.
-        problem: why it cannot.
-    """
+    """Make the finding of a component that cannot be started."""
     name = problem.component
     return CANNOT_START.at(
         manifest.places.key("components", name, "run"),
@@ -145,7 +138,6 @@ def load_problem(name: str, message: str) -> Diagnostic:
     """Make the finding of an interfering load that does not run.
 
     Args:
-        name: the load's in the manifest.
         message: why, as the end of a sentence.
     """
     return LOAD_NOT_RUNNING.at(
@@ -158,12 +150,7 @@ def load_problem(name: str, message: str) -> Diagnostic:
 
 
 def nothing_to_run(manifest: Manifest, name: str) -> Diagnostic:
-    """Make the finding of a component that does not say how it is run.
-
-    Args:
-        manifest: the component's.
-        name: the component's.
-    """
+    """Make the finding of a component that does not say how it is run."""
     return NOTHING_TO_RUN.at(
         manifest.places.key("components", name),
         f'"{name}" has no `run`.',

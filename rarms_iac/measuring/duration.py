@@ -1,10 +1,10 @@
-"""How long measuring will take, at least and at most: from the settings that may be asked for and how each ends.
+"""How many settings measuring will take, and how long: from the settings that may be asked for and how each ends.
 
-Begin at `expected_duration`. Times are of the host's own clock: a simulated host does not make its user wait for them.
+Begin at `forecast`. Times are of the host's own clock: a simulated host does not make its user wait for them.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import ceil, inf
 
 from rarms_iac.measuring.methods import Method, is_of_paper, reserves_of
@@ -12,12 +12,12 @@ from rarms_iac.measuring.search.bracketing import MOST
 from rarms_iac.measuring.strategies import SettingCount, Sweep
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.indexes import index_named
 from rarms_iac.model.loads import Interference
-from rarms_iac.model.quantities import Unit
+from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount
 from rarms_iac.model.setting import Setting
-from rarms_iac.model.system import AtLeast, AtMost, Component, run_of
+from rarms_iac.model.system import Component, run_of
+from rarms_iac.model.wording import counted
 from rarms_iac.statistics.error_probability import FIRST_LOOK, samples_needed
 from rarms_iac.statistics.setting_time import MEMORY_FACTOR, least_setting_ms
 
@@ -27,30 +27,12 @@ STEPS_OF_PAPER = 10
 """Settings that CMCPUR asks for at most: 10, 20, ... 100 %."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DurationBounds:
-    """Between what numbers the settings and the time of an experiment will lie.
-
-    Where settings go on until they are clear, `most_ms` has the whole budget of each; where they end at `run.until`, it
-    is a bound where jobs answer as fast as their thresholds ask (those without a threshold of time: within their
-    timeout). It never takes more settings than `most_settings`.
-    """
-
-    least_settings: int
-    most_settings: int
-    least_ms: float
-    most_ms: float
-    measured: int = 0  # settings of the data log whose time it rests on; 0: it rests on what the manifest allows
-    by_timeout: bool = False  # `most_ms` has only some component's timeout to go by: far beyond what is usual
-
-
 def settings_to_run(
     method: Method, recorded: Iterable[Setting], most: int, *, shows_processors: bool = False
 ) -> SettingCount:
     """Count the settings that are still to be run.
 
     Args:
-        method: How they are chosen.
         recorded: The settings so far, which are not run again.
         most: The highest CR that the host can give, in per cent.
         shows_processors: Whether the first may only show how many processors are used, and be no point of the curve.
@@ -71,7 +53,6 @@ def with_part_of_budget(experiment: Experiment, window_ms: float) -> Experiment:
 
     Args:
         experiment: What is measured; its budget is that of all its loads.
-        window_ms: The longest of its host's scheduler.
     """
     budget, number = experiment.budget, experiment.loads.index(experiment.load)
     least = [least_ms(experiment, load, window_ms) for load in experiment.loads]
@@ -84,9 +65,6 @@ def least_ms(experiment: Experiment, load: Interference, window_ms: float, earli
     """Say how long a setting of a search takes at least.
 
     Args:
-        experiment: Its components.
-        load: Beside which they run.
-        window_ms: The longest of its host's scheduler.
         earlier: Settings of its data log, which tell how fast jobs are.
 
     Returns:
@@ -101,53 +79,62 @@ def least_ms(experiment: Experiment, load: Interference, window_ms: float, earli
     )
 
 
-def expected_duration(
-    experiment: Experiment, count: SettingCount, earlier: Sequence[Setting] = (), window_ms: float = 0.0
-) -> DurationBounds:
-    """Work out how long an experiment will take that is begun or goes on.
+def forecast(
+    experiment: Experiment,
+    method: Method,
+    count: SettingCount,
+    earlier: Sequence[Setting],
+    seconds: Sequence[float],
+    window_ms: float,
+) -> str:
+    """Return the line with the number of settings and how long they take, as far as something tells that.
 
     Args:
-        experiment: What is measured.
-        count: How many settings are still to be run.
-        earlier: All settings of its data log: how fast jobs were tells how fast they may be.
-        window_ms: The longest of its host's scheduler.
-
-    Returns:
-        Bounds of what is still to be run: by the quickest and the slowest setting whose time the log has, with all
-        tries of one that was disturbed. Without such a record every job takes at most as long as its thresholds
-        allow; at least, jobs are as fast as the fastest recorded, and without a record take no time unless they
-        have a period.
+        seconds: That comparable settings of this command took; they alone count on a simulated host.
     """
-    if spent := [_spent_again_ms(experiment, setting, count) for setting in earlier if setting.spent_ms is not None]:
-        return DurationBounds(
-            least_settings=count.least,
-            most_settings=count.most,
-            least_ms=count.least * min(spent),
-            most_ms=count.most * max(spent),
-            measured=len(spent),
-        )
-    # Members run together: a setting ends when each has what it needs.
-    settles_ms = MEMORY_FACTOR * window_ms
-    shortest = max(_least_ms(run_of(member), member, earlier, count) for member in experiment.members)
-    shortest = settles_ms + max(shortest, settles_ms)
-    ends = [_ends_ms(run_of(member).ends, run_of(member), _allowed_ms(member)) for member in experiment.members]
-    longest = settles_ms + max(settles_ms, *ends)
+    is_simulated = experiment.host.provider is ProviderKind.SIMULATED
+    spent = [_spent_again_ms(experiment, setting, count) for setting in earlier if setting.spent_ms is not None]
+    if seconds and (is_simulated or not spent):
+        took = f"as {counted(len(seconds), 'setting')} of this command took"
+        takes = f"{_describe_range(1000 * count.least * min(seconds), 1000 * count.most * max(seconds))}, {took}"
+    elif spent and not is_simulated:
+        times = _describe_range(count.least * min(spent), count.most * max(spent))
+        takes = f"{times}, as {counted(len(spent), 'setting')} took before"
+    elif is_simulated or not (least := count.least * _shortest_ms(experiment, count, earlier, window_ms)):
+        takes = "how long they take here is not known yet"
+    elif count.goes_on:
+        until = [run_of(member).until for member in experiment.members]
+        timed = [float(each.time) for each in until if isinstance(each, Elapsed)]
+        takes = _describe_range(least, count.most * max(experiment.budget.most_ms, least, *timed))
+    else:
+        takes = f"at least {show_duration(least)}"
+    if later := len(experiment.loads) - 1 - experiment.loads.index(experiment.load):
+        takes = f"{takes}; then at most as many, and as long, beside {'each of ' if later > 1 else ''}"
+        takes = f"{takes}{counted(later, 'more load')}"
+    needs = [
+        f"{member.name} needs {counted(samples, 'sample')} a setting"
+        for member in experiment.members
+        if not isinstance(method, Sweep) and (samples := least_samples(member)) > FIRST_LOOK
+    ]
+    settings = counted(count.most, "setting")
+    if count.least != count.most:
+        settings = f"{count.least} to {settings}"
+    subject = f"{experiment.name} beside {experiment.setup.interference} on {experiment.host.name}"
+    return f"{subject}{' (simulated)' if is_simulated else ''}: {'; '.join((f'{settings}, {takes}', *needs))}."
+
+
+def _describe_range(least_ms: float, most_ms: float) -> str:
+    least, most = show_duration(least_ms), show_duration(most_ms)
+    return f"{least} to about {most}" if least_ms > 0 and least != most else f"about {most}"
+
+
+def _shortest_ms(experiment: Experiment, count: SettingCount, earlier: Sequence[Setting], window_ms: float) -> float:
+    """How long a setting takes at least: members run together, and each has what it needs. 0: nothing tells."""
     if count.goes_on:
-        shortest = least_ms(experiment, experiment.load, window_ms, earlier)
-        named = [member for member in experiment.members if run_of(member).until is not None]
-        longest = max(
-            experiment.budget.most_ms,
-            *(settles_ms + _ends_ms(run_of(member).ends, run_of(member), _allowed_ms(member)) for member in named),
-            shortest,
-        )
-    return DurationBounds(
-        least_settings=count.least,
-        most_settings=count.most,
-        least_ms=count.least * shortest,
-        most_ms=count.most * longest,
-        by_timeout=not count.goes_on
-        and any(_allowed_ms(member) >= run_of(member).timeout for member in experiment.members),
-    )
+        return least_ms(experiment, experiment.load, window_ms, earlier)
+    shortest = max(_least_ms(run_of(member), member, earlier, count) for member in experiment.members)
+    settles_ms = MEMORY_FACTOR * window_ms
+    return settles_ms + max(shortest, settles_ms)
 
 
 def _spent_again_ms(experiment: Experiment, setting: Setting, count: SettingCount) -> float:
@@ -165,9 +152,6 @@ def _spent_again_ms(experiment: Experiment, setting: Setting, count: SettingCoun
 
 def least_samples(member: Component) -> int:
     """Say how many samples a setting takes at least that shows all thresholds of a component to be met.
-
-    Args:
-        member: with thresholds, or without.
 
     Returns:
         `run.until`, where that is a number and larger; what jitter needs is known only after a first setting.
@@ -196,28 +180,3 @@ def _fastest_ms(name: str, earlier: Sequence[Setting]) -> float:
         if series.component == name and series.samples
     ]
     return min(paces, default=0.0)
-
-
-def _allowed_ms(member: Component) -> float:
-    """The longest that a job may take by the thresholds; without one that tells, its timeout."""
-    run = run_of(member)
-    times = [float(run.deadline)] if run.deadline is not None else []
-    for name, threshold in member.apt.items():
-        match index_named(name).unit, threshold:
-            case Unit.TIME, AtMost(value=value):
-                times.append(float(value))
-            case Unit.RATE, AtLeast(value=value) if value > 0:
-                times.append(float(1000 / value))
-            case _:
-                pass
-    return min(max(times, default=inf), float(run.timeout))
-
-
-def _ends_ms(ends: SampleCount | Elapsed, run: Run, job_ms: float) -> float:
-    """When a setting ends whose jobs take so long; the last one may begin when the time is up."""
-    return float(ends.time) + job_ms if isinstance(ends, Elapsed) else ends.samples * _between_ms(run, job_ms)
-
-
-def _between_ms(run: Run, job_ms: float) -> float:
-    """From the start of one job to the next."""
-    return max(job_ms, float(run.arrival.period)) if isinstance(run.arrival, Periodic) else job_ms

@@ -28,8 +28,6 @@ def disturbance(evidence: SettingEvidence, processors: int, load: LoadShare | No
     """Say what disturbed a setting.
 
     Args:
-        evidence: what the host counted.
-        processors: LPs of the host.
         load: the share of the load in P2; None: it does not want all that it can get.
 
     Returns:
@@ -60,7 +58,6 @@ def idle_share(evidence: SettingEvidence, shared: Fraction) -> float:
     """Return the part of the partitions' time that neither P1 nor P2 nor the machine below had.
 
     Args:
-        evidence: what the host counted.
         shared: LPs that all partitions can use together.
 
     Returns:
@@ -84,11 +81,6 @@ def leaves_idle(evidence: SettingEvidence | None, shared: Fraction) -> bool:
 def is_weak(load: Interference, setting: Setting, host: Host) -> bool:
     """Tell whether what was measured beside a load rests on one that leaves to P1 what others would take.
 
-    Args:
-        load: in P2.
-        setting: with what the host counted.
-        host: where it was measured.
-
     Returns:
         Whether it cannot take all that P2 reserves, or never sleeps by design and was seen to leave some of it idle.
     """
@@ -105,7 +97,6 @@ def with_evidence(
 
     Args:
         setting: as it was measured in the last try.
-        evidence: of that try.
         disturbances: of each disturbed try, in order.
         undisturbed: whether the last try was none of them.
 

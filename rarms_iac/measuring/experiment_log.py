@@ -49,7 +49,6 @@ class ExperimentLog:
         """Record a setting, whole or not at all; it is on the disk when this returns.
 
         Args:
-            setting: One that is not in the log.
             beside: Names of other partitions that ran meanwhile.
 
         Raises:
@@ -122,11 +121,7 @@ class KnownSettings:
         return join_settings(runs, simulated=self.simulated)[0].host_ms if runs else 0.0
 
     def with_run(self, run: Setting) -> "KnownSettings":
-        """Return these and one run more.
-
-        Args:
-            run: as it was recorded.
-        """
+        """Return these and one run more."""
         joined = {reserve: setting for reserve, setting in self.joined.items() if reserve != run.reserve}
         return replace(self, runs=(*self.runs, run), joined=joined)
 
@@ -136,7 +131,6 @@ def read_experiment_log(session: Session, experiment: Experiment) -> ExperimentL
 
     Args:
         session: It holds the experiment's host, which is asked for its processor, build and the like.
-        experiment: What is measured.
 
     Returns:
         The log with what changed since; empty where there is no file.

@@ -18,11 +18,6 @@ _LIMITS = {P1: "the limit of P1", P2: "the limit of P2", ALL_PARTITIONS: "the li
 def describe_idle(load: str, evidence: SettingEvidence, host: Host) -> str:
     """Describe the processor time that a load did not use, and the processes that used it.
 
-    Args:
-        load: The name of the load in the manifest.
-        evidence: The counts of one setting.
-        host: The host of the measurement.
-
     Returns:
         Sentences.
     """

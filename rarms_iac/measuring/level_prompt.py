@@ -40,9 +40,6 @@ class LevelPrompt(Protocol):
     def ask(self, component: str) -> str:
         """Return the level for a component, as `100 ms` or `p99_response_time 100 ms`; empty: go on without one.
 
-        Args:
-            component: its name.
-
         Returns:
             The answer without blanks around it; not checked yet.
         """
@@ -114,8 +111,6 @@ def ask_levels(further: Further, result: ExperimentResult, prompt: LevelPrompt) 
 
     Args:
         further: The manifest of its session is read for each level.
-        result: The first answer.
-        prompt: Shows it, and asks.
 
     Raises:
         SessionEnded: an end was asked for.

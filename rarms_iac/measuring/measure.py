@@ -95,7 +95,6 @@ def measure_components(
 
     Args:
         hosts: Where it may be measured; they are held meanwhile.
-        request: Which components, and how.
         control: The caller's part. Partitions of the application that were stopped start again afterwards; after a
             kill, with the next `measure`, `start` or `apply`.
         prompt: Asks for a level of performance after each experiment; None: there are no questions.
@@ -283,10 +282,6 @@ def measuring_scripts(hosts: Hosts, request: MeasureRequest = EVERYTHING) -> tup
 
     One script measures an experiment: it makes P1 and P2, is told each setting, and removes them. A second one removes
     what a killed one left.
-
-    Args:
-        hosts: Where it may be measured.
-        request: Which components, and how.
 
     Returns:
         `<host>.<experiment>.<load>.measure.ps1` and, once a host, `<host>.remove.measure.ps1`; inspected.

@@ -220,7 +220,6 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
 
     Args:
         hosts: Those of the manifest; the chosen ones are looked at in name order.
-        request: Which components.
 
     Returns:
         In the order in which components are named; where none is named, the most critical first. Of the same
@@ -252,11 +251,7 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
 
 
 def refuses_weak_loads(request: MeasureRequest) -> bool:
-    """Tell whether what is measured beside weak loads is no answer; a sweep and the paper's procedure take it.
-
-    Args:
-        request: What is asked for.
-    """
+    """Tell whether what is measured beside weak loads is no answer; a sweep and the paper's procedure take it."""
     return isinstance(method_of(request), Search) and request.strategy != PAPER and not request.weak_load
 
 
@@ -283,9 +278,7 @@ def weak_answer(
 
     Args:
         hosts: The manifest, with the positions of its lines.
-        members: Names of the components.
         idle: By load, the counts of a setting in which it left processors idle; None: there is no such setting.
-        host: The host of the measurement.
     """
     loads = tuple(idle)
     seen = {name: evidence for name, evidence in idle.items() if evidence is not None}
@@ -308,8 +301,6 @@ def loads_for(system: System, members: tuple[str, ...], strategy: str) -> tuple[
     """List the loads beside which components are measured together.
 
     Args:
-        system: What the manifest says.
-        members: Names of the components.
         strategy: The paper knows one load at a time: of several, the busy loop.
 
     Returns:
@@ -363,9 +354,6 @@ def method_of(request: MeasureRequest) -> Method:
 
 def describe_request(request: MeasureRequest) -> str:
     """Describe what tells a command from others of the same components.
-
-    Args:
-        request: what was asked for.
 
     Returns:
         Words such as `default; 200 samples`; equal requests have equal words.

@@ -75,10 +75,7 @@ def findings_of(
     """Report what a person must hear of how an experiment ended, where that is not simply a reservation.
 
     Args:
-        experiment: what was measured.
-        conclusion: how it ended.
         settings: all of the experiment, in the order in which they were run.
-        places: where components stand in the manifest.
 
     Returns:
         Findings, none where there is nothing to hear beyond the reservation.
@@ -106,8 +103,6 @@ def failed_samples(failed: TooManyFailures, setting: str, places: Places, **valu
     Args:
         failed: The verdict.
         setting: The setting or the layout, in words.
-        places: Lines of the manifest.
-        values: More facts.
     """
     component, count = failed.component, len(failed.failures)
     reasons = "; ".join(dict.fromkeys(failed.failures[:SHOWN_FAILURES]))
@@ -374,7 +369,6 @@ def more_processors(experiment: Experiment, used: int, places: Places) -> Diagno
     Args:
         experiment: As it was measured, with the number that was seen before.
         used: The number from here on.
-        places: Lines of the manifest.
     """
     processors = experiment.setup.processors
     return MORE_PROCESSORS.at(

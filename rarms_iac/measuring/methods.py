@@ -34,7 +34,6 @@ def reserves_of(method: Sweep, most: int) -> tuple[int, ...]:
     """Return the settings of a sweep; without settings of its own 10, 20, ... up to the highest that the host can give.
 
     Args:
-        method: The sweep.
         most: The highest CR that the host can give, in per cent; 0: none, and the first setting is refused.
 
     Returns:
@@ -47,7 +46,6 @@ def strategy_of(method: Method, goal: Goal, most: int) -> Strategy:
     """Return the strategy that `loop.measure_settings` asks for each next setting.
 
     Args:
-        method: How settings are chosen.
         goal: What is measured; for a search each of its members has a threshold.
         most: The highest CR that the host can give, in per cent.
     """

@@ -65,19 +65,10 @@ class RobotReports(Protocol):
     """Receives the reports of a robot; settings and samples have reporters of their own."""
 
     def consents(self, host: str, partitions: tuple[str, ...]) -> bool:
-        """Return whether partitions may be stopped to measure.
-
-        Args:
-            host: the name of their host.
-            partitions: their names.
-        """
+        """Return whether partitions may be stopped to measure."""
 
     def message(self, text: str) -> None:
-        """Take sentences for the user.
-
-        Args:
-            text: one or more sentences.
-        """
+        """Take sentences for the user."""
 
     def findings(self, diagnostics: tuple[Diagnostic, ...]) -> None:
         """Take findings that do not end the work."""
@@ -101,7 +92,6 @@ class RobotReports(Protocol):
         """Take the samples of a proof so far.
 
         Args:
-            host: the name of the proved host.
             load: the name of the load; None: there is none.
             series: by component.
         """
@@ -179,7 +169,6 @@ def ask_robot(
     Args:
         listener: names the robot, and hears what it reports.
         command: `measure`, `tune`, `prove` or `run`.
-        request: of the command.
         components: names of the components whose files must be equal on both sides.
         loads: names of the loads whose files must be equal on both sides.
 
@@ -209,9 +198,6 @@ def ask_robot(
 @contextmanager
 def readable_answer(host: str) -> Iterator[None]:
     """End the use case if the robot's answer cannot be decoded inside.
-
-    Args:
-        host: the robot's name.
 
     Raises:
         UseCaseError: it is not as the codec writes it (failed).
@@ -249,8 +235,6 @@ def different_files(host: str, job: ExperimentJob, there: Mapping[str, str]) -> 
     """Find the components' files that the robot lacks, or that differ from the files on this side.
 
     Args:
-        host: the robot's name.
-        job: what was sent.
         there: digests of the robot's files, by path below `job.folder`.
 
     Returns:
@@ -268,9 +252,6 @@ def different_files(host: str, job: ExperimentJob, there: Mapping[str, str]) -> 
 
 def logs_below(folder: Path) -> Mapping[str, bytes]:
     """Read the logs of a manifest's folder.
-
-    Args:
-        folder: the manifest's.
 
     Returns:
         Their bytes, by path below `measurements/`.

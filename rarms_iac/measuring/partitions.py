@@ -67,8 +67,6 @@ def host_resources(host: Host, state: State, application: str) -> MeasuringResou
     """Add up what this host has to give: partitions of the application count while they run, all claims as always.
 
     Args:
-        host: as the manifest declares it.
-        state: as it was observed.
         application: whose partitions count only while they run.
 
     Returns:
@@ -87,9 +85,6 @@ def host_resources(host: Host, state: State, application: str) -> MeasuringResou
 def other_running_partitions(state: State) -> tuple[Partition, ...]:
     """List what would run beside P1 and P2 and change what is measured, by name: every partition that is not off.
 
-    Args:
-        state: of the host that is to be measured on.
-
     Returns:
         Partitions of anybody, ordered by name.
     """
@@ -101,7 +96,6 @@ def memory_for_load(resources: MeasuringResources, setup: EnvironmentSetup) -> i
     """Say how many bytes P2 gets beside P1: the usual, or what is left where that is less.
 
     Args:
-        resources: of the host.
         setup: of P1, whose memory is taken.
 
     Returns:
@@ -114,7 +108,6 @@ def free_memory(resources: MeasuringResources, taken: int = 0) -> int:
     """Say how many bytes there are for a P2: the usual, or what is left where that is less; whole MiB.
 
     Args:
-        resources: of the host.
         taken: bytes that are promised beside its claims.
 
     Returns:
@@ -141,8 +134,6 @@ def load_share(resources: MeasuringResources, setup: EnvironmentSetup, reserve: 
     here, and need more than was measured there. On Linux a limit keeps it from both.
 
     Args:
-        resources: of the host.
-        setup: of P1.
         reserve: the CR of P1, in per cent of its own processors.
 
     Returns:
@@ -160,10 +151,6 @@ def load_share(resources: MeasuringResources, setup: EnvironmentSetup, reserve: 
 
 def free_reserve(resources: MeasuringResources, memory: int) -> ReservePercent:
     """Say what a P2 alone can reserve of what partitions can use together, beside what is promised already.
-
-    Args:
-        resources: of the host.
-        memory: of the P2, in bytes.
 
     Returns:
         Whole per cent of each of its processors, one for each logical processor; 0 where nothing is left.
@@ -185,7 +172,6 @@ def highest_reserve(resources: MeasuringResources, setup: EnvironmentSetup) -> R
     """Find the highest CR that the host can give to P1; 0 where it can give none.
 
     Args:
-        resources: of the host.
         setup: of P1, with its limit.
 
     Returns:
@@ -211,7 +197,6 @@ def shapes_of_test_partitions(
     """Shape P1 and P2: the load may use all of every logical processor.
 
     Args:
-        setup: of P1.
         logical_processors: of the host; P2 has as many.
         load_memory: of P2, in bytes.
 
@@ -229,7 +214,6 @@ def load_shape(logical_processors: int, load_memory: int) -> PartitionShape:
 
     Args:
         logical_processors: of the host; P2 has as many.
-        load_memory: in bytes.
 
     Returns:
         P2 without a limit and with the highest weight.
@@ -289,8 +273,6 @@ def set_reserves(
 
     Args:
         host: its lock is held by who calls.
-        application: whose marks they have.
-        shapes: those that are there.
         reserves: per cent of each processor, by the name of a test partition.
 
     Raises:

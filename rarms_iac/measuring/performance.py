@@ -48,7 +48,6 @@ def measured_indexes(setting: Setting, experiment: Experiment) -> tuple[Measured
     """Estimate every index of every member's APT at this setting.
 
     Args:
-        setting: one of the experiment.
         experiment: its members say which indexes.
 
     Returns:
@@ -82,7 +81,6 @@ def shortfall_at(reserve: ReservePercent, settings: Iterable[Setting], experimen
 
     Args:
         reserve: the CR in per cent.
-        settings: of the experiment.
         experiment: its members say which thresholds.
 
     Returns:

@@ -91,9 +91,6 @@ class AppliedLayout:
     def partition_of(self, component: str) -> str:
         """Return the partition that a component is in.
 
-        Args:
-            component: its name.
-
         Returns:
             The partition's name; empty: it is in none.
         """
@@ -105,7 +102,6 @@ class AppliedLayout:
 
         Args:
             component: who is overloaded, by name.
-            overload: what was seen of it.
 
         Returns:
             As for the component alone; yes where others of its partition may be the reason.
@@ -174,10 +170,6 @@ class LayoutProof:
 def with_samples(layout: AppliedLayout, samples: int | None) -> AppliedLayout:
     """Have at least so many samples of each component taken; None: as each `run.until` says.
 
-    Args:
-        layout: what runs where.
-        samples: of each component.
-
     Returns:
         The same layout with other runs.
     """
@@ -205,7 +197,6 @@ def load_partition(load: Interference, resources: MeasuringResources) -> LoadPar
     """Make a partition for a load beside what runs.
 
     Args:
-        load: what runs in it.
         resources: of the host, with all that runs.
 
     Returns:
@@ -238,7 +229,6 @@ def least_duration_ms(layout: AppliedLayout, scheduler_window_ms: float, budget_
     """Work out how long a layout runs beside a load at least.
 
     Args:
-        layout: what runs where.
         scheduler_window_ms: the longest window of the host's scheduler.
         budget_ms: of the host's time.
 
@@ -273,8 +263,6 @@ def prove(
 
     Args:
         host: Its lock is held by the caller.
-        layout: What runs where.
-        conditions: What it is run under.
         should_stop: Asked after every sample.
         samples_came: Told now and then what was seen so far, in all starts.
 
@@ -450,7 +438,6 @@ def judge_layout(
     the error among all that is said.
 
     Args:
-        layout: what ran where.
         seen: the series of each component with thresholds, by name.
         statements: thresholds, times the loads beside which they are judged; None: beside one.
 

@@ -62,8 +62,6 @@ def proof_findings(
     """Report every threshold that a proof did not show to be met.
 
     Args:
-        hosts: of the manifest.
-        proofs: by host and load.
         states: of all hosts that could be reached, as they were before the proof.
         load_host: whether the use of all idle time was asked for, so that it is recommended with the next proof.
 

@@ -98,7 +98,6 @@ def prove_layout(
 
     Args:
         hosts: Those that can run components are held meanwhile.
-        request: Beside which loads, and how long.
         control: The caller's part; its reporter hears what an earlier run that was killed had left on the hosts, and
             before it begins that all idle time of the hosts is used, and how long.
         listener: Called as samples come.
@@ -213,7 +212,6 @@ def loads_to_prove(system: System, request: ProveRequest) -> tuple[str, ...]:
     """Name the loads beside which a layout is proven, one after the other.
 
     Args:
-        system: has the policy's.
         request: may name others, or none.
 
     Returns:

@@ -25,10 +25,8 @@ def remeasurements_for(
     A command that was killed goes on: its other logs say whether they had their turn.
 
     Args:
-        session: It holds the experiments' hosts.
         experiments: What is to be measured once more.
         asked: Tells this command's remeasurements from those of others (`measure_request.describe_request`).
-        method: How their settings are chosen.
 
     Returns:
         By data log the remeasurement that is not ended, or a new one, which all logs say then.

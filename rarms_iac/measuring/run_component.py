@@ -88,7 +88,6 @@ class SampleReporter:
         """Take note of a sample as soon as it is read.
 
         Args:
-            component: the component's name.
             number: which of its samples this is, from 1.
         """
 
@@ -96,7 +95,6 @@ class SampleReporter:
         """Take note that a component ended.
 
         Args:
-            result: what it showed.
             last_words: the end of its standard error, or of its standard output where samples come from standard error.
         """
 
@@ -106,7 +104,6 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
 
     Args:
         manifest: Words of `run` that name files are relative to its folder.
-        request: Which of them, for how long, against what.
         reporter: Hears of every sample; None: no reporter.
 
     Returns:
@@ -154,12 +151,6 @@ def run_components_of(
 ) -> RunOutcome:
     """Run components on this machine, or on the one chosen host that is a robot.
 
-    Args:
-        hosts: the chosen ones of the manifest.
-        request: As of `run_components`.
-        reporter: Likewise.
-        control: The caller's part, for a robot.
-
     Returns:
         As `run_components`.
 
@@ -187,9 +178,7 @@ def become_component(manifest: Manifest, name: str, reporter: SampleReporter) ->
     """Turn this process into a component, in its partition and task class: no samples are taken, and it is not ended.
 
     Args:
-        manifest: As of `run_components`.
         name: Of a component that is run by a command.
-        reporter: Hears where it runs.
 
     Raises:
         UseCaseError: It cannot be started (failed), or does not say how (negative).

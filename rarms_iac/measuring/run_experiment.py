@@ -12,14 +12,7 @@ from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring import measuring_findings
-from rarms_iac.measuring.duration import (
-    DurationBounds,
-    expected_duration,
-    least_samples,
-    settings_to_run,
-    with_part_of_budget,
-)
-from rarms_iac.measuring.evidence import TRIES
+from rarms_iac.measuring.duration import forecast, settings_to_run, with_part_of_budget
 from rarms_iac.measuring.experiment_log import ExperimentLog, data_log_path, read_experiment_log
 from rarms_iac.measuring.measure_request import USUAL_SEED, ExperimentResult
 from rarms_iac.measuring.methods import Method, Search, is_of_paper, strategy_of
@@ -32,10 +25,9 @@ from rarms_iac.measuring.strategies import SettingCount, Strategy, Sweep, Thresh
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.experiment import Experiment
-from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.outcomes import Conclusion, Measure, Stopped
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource, processor_number
-from rarms_iac.model.quantities import ReservePercent, show_duration
+from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting, most_used
 from rarms_iac.model.state import Partition
 from rarms_iac.model.wording import counted
@@ -43,7 +35,6 @@ from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.planning_findings import STALE
 from rarms_iac.providers.measuring import PartitionWork
 from rarms_iac.statistics.curves import curves_of, least_reserve
-from rarms_iac.statistics.error_probability import FIRST_LOOK
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,11 +48,6 @@ class Availability:
 
 def run_experiment(session: Session, experiment: Experiment, method: Method) -> ExperimentResult:
     """Measure the settings of an experiment that its data log does not hold yet.
-
-    Args:
-        session: It holds the experiment's host.
-        experiment: What is measured.
-        method: Which settings are measured.
 
     Returns:
         How it ended, with every setting that counts, recorded ones included.
@@ -186,9 +172,9 @@ def _prepared(run: ExperimentRun, seed: int) -> Site:
     stop_what_is_in_the_way(session, experiment, run.method, available)
     if run.says_duration and run.count is not None:
         host = session.host_of(experiment)
-        bounds = expected_duration(experiment, run.count, run.log.known.settings, host.scheduler_memory_ms)
-        seconds = session.wall_times.comparable(experiment)
-        session.control.reporter.message(_describe_duration(experiment, run.method, bounds, seconds))
+        earlier, seconds = run.log.known.settings, session.wall_times.comparable(experiment)
+        line = forecast(experiment, run.method, run.count, earlier, seconds, host.scheduler_memory_ms)
+        session.control.reporter.message(line)
     return Site(
         host=session.host_of(experiment),
         experiment=experiment,
@@ -203,7 +189,6 @@ def with_observed_processors(session: Session, experiment: Experiment) -> Experi
     """Return the experiment with the number of processors that its components were seen to use, if that is known.
 
     Args:
-        session: It holds the experiment's host.
         experiment: One for which the manifest fixes the number, or tuning its members', stays as it is.
     """
     if experiment.processors_from in {ProcessorSource.MANIFEST, ProcessorSource.MEMBERS}:
@@ -320,9 +305,6 @@ def stop_what_is_in_the_way(
     `run_experiment` calls it only where the data log does not hold every setting already.
 
     Args:
-        session: It holds the experiment's host.
-        experiment: What is to be measured.
-        method: Which settings are.
         available: What was seen of the host; None: it is looked at now.
 
     Raises:
@@ -376,55 +358,6 @@ def _refusal(
     finding: Finding, message: str, advice: Wording, values: Facts, outcome: Outcome = Outcome.REFUSED
 ) -> UseCaseError:
     return UseCaseError(outcome, [finding.at(None, message, advice, address=f"host/{values['host']}", values=values)])
-
-
-def _describe_duration(experiment: Experiment, method: Method, bounds: DurationBounds, seconds: Sequence[float]) -> str:
-    """Say how many settings there will be, and how long they take on this machine as far as something tells that.
-
-    Args:
-        experiment: What is measured.
-        method: Which settings.
-        bounds: Of their number and of the host's own time, which on a simulated host is not its user's.
-        seconds: What comparable settings of this command took.
-    """
-    settings = counted(bounds.most_settings, "setting")
-    if bounds.least_settings != bounds.most_settings:
-        settings = f"{bounds.least_settings} to {settings}"
-    is_simulated = experiment.host.provider is ProviderKind.SIMULATED
-    needs = [
-        f"{member.name} needs {counted(samples, 'sample')} a setting"
-        for member in experiment.members
-        if not isinstance(method, Sweep) and (samples := least_samples(member)) > FIRST_LOOK
-    ]
-    if seconds and (is_simulated or not bounds.measured):
-        took = f"as {counted(len(seconds), 'setting')} of this command took"
-        least, most = bounds.least_settings * min(seconds), bounds.most_settings * max(seconds)
-        takes = f"{_describe_range(1000 * least, 1000 * most)}, {took}"
-    elif is_simulated:
-        takes = "how long they take here is not known yet"
-    else:
-        takes = _describe_time(bounds, within_budget=isinstance(method, Search) and not is_of_paper(method))
-    if later := len(experiment.loads) - 1 - experiment.loads.index(experiment.load):
-        takes = f"{takes}; then at most as many, and as long, beside {'each of ' if later > 1 else ''}"
-        takes = f"{takes}{counted(later, 'more load')}"
-    subject = f"{experiment.name} beside {experiment.setup.interference} on {experiment.host.name}"
-    return f"{subject}{' (simulated)' if is_simulated else ''}: {'; '.join((f'{settings}, {takes}', *needs))}."
-
-
-def _describe_time(bounds: DurationBounds, *, within_budget: bool) -> str:
-    """As in: 20 s to about 2 min, as 3 settings took before; the budget of a setting has room for its repeats."""
-    if bounds.by_timeout:
-        least = f"{show_duration(bounds.least_ms)} to " if 0 < bounds.least_ms < bounds.most_ms else ""
-        return f"{least}{show_duration(bounds.most_ms)}, as only `run.timeout` bounds a job"
-    takes = _describe_range(bounds.least_ms, bounds.most_ms)
-    if bounds.measured:
-        return f"{takes}, as {counted(bounds.measured, 'setting')} took before"
-    return takes if within_budget else f"{takes}, and up to {TRIES} times as long where settings are disturbed"
-
-
-def _describe_range(least_ms: float, most_ms: float) -> str:
-    least, most = show_duration(least_ms), show_duration(most_ms)
-    return f"{least} to about {most}" if least_ms > 0 and least != most else f"about {most}"
 
 
 def _work_of_others(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:

@@ -107,9 +107,6 @@ def refuse_what_cannot_run(
     The host would refuse it too; here the line of the manifest can be named, and nothing was changed yet.
 
     Args:
-        session: Of the command.
-        host: Where they are to run.
-        components: By name.
         loads: By name; they run in test partitions.
         in_their_partitions: Whether the components are to run in those that were applied for them.
 

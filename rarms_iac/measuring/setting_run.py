@@ -45,7 +45,6 @@ def other_processors(experiment: Experiment, used: int | None) -> int | None:
     """Say with how many processors the experiment goes on after a setting.
 
     Args:
-        experiment: what is measured.
         used: what was used at once there, by `Experiment.used`.
 
     Returns:
@@ -88,10 +87,6 @@ class Site:
 def shapes_for(experiment: Experiment, resources: MeasuringResources) -> tuple[PartitionShape, PartitionShape]:
     """Shape the test partitions of an experiment.
 
-    Args:
-        experiment: what is measured.
-        resources: of its host.
-
     Returns:
         P1, then P2.
     """
@@ -101,9 +96,6 @@ def shapes_for(experiment: Experiment, resources: MeasuringResources) -> tuple[P
 
 def work_in_test_partitions(experiment: Experiment) -> tuple[PartitionWork, PartitionWork]:
     """Say what runs in P1 and in P2.
-
-    Args:
-        experiment: what is measured.
 
     Returns:
         P1's work, then P2's.
@@ -125,7 +117,6 @@ def run_setting(site: Site, request: Measure, known: KnownSettings) -> Setting |
     Args:
         site: Its test partitions run.
         request: The reservation, one that the host can give, and when its samples are enough.
-        known: The earlier settings.
 
     Returns:
         The setting as the log is to have it, or why there is none.

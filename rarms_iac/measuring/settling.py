@@ -31,7 +31,6 @@ def wants_all_processors(load: Interference | None, logical_processors: int) -> 
 
     Args:
         load: the interference; None: there is none.
-        logical_processors: of the host.
 
     Returns:
         True only for busy loops on all of them.

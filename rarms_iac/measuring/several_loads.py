@@ -38,9 +38,7 @@ def measure_with_each_load(
     """Find the least reservation that stands up to every load.
 
     Args:
-        session: It holds the experiments' host.
         experiments: The same components on the same host, one a load.
-        method: How settings are chosen.
 
     Returns:
         A result for each load that was measured.
@@ -61,8 +59,6 @@ def next_experiment(
 
     Args:
         experiments: The same components on the same host, one a load.
-        results: Of the loads so far.
-        method: How settings are chosen.
 
     Returns:
         None: all are measured, or there is no answer that another load could confirm.
@@ -80,11 +76,6 @@ def with_result(
     experiments: Sequence[Experiment], results: tuple[ExperimentResult, ...], result: ExperimentResult
 ) -> tuple[ExperimentResult, ...]:
     """Add the result of the next load.
-
-    Args:
-        experiments: As of `next_experiment`.
-        results: Likewise.
-        result: With the next load.
 
     Returns:
         None at all if the components used more processors with this load: then all are measured with so many.

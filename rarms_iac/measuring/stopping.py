@@ -26,11 +26,6 @@ from rarms_iac.providers.measuring import MeasuringHost
 def stop_to_measure(hosts: Hosts, host: MeasuringHost, names: tuple[str, ...]) -> None:
     """Stop partitions of the application by a plan, and mark them as stopped by a measurement.
 
-    Args:
-        hosts: Those of the manifest.
-        host: The one that they run on; the caller holds its lock.
-        names: Of the partitions, in the manifest.
-
     Raises:
         UseCaseError: They cannot be stopped (refused or failed).
     """
@@ -39,10 +34,6 @@ def stop_to_measure(hosts: Hosts, host: MeasuringHost, names: tuple[str, ...]) -
 
 def start_again(hosts: Hosts, host: MeasuringHost) -> tuple[str, ...]:
     """Start the partitions of the application that a measurement stopped on this host.
-
-    Args:
-        hosts: Those of the manifest.
-        host: One whose lock the caller holds.
 
     Returns:
         Their names, sorted; none where none is stopped.
@@ -68,10 +59,6 @@ def start_again(hosts: Hosts, host: MeasuringHost) -> tuple[str, ...]:
 def own_running(state: State, application: str) -> tuple[str, ...]:
     """Name the partitions of an application that run on a host, in order.
 
-    Args:
-        state: the host as observed.
-        application: whose partitions.
-
     Returns:
         Their names in the manifest, sorted.
     """
@@ -87,10 +74,6 @@ def own_running(state: State, application: str) -> tuple[str, ...]:
 def stopped_by_measurement(state: State, application: str) -> tuple[str, ...]:
     """Name the partitions of an application that a measurement stopped and has not started again, in order.
 
-    Args:
-        state: the host as observed.
-        application: whose partitions.
-
     Returns:
         Their names in the manifest, sorted.
     """
@@ -102,10 +85,6 @@ def stopped_by_measurement(state: State, application: str) -> tuple[str, ...]:
 
 def stopped_to_measure(state: State, application: str) -> State:
     """What a host looks like once the partitions of an application that run have been stopped to measure.
-
-    Args:
-        state: the host as observed.
-        application: whose partitions.
 
     Returns:
         The same host with these partitions off, and marked as stopped by a measurement.
@@ -121,10 +100,6 @@ def stopped_to_measure(state: State, application: str) -> State:
 
 def finish_stop_or_start(host: MeasuringHost, reporter: Reporter) -> None:
     """Finish a run that was killed while it stopped partitions to measure, or started them again.
-
-    Args:
-        host: A host whose lock the caller holds.
-        reporter: Hears that it was finished.
 
     Raises:
         UseCaseError: It cannot be finished (failed).

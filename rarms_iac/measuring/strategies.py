@@ -25,9 +25,6 @@ from rarms_iac.statistics.curves import curves_of, least_reserve
 def goal_of(experiment: Experiment) -> Goal:
     """State what a search looks for: every APT of every member.
 
-    Args:
-        experiment: what is measured.
-
     Returns:
         Members with their APTs and runs, and the processors of P1.
     """

@@ -133,9 +133,6 @@ def tune_components(
 
     Args:
         hosts: Of one platform; their processors are what is shared out.
-        request: How.
-        control: The caller's part in what is measured.
-        prompt: The caller's part in the search.
 
     Returns:
         The partitions, most critical first, totals in per cent of one logical processor, and the files that were
@@ -206,12 +203,6 @@ def tune_here(
 ) -> TuningResult:
     """Tune as `tune_components` does, on a host that this rarms measures on itself.
 
-    Args:
-        hosts: As of `tune_components`.
-        request: Likewise.
-        control: Likewise.
-        prompt: Likewise.
-
     Returns:
         As `tune_components`.
 
@@ -275,11 +266,6 @@ def _search_held(session: Session, request: TuneRequest, prompt: TuningPrompt) -
 
 def tuning_findings(end: TuningConclusion, strategy: TuningStrategy, places: Places) -> Iterator[Diagnostic]:
     """Report what a user should know of how tuning ended.
-
-    Args:
-        end: how it ended.
-        strategy: by which it searched.
-        places: where things stand in the manifest.
 
     Yields:
         A finding where there is no answer or nothing fits, one for each contradiction, and one for each compound that
@@ -415,8 +401,6 @@ def tuning_run(end: TuningConclusion, strategy: TuningStrategy, *, written: bool
     """Return the run as the log of tuning records it, dated now.
 
     Args:
-        end: how the search ended.
-        strategy: by which it searched.
         written: whether the compounds were written into the manifest.
 
     Returns:

@@ -61,7 +61,6 @@ def search_combinations(
     """Ask for settings by this strategy, until there is an answer or an end is asked for.
 
     Args:
-        subject: What is tuned.
         inquiry: Who answers, who hears of the answers, and who may decline a combination.
         strategy: `paper`, or else the candidate graph.
         repeat: Whether the paper's procedure goes on after its first combination.

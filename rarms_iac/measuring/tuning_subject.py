@@ -74,9 +74,6 @@ class TuningSubject:
     def may_share(self, members: Members) -> bool:
         """Return whether these components may share a partition on some host, and be measured on the one tuned on.
 
-        Args:
-            members: sorted names.
-
         Returns:
             False too where the host has no room for them.
         """
@@ -85,9 +82,6 @@ class TuningSubject:
 
     def highest(self, members: Members) -> int:
         """Return the highest CR that the host can give to a P1 of these components.
-
-        Args:
-            members: sorted names.
 
         Returns:
             Whole per cent of each of P1's processors; 0: it has no room.
@@ -237,7 +231,6 @@ def problem_around(hosts: Hosts, states: Mapping[str, State]) -> Problem:
     """Return what a plan has to solve for the chosen hosts and for all that shares them.
 
     Args:
-        hosts: The chosen ones.
         states: What hosts look like, by name.
 
     Returns:
@@ -271,9 +264,6 @@ def _refuse_several_platforms(hosts: Hosts) -> None:
 
 def tuning_host(hosts: Hosts) -> Host:
     """Return the first of the chosen hosts that can be measured on.
-
-    Args:
-        hosts: the chosen ones, by name.
 
     Returns:
         The host as the manifest describes it.
@@ -323,11 +313,7 @@ class Experiments:
     _measured_with: dict[tuple[Members, str], ExperimentResult] = field(default_factory=dict)  # members and load
 
     def work_findings(self, places: Places) -> Iterator[Diagnostic]:
-        """Find compounds whose work ran outside of their partition, or that lacked memory.
-
-        Args:
-            places: Lines of the manifest.
-        """
+        """Find compounds whose work ran outside of their partition, or that lacked memory."""
         for members in sorted({members for members, _ in self._measured_with}):
             results = [result for (names, _), result in self._measured_with.items() if names == members]
             settings = [setting for result in results for setting in result.settings]
@@ -337,7 +323,6 @@ class Experiments:
         """Run this setting, unless its answer is known.
 
         Args:
-            members: sorted names.
             reserve: whole per cent of each of P1's processors.
 
         Returns:
@@ -358,7 +343,6 @@ class Experiments:
 
         Args:
             members: sorted names, of which `worse` was asked.
-            reserve: likewise.
 
         Returns:
             Whether its samples could not tell.

@@ -25,16 +25,12 @@ class WallTimes:
         """Keep what a setting took that was recorded.
 
         Args:
-            experiment: What it is a setting of.
             seconds: From its start to its end, with all tries of one that was disturbed.
         """
         self._seconds.append((experiment, seconds))
 
     def comparable(self, experiment: Experiment) -> Sequence[float]:
         """Return the times, in seconds, that tell how long a setting of an experiment will take.
-
-        Args:
-            experiment: What is to be measured.
 
         Returns:
             Those of the same components on the same host, beside any load. Where there are none: for a simulated host
@@ -55,7 +51,6 @@ class WallTimes:
         """Say what is left of an experiment.
 
         Args:
-            experiment: What is measured.
             count: So many settings it asks for at least and at most; None: that was not said.
             ended: How many of them are over.
             running: How many of the others run, 0 or 1.

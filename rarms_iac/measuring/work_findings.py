@@ -41,10 +41,7 @@ def work_outside(
     """Find the processes outside of the partitions that worked while components ran.
 
     Args:
-        members: The components, by name.
         outside: From the evidence of settings; entries of one process and group are added up.
-        place: The position of the component in the manifest.
-        address: The address of the component.
     """
     found = add_up(replace(each, group=_ID.sub("*", each.group)) for each in outside)
     if not found:
@@ -88,7 +85,6 @@ def memory_kills(killed: Mapping[str, int], places: Places) -> Iterator[Diagnost
 
     Args:
         killed: Number of killed processes, by component.
-        places: Positions in the manifest.
     """
     for component, count in sorted(killed.items()):
         yield MEMORY_KILLS.at(
@@ -109,9 +105,7 @@ def work_of_evidence(names: Sequence[str], evidence: Sequence[SettingEvidence], 
     """Find work outside of the components' groups, and processes killed for memory.
 
     Args:
-        names: The components that ran.
         evidence: Counts of the host, of each setting or start.
-        places: Positions in the manifest.
     """
     outside = [work for each in evidence for work in each.outside]
     yield from work_outside(names, outside, places.key("components", names[0]), f"component/{names[0]}")
@@ -125,9 +119,7 @@ def work_of_settings(experiment: Experiment, settings: Sequence[Setting], places
     """Find work outside of P1, components that only wait, and kills for memory, in the settings of an experiment.
 
     Args:
-        experiment: The experiment.
         settings: All settings, with one load or several.
-        places: Positions in the manifest.
     """
     evidence = [setting.evidence for setting in settings if setting.evidence is not None]
     yield from work_of_evidence(experiment.setup.members, evidence, places)

@@ -35,6 +35,7 @@ class MeasuredTogether:
     interference: str  # the load
     processors: int  # of P1: a CR is per cent of these
     measured: tuple[int, ...]  # the CRs that were measured, ascending
+    least: int | None = None  # the least CR that is enough with every load, as `decide` found it; None: none is
     curves: Callable[[str, str], Curve]  # by component and index
     records: DataLog  # that the curves are of
     others: int = 0  # settings in the same file that were measured under other conditions, and do not count

@@ -171,10 +171,10 @@ class MeasuredReservations:
         if not (names := to_be_measured(members)):
             return FixedReservations().reservation(members, host)
         decision = self._decision(members, host)
-        least, log = decision.verdict.reserve, decision.log
-        if least is None or log is None:
+        log = decision.log
+        if log is None or log.least is None:
             return why_unknown(names, decision, self._logs(members, host))
-        return ProcessorTime(max(guaranteed(least, log.processors), fixed(members, host)))
+        return ProcessorTime(max(guaranteed(log.least, log.processors), fixed(members, host)))
 
     def processors(self, members: tuple[Component, ...], host: Host) -> int | None:
         """Those of the logs, which all have the same number."""
@@ -207,7 +207,8 @@ class MeasuredReservations:
             host: logs are found by what it shares with others of its kind.
 
         Returns:
-            The log of the load that asks for most, of several the one measured next below; or why there is none.
+            The log of the load that asks for most, of several the one measured next below, with the least CR that is
+                enough; or why there is none.
         """
         decision = self._decision(members, host)
         return decision.log or why_unknown(to_be_measured(members), decision, self._logs(members, host))
@@ -228,18 +229,6 @@ class MeasuredReservations:
         logs = self._logs(members, host)
         known = tuple(log for log in logs if isinstance(log, MeasuredTogether))
         return known if len(known) == len(logs) else ()
-
-    def least(self, members: tuple[Component, ...], host: Host) -> int | None:
-        """Find the least CR at which every APT holds.
-
-        Args:
-            members: all components of the partition.
-            host: the host that the log must hold for.
-
-        Returns:
-            The CR in whole per cent of each of the log's processors; None: the verdict gives none.
-        """
-        return self.verdict(members, host).reserve
 
     def _decision(self, members: tuple[Component, ...], host: Host) -> Decision:
         apts = tuple((member.name, index, threshold) for member in members for index, threshold in member.apt.items())

@@ -5,7 +5,7 @@ Begin at `decide`.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeGuard
 
@@ -62,7 +62,8 @@ def decide(members: Sequence[Component], logs: Sequence[LogOfLoad]) -> Decision:
             (apt, Achievement.UNMEASURED if achievement is Achievement.MET else achievement)
             for apt, achievement in achievements
         ]
-    return Decision(verdict=_verdict(achievements, missing, decisive.interference, least), log=decisive)
+    verdict = _verdict(achievements, missing, decisive.interference, least)
+    return Decision(verdict=verdict, log=replace(decisive, least=verdict.reserve))
 
 
 def _is_unusable(log: LogOfLoad) -> TypeGuard[NotMeasured]:

@@ -30,7 +30,6 @@ def search_with_few_settings(history: Sequence[SearchTrial], goal: Goal) -> Sear
 
     Args:
         history: the settings so far, in the order in which they were run.
-        goal: what is searched.
 
     Returns:
         The next setting, or how the search ends. Settings without a steady state, and verdicts that noise turned so
@@ -69,7 +68,6 @@ def bisect(history: Sequence[SearchTrial], goal: Goal) -> SearchDecision:
 
     Args:
         history: the settings so far, in the order in which they were run.
-        goal: what is searched.
 
     Returns:
         The next setting, or how the search ends.
@@ -92,7 +90,6 @@ def walk_by_ten(history: Sequence[SearchTrial], goal: Goal) -> SearchDecision:
 
     Args:
         history: the settings so far; others than its own count for nothing.
-        goal: what is searched.
 
     Returns:
         The next setting, or how the search ends.

@@ -114,7 +114,6 @@ def trials_of(settings: Sequence[Setting], goal: Goal) -> list[SearchTrial]:
 
     Args:
         settings: one a reservation, in the order in which they were first measured.
-        goal: what is searched.
 
     Returns:
         A trial for each, in the same order.
@@ -143,7 +142,6 @@ def is_clear(setting: Setting, goal: Goal, *, precision: float | None = None) ->
 
     Args:
         setting: All of its reservation so far, as it will be recorded.
-        goal: What is searched.
         precision: As `Measure.precision`.
 
     Returns:
@@ -179,7 +177,6 @@ def is_finished(setting: Setting, goal: Goal) -> bool:
 
     Args:
         setting: All that counts of its reservation, perhaps measured for other thresholds.
-        goal: What is searched.
 
     Returns:
         False: it is measured further before it says anything.
@@ -193,7 +190,6 @@ def done_share(series: Series, reserve: ReservePercent, run: Run, host_ms: float
     Args:
         series: of one member, with a sample at least.
         reserve: the CR of the setting in per cent.
-        run: the member's.
         host_ms: the host's time that the setting took so far.
         goal: says its budget, and whether it ends at `run.until`.
 
@@ -218,7 +214,6 @@ def may_be_shown(history: Sequence[SearchTrial], goal: Goal) -> bool:
 
     Args:
         history: the settings so far; each shows what a job consumes.
-        goal: what is searched.
 
     Returns:
         False: no setting can pass within its budget, since jobs come no faster than they are due, or than all of P1's
@@ -301,7 +296,6 @@ def below_demand(history: Sequence[SearchTrial], goal: Goal) -> int:
 
     Args:
         history: the settings so far; each shows what a job consumes.
-        goal: what is searched.
 
     Returns:
         Per cent of each of the partition's VPs; 0 where nothing is known, or a member that falls behind may meet its
@@ -332,7 +326,6 @@ def bracket_of(history: Sequence[SearchTrial], goal: Goal) -> Bracket | NotAchie
 
     Args:
         history: the settings so far, in any order.
-        goal: what is searched.
 
     Returns:
         The bracket; or, where 100 % was measured and nothing passed, that there is no answer.
@@ -354,7 +347,6 @@ def settings_below(history: Sequence[SearchTrial], reserve: ReservePercent) -> t
     """Find the highest lower setting that failed (None: none did), and those above it that have no steady state.
 
     Args:
-        history: the settings so far.
         reserve: a CR in per cent.
 
     Returns:
@@ -371,7 +363,6 @@ def sufficient(history: Sequence[SearchTrial], reserve: ReservePercent) -> Suffi
     """Conclude that this CR, which passed, is enough, with what is known of less.
 
     Args:
-        history: the settings so far.
         reserve: the CR in per cent.
 
     Returns:
@@ -386,7 +377,6 @@ def conclude(settings: Sequence[Setting], goal: Goal, most_settings: int) -> Suf
 
     Args:
         settings: one a reservation.
-        goal: what is searched.
         most_settings: so many the same search may take next time.
 
     Returns:
@@ -407,7 +397,6 @@ def not_sufficient(highest: SearchTrial, goal: Goal) -> NotAchievable | NotResol
 
     Args:
         highest: the setting of the highest CR.
-        goal: what is searched.
 
     Returns:
         That it is not achievable where a member was shown to miss; otherwise why nothing was resolved.

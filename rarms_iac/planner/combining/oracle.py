@@ -243,10 +243,8 @@ def coi_as_measured(
     )
     if not isinstance(reservations, MeasuredReservations):
         return coi
-    log, least = reservations.log(group.members, host), reservations.least(group.members, host)
-    if not isinstance(log, MeasuredTogether) or least is None:
-        return coi
-    if (log.processors, least) != (coi.processors, coi.reserve):
+    log = reservations.log(group.members, host)
+    if not isinstance(log, MeasuredTogether) or (log.processors, log.least) != (coi.processors, coi.reserve):
         return coi
     apts = [
         (log.curves(member.name, index), threshold)

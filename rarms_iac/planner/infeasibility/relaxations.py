@@ -103,9 +103,9 @@ def _measured(group: Group, problem: Problem) -> tuple[MeasuredTogether, int] | 
     source, claims = problem.reservations, problem.claims[group.name]
     if claims and isinstance(source, MeasuredReservations) and depends_on_a_log(group):
         host = problem.system.hosts[next(iter(claims))]
-        log, least = source.log(group.members, host), source.least(group.members, host)
-        if isinstance(log, MeasuredTogether) and least is not None:
-            return log, least
+        log = source.log(group.members, host)
+        if isinstance(log, MeasuredTogether) and log.least is not None:
+            return log, log.least
     return None
 
 

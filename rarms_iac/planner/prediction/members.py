@@ -47,12 +47,12 @@ def alone_in(groups: Iterable[Group], reservations: ReservationSource, host: Hos
     found = {}
     if isinstance(reservations, MeasuredReservations):
         for group in groups:
-            log, least = reservations.log(group.members, host), reservations.least(group.members, host)
-            if len(group.members) == 1 and isinstance(log, MeasuredTogether) and least is not None:
+            log = reservations.log(group.members, host)
+            if len(group.members) == 1 and isinstance(log, MeasuredTogether) and log.least is not None:
                 (member,) = group.members
                 points = log.curves(member.name, "mean_response_time").points
                 means = [(point.reserve, point.value) for point in points]
-                alone = alone_of(member, means, least, log.processors, log.cpu_ms(member.name))
+                alone = alone_of(member, means, log.least, log.processors, log.cpu_ms(member.name))
                 if alone is not None:
                     found[member.name] = alone
     return found
