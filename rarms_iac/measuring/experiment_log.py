@@ -7,7 +7,7 @@ from rarms_iac.app.data_logs import files_of, subject_of
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import log_errors, now
 from rarms_iac.measuring.evidence import is_weak
-from rarms_iac.measuring.session import Session
+from rarms_iac.measuring.session import MeasuringSession
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.quantities import ReservePercent
@@ -126,7 +126,7 @@ class KnownSettings:
         return replace(self, runs=(*self.runs, run), joined=joined)
 
 
-def read_experiment_log(session: Session, experiment: Experiment) -> ExperimentLog:
+def read_experiment_log(session: MeasuringSession, experiment: Experiment) -> ExperimentLog:
     """Read the data log of an experiment, and compare it with what is now.
 
     Args:
@@ -159,7 +159,7 @@ def data_log_path(hosts: Hosts, experiment: Experiment) -> Path:
     return log_path(hosts.folder, experiment.host.platform, setup.members, setup.interference)
 
 
-def _header(session: Session, experiment: Experiment) -> Header:
+def _header(session: MeasuringSession, experiment: Experiment) -> Header:
     """What the data log of this experiment begins with, as everything is now."""
     system, setup = session.hosts.system, experiment.setup
     subject = subject_of(system, experiment.host, setup.members, setup.interference)

@@ -11,7 +11,7 @@ from rarms_iac.app.report_model import Report
 from rarms_iac.app.select import BeyondMeasured, Selection, SelectRequest, select_level
 from rarms_iac.app.use_case_errors import RequestError, UseCaseError
 from rarms_iac.measuring.measure_request import ExperimentResult, MeasureRequest, method_of, reserves_between
-from rarms_iac.measuring.session import Session
+from rarms_iac.measuring.session import MeasuringSession
 from rarms_iac.measuring.several_loads import decisive, measure_with_each_load
 from rarms_iac.model.experiment import Experiment, experiments_of
 from rarms_iac.model.indexes import find_index
@@ -93,7 +93,7 @@ class LevelPrompt(Protocol):
 class Further:
     """The experiments of some components, one a load, which a level may ask more of."""
 
-    session: Session
+    session: MeasuringSession
     loads: Sequence[Experiment]
     request: MeasureRequest
 

@@ -35,7 +35,7 @@ from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.on_robot import SETTINGS, ExperimentListener, ask_robot, readable_answer
 from rarms_iac.measuring.partitions import host_resources
 from rarms_iac.measuring.remeasuring import end_remeasurements, remeasurements_for
-from rarms_iac.measuring.session import Session, hold_measuring_hosts, starting_again
+from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, starting_again
 from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
 from rarms_iac.measuring.several_loads import by_partition, decisive, idle_settings, leave_idle, measure_with_each_load
 from rarms_iac.measuring.work_findings import work_of_settings
@@ -114,7 +114,7 @@ def measure_components(
                 prose("Leave --interactive out, and choose with ", command("select", "COMPONENT", at="LEVEL"), "."),
             )
         return _measure_on_each(hosts, request, control)
-    session = Session(
+    session = MeasuringSession(
         hosts=hosts,
         control=control,
         seed=request.seed,
@@ -189,7 +189,7 @@ def _together(outcomes: Sequence[MeasureOutcome], not_begun: Iterable[Experiment
 
 
 def _measure_all(
-    session: Session, request: MeasureRequest, prompt: LevelPrompt | None
+    session: MeasuringSession, request: MeasureRequest, prompt: LevelPrompt | None
 ) -> tuple[MeasureOutcome, Mapping[Path, Remeasurement]]:
     """The outcome, and by data log the remeasurements that nothing is left to do for."""
     hosts = session.hosts

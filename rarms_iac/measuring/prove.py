@@ -31,7 +31,7 @@ from rarms_iac.measuring.proof import (
     with_samples,
 )
 from rarms_iac.measuring.proof_findings import proof_findings
-from rarms_iac.measuring.session import Session, hold_measuring_hosts, refuse_what_cannot_run
+from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, refuse_what_cannot_run
 from rarms_iac.measuring.work_findings import work_of_evidence
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts
@@ -116,7 +116,7 @@ def prove_layout(
     names = _measurable_hosts(hosts)
     if any(hosts.robot(name) for name in names):
         return _prove_on_each(hosts, names, request, control, listener)
-    session = Session(
+    session = MeasuringSession(
         hosts=hosts, control=control, command="prove", seed=request.seed, lock_timeout_ms=request.lock_timeout_ms
     )
     with hold_measuring_hosts(session, names) as holding, control.stop.gently():
@@ -184,7 +184,7 @@ def _layouts_to_prove(
 
 
 def _prove_all(
-    session: Session,
+    session: MeasuringSession,
     layouts: Mapping[str, AppliedLayout],
     states: Mapping[str, State],
     loads: Sequence[str],
@@ -222,7 +222,9 @@ def loads_to_prove(system: System, request: ProveRequest) -> tuple[str, ...]:
     return request.interference or system.policy.interference
 
 
-def _announce(session: Session, name: str, layout: AppliedLayout, conditions: Sequence[ProofConditions]) -> None:
+def _announce(
+    session: MeasuringSession, name: str, layout: AppliedLayout, conditions: Sequence[ProofConditions]
+) -> None:
     """Say what a proof takes of a host, before it begins."""
     loads = [each.interference for each in conditions if each.interference]
     with_load = f"beside {in_a_row(loads)}, and uses all idle time of {name}" if loads else f"on {name} beside no load"
@@ -330,7 +332,7 @@ def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:
 
 
 def _conditions(
-    session: Session, state: State, layout: AppliedLayout, loads: Sequence[str], thresholds: int
+    session: MeasuringSession, state: State, layout: AppliedLayout, loads: Sequence[str], thresholds: int
 ) -> tuple[ProofConditions, ...]:
     """What the layout of a host is run under, one after the other.
 
@@ -389,7 +391,7 @@ def _work_findings(hosts: Hosts, proofs: Sequence[LayoutProof]) -> Iterator[Diag
 
 
 def _prove(
-    session: Session, name: str, layout: AppliedLayout, conditions: ProofConditions, listener: SamplesSoFar
+    session: MeasuringSession, name: str, layout: AppliedLayout, conditions: ProofConditions, listener: SamplesSoFar
 ) -> LayoutProof | None:
     """Prove one host's layout beside one load; None where an end was asked for."""
     stop, manifest = session.control.stop, session.hosts.manifest

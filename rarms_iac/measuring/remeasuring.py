@@ -11,14 +11,14 @@ from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.measuring.experiment_log import ExperimentLog, read_experiment_log
 from rarms_iac.measuring.methods import Method
 from rarms_iac.measuring.run_experiment import stop_what_is_in_the_way
-from rarms_iac.measuring.session import Session
+from rarms_iac.measuring.session import MeasuringSession
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.storage.datalog.files import append_remeasurement, end_remeasurement
 from rarms_iac.storage.datalog.log import Remeasurement
 
 
 def remeasurements_for(
-    session: Session, experiments: Sequence[Experiment], asked: str, method: Method
+    session: MeasuringSession, experiments: Sequence[Experiment], asked: str, method: Method
 ) -> Mapping[Path, Remeasurement]:
     """Find or begin the remeasurement of each experiment.
 
@@ -46,7 +46,7 @@ def remeasurements_for(
     return {log.path: known[log.path] or _begin(session, log, asked, started) for log in logs}
 
 
-def end_remeasurements(session: Session, complete: Mapping[Path, Remeasurement]) -> None:
+def end_remeasurements(session: MeasuringSession, complete: Mapping[Path, Remeasurement]) -> None:
     """Record in each data log that all of its remeasurement is measured.
 
     Args:
@@ -75,7 +75,7 @@ def _of_that_command(log: ExperimentLog, asked: str, begun: str | None) -> Remea
     return last
 
 
-def _begin(session: Session, log: ExperimentLog, asked: str, begun: str) -> Remeasurement:
+def _begin(session: MeasuringSession, log: ExperimentLog, asked: str, begun: str) -> Remeasurement:
     begins = Remeasurement(seed=1 if log.valid is None else log.valid.highest_seed + 1, asked=asked, begun=begun)
     with hold_data_log(session.hosts.folder, log.path, session.lock_timeout_ms):
         append_remeasurement(log.path, log.header, begins)

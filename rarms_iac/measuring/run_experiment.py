@@ -18,7 +18,7 @@ from rarms_iac.measuring.measure_request import USUAL_SEED, ExperimentResult
 from rarms_iac.measuring.methods import Method, Search, is_of_paper, strategy_of
 from rarms_iac.measuring.partitions import MeasuringResources, highest_reserve, host_resources, other_running_partitions
 from rarms_iac.measuring.search.trials import conclude
-from rarms_iac.measuring.session import Session, refuse_what_cannot_run, stop_own_partitions
+from rarms_iac.measuring.session import MeasuringSession, refuse_what_cannot_run, stop_own_partitions
 from rarms_iac.measuring.setting_run import Site, other_processors, run_setting
 from rarms_iac.measuring.stopping import stopped_to_measure
 from rarms_iac.measuring.strategies import SettingCount, Strategy, Sweep, ThresholdCheck, goal_of
@@ -46,7 +46,7 @@ class Availability:
     highest_reserve: ReservePercent  # the highest CR that the host can give
 
 
-def run_experiment(session: Session, experiment: Experiment, method: Method) -> ExperimentResult:
+def run_experiment(session: MeasuringSession, experiment: Experiment, method: Method) -> ExperimentResult:
     """Measure the settings of an experiment that its data log does not hold yet.
 
     Returns:
@@ -94,7 +94,7 @@ class ProcessorNumberChanged:
 class ExperimentRun:
     """An experiment with all that decides which settings are run, and how."""
 
-    session: Session
+    session: MeasuringSession
     experiment: Experiment
     method: Method
     strategy: Strategy
@@ -185,7 +185,7 @@ def _prepared(run: ExperimentRun, seed: int) -> Site:
     )
 
 
-def with_observed_processors(session: Session, experiment: Experiment) -> Experiment:
+def with_observed_processors(session: MeasuringSession, experiment: Experiment) -> Experiment:
     """Return the experiment with the number of processors that its components were seen to use, if that is known.
 
     Args:
@@ -205,7 +205,7 @@ def _describe_number(experiment: Experiment, number: int) -> str:
     return f"{experiment.name} uses {counted(number, 'processor')}; measuring with {number} VP instead of {before}."
 
 
-def _begin(session: Session, experiment: Experiment, method: Method, *, says_duration: bool) -> ExperimentRun:
+def _begin(session: MeasuringSession, experiment: Experiment, method: Method, *, says_duration: bool) -> ExperimentRun:
     """Look at the log and the host, and choose settings for as many processors as the experiment has."""
     available = available_on_host(session, experiment)
     log = read_experiment_log(session, experiment)
@@ -235,7 +235,7 @@ def _begin(session: Session, experiment: Experiment, method: Method, *, says_dur
     )
 
 
-def _refuse_other_hardware(session: Session, experiment: Experiment, log: ExperimentLog) -> None:
+def _refuse_other_hardware(session: MeasuringSession, experiment: Experiment, log: ExperimentLog) -> None:
     """Refuse to measure on other hardware what was measured on some, unless all is to be measured again.
 
     Raises:
@@ -253,7 +253,7 @@ def _refuse_other_hardware(session: Session, experiment: Experiment, log: Experi
     raise UseCaseError(Outcome.NEGATIVE, [finding], session.hosts.manifest.sources)
 
 
-def available_on_host(session: Session, experiment: Experiment) -> Availability:
+def available_on_host(session: MeasuringSession, experiment: Experiment) -> Availability:
     """Look at the host; partitions of the application are stopped, unless it is to be measured beside them."""
     observed = session.host_of(experiment).observe()
     state = observed if session.on_busy_host else stopped_to_measure(observed, experiment.application)
@@ -298,7 +298,7 @@ def _refuse_without_threshold(hosts: Hosts, experiment: Experiment, method: Meth
 
 
 def stop_what_is_in_the_way(
-    session: Session, experiment: Experiment, method: Method, available: Availability | None = None
+    session: MeasuringSession, experiment: Experiment, method: Method, available: Availability | None = None
 ) -> None:
     """Refuse what cannot be measured, then stop what is in the way; nothing is run.
 
@@ -319,7 +319,7 @@ def stop_what_is_in_the_way(
         stop_own_partitions(session, host)
 
 
-def _refuse_host(session: Session, experiment: Experiment, method: Method, available: Availability) -> None:
+def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Method, available: Availability) -> None:
     """Refuse a host that is busy, has reservations that the paper does not know, or has no room.
 
     Raises:

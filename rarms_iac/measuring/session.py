@@ -28,7 +28,7 @@ from rarms_iac.storage.lock import owner
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Session:
+class MeasuringSession:
     """Where and how a command measures."""
 
     hosts: Hosts
@@ -58,7 +58,7 @@ UNMODELLED_SMT = (
 
 
 @contextmanager
-def hold_measuring_hosts(session: Session, names: Iterable[str]) -> Iterator[Session]:
+def hold_measuring_hosts(session: MeasuringSession, names: Iterable[str]) -> Iterator[MeasuringSession]:
     """Hold hosts that are measured on, and remove what a killed measurement left there.
 
     Args:
@@ -95,7 +95,7 @@ def hold_measuring_hosts(session: Session, names: Iterable[str]) -> Iterator[Ses
 
 
 def refuse_what_cannot_run(
-    session: Session,
+    session: MeasuringSession,
     host: MeasuringHost,
     *,
     components: Mapping[str, Component] = MappingProxyType({}),
@@ -128,7 +128,7 @@ def refuse_what_cannot_run(
             raise UseCaseError(Outcome.NEGATIVE, [finding], manifest.sources)
 
 
-def stop_own_partitions(session: Session, host: MeasuringHost) -> None:
+def stop_own_partitions(session: MeasuringSession, host: MeasuringHost) -> None:
     """Stop what runs of the application on a held host, if that is consented to.
 
     Raises:
@@ -163,7 +163,7 @@ def stop_own_partitions(session: Session, host: MeasuringHost) -> None:
 
 
 @contextmanager
-def starting_again(session: Session) -> Iterator[list[Diagnostic]]:
+def starting_again(session: MeasuringSession) -> Iterator[list[Diagnostic]]:
     """At the end, start what a measurement stopped on the held hosts: this one, or an earlier one that was killed.
 
     Args:
@@ -182,7 +182,7 @@ def starting_again(session: Session) -> Iterator[list[Diagnostic]]:
     errors += _start_all(session)
 
 
-def _start_all(session: Session) -> list[Diagnostic]:
+def _start_all(session: MeasuringSession) -> list[Diagnostic]:
     errors: list[Diagnostic] = []
     with session.control.stop.gently():
         for host in session.held_hosts.values():

@@ -9,7 +9,7 @@ from rarms_iac.measuring.evidence import leaves_idle
 from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.methods import Method, Search
 from rarms_iac.measuring.run_experiment import run_experiment
-from rarms_iac.measuring.session import Session
+from rarms_iac.measuring.session import MeasuringSession
 from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.loads import is_steady
@@ -33,7 +33,7 @@ def by_partition(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, .
 
 
 def measure_with_each_load(
-    session: Session, experiments: Sequence[Experiment], method: Method
+    session: MeasuringSession, experiments: Sequence[Experiment], method: Method
 ) -> tuple[ExperimentResult, ...]:
     """Find the least reservation that stands up to every load.
 

@@ -14,7 +14,7 @@ from rarms_iac.app.options import busy_host_option, flag, lock_timeout_option, o
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.measuring.measure import record_reservations
 from rarms_iac.measuring.on_robot import SETTINGS, TUNING, ExperimentListener, ask_robot, readable_answer
-from rarms_iac.measuring.session import Session, hold_measuring_hosts, starting_again
+from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, starting_again
 from rarms_iac.measuring.stopping import stopped_to_measure
 from rarms_iac.measuring.tuning_search import TuningConclusion, search_combinations
 from rarms_iac.measuring.tuning_subject import (
@@ -209,7 +209,7 @@ def tune_here(
     Raises:
         UseCaseError: As of `tune_components`.
     """
-    session = Session(
+    session = MeasuringSession(
         hosts=hosts,
         control=control,
         command="tune",
@@ -249,7 +249,7 @@ def _result(hosts: Hosts, end: TuningConclusion, request: TuneRequest, edits: Se
     )
 
 
-def _search_held(session: Session, request: TuneRequest, prompt: TuningPrompt) -> TuningConclusion:
+def _search_held(session: MeasuringSession, request: TuneRequest, prompt: TuningPrompt) -> TuningConclusion:
     """Ask until there is an answer, with the host held that is measured on."""
     hosts = session.hosts
     host = tuning_host(hosts)

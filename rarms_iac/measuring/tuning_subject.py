@@ -10,7 +10,7 @@ from rarms_iac.measuring.measure_request import ExperimentResult, loads_for
 from rarms_iac.measuring.measuring_findings import CANNOT_MEASURE
 from rarms_iac.measuring.partitions import highest_reserve, host_resources
 from rarms_iac.measuring.run_experiment import run_experiment
-from rarms_iac.measuring.session import Session
+from rarms_iac.measuring.session import MeasuringSession
 from rarms_iac.measuring.strategies import ThresholdCheck
 from rarms_iac.measuring.work_findings import why_out_of_memory, work_of_settings
 from rarms_iac.model.commands import command, prose
@@ -305,7 +305,7 @@ class Experiments:
     """A `PerformanceOracle` that runs what the data logs do not know yet."""
 
     subject: TuningSubject
-    session: Session  # it holds the host that compounds are measured on
+    session: MeasuringSession  # it holds the host that compounds are measured on
     strategy: TuningStrategy = "default"  # by which it is asked
     samples: int | None = None  # of each component; None: as its `run.until` says
     _known: dict[tuple[Members, int], frozenset[str]] = field(default_factory=dict)

@@ -15,7 +15,7 @@ from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.methods import Search, strategy_of
 from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.measuring.run_experiment import ExperimentRun, available_on_host, measure_settings
-from rarms_iac.measuring.session import Session
+from rarms_iac.measuring.session import MeasuringSession
 from rarms_iac.measuring.strategies import Searching, SettingCount, Strategy, Sweep, goal_of
 from rarms_iac.measuring.wall_times import WallTimes
 from rarms_iac.model.environment_setup import PlatformFacts
@@ -106,7 +106,7 @@ class Bench:
         again = Remeasurement(seed=remeasure_seed or 0, asked="", begun="")
         with host.lock("a test"):
             remove_test_partitions(host)
-            session = Session(
+            session = MeasuringSession(
                 hosts=self.hosts,
                 control=Control(reporter=Told(reporter or MeasuringReporter()), stop=Stops(should_stop)),
                 seed=seed,
