@@ -15,10 +15,10 @@ from statistics import NormalDist, fmean
 
 from benchmarks.components import ADVERSARIAL, NAMED, NOISES, UNSEEN, Bench, Truth, Walk, component, goal_of, walk
 from benchmarks.timing import Figure, report
-from rarms_iac.measuring.methods import Search, strategy_of
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.search.bracketing import MOST as MOST_SETTINGS
 from rarms_iac.measuring.search.trials import Goal, trials_of
+from rarms_iac.measuring.strategies import Search, strategy_of
 from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.statistics.curves import curves_of, holds

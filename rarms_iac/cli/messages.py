@@ -102,7 +102,7 @@ def stopped(session: Session) -> ExitCode:
 
 def measured(findings: Sequence[Diagnostic]) -> ExitCode:
     """How a command ends that has measured and told these findings."""
-    from rarms_iac.measuring.measuring_findings import STILL_STOPPED
+    from rarms_iac.measuring.findings import STILL_STOPPED
 
     if any(finding.code == STILL_STOPPED.code for finding in findings):
         return ExitCode.FAILED  # also where all was measured: the host is not as it was

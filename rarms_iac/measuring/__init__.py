@@ -2,6 +2,6 @@
 
 The hosts of a manifest, a frozen request, and how the caller takes part come in. Answers go out, with the settings that
 they rest on; data logs record the settings, configuration logs what follows. Begin with `measure`, `tune` and `prove`.
-`run_experiment` measures beside one load: a method (`methods.py`) and its strategy (`strategies.py`, `search/`) choose
-settings, and `setting_run.py` runs them. `proof.py` runs an applied layout, `run_component.py` single components.
+`run_experiment` measures with one load: a strategy (`strategies.py`, `search/`) chooses settings, `setting_run.py` runs
+them. `proof.py` runs an applied layout, `run_component.py` single components.
 """

@@ -8,7 +8,7 @@ from rarms_iac.app.planning import plan_from_states, plan_request
 from rarms_iac.app.requests import PlanLimits
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.state_after import totals_after
-from rarms_iac.measuring import measuring_findings
+from rarms_iac.measuring import findings
 from rarms_iac.measuring.proof import AppliedLayout
 from rarms_iac.model.commands import APPLY, PLAN, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts
@@ -96,7 +96,7 @@ def _refuse_off(states: Mapping[str, State], application: str, wanted: Collectio
     if off:
         message = f"These partitions do not run: {', '.join(off)}."
         advice = prose("Start them, and prove again: ", command("start", *off), ".")
-        finding = measuring_findings.NOT_APPLIED.at(
+        finding = findings.NOT_APPLIED.at(
             None, message, advice, address=f"partition/{off[0]}", values={"partitions": tuple(off)}
         )
         raise UseCaseError(Outcome.REFUSED, [finding])
@@ -146,4 +146,4 @@ def _host_components(hosts: Hosts, name: str, measurable: tuple[str, ...]) -> It
 
 def _not_applied(message: str, address: str, values: Facts) -> Diagnostic:
     advice = prose("See what is missing with ", PLAN, ", and bring it there with ", APPLY, ".")
-    return measuring_findings.NOT_APPLIED.at(None, message, advice, address=address, values=values)
+    return findings.NOT_APPLIED.at(None, message, advice, address=address, values=values)

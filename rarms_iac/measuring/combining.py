@@ -10,7 +10,7 @@ from rarms_iac.app.control import Control
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.measuring.level_prompt import SessionEnded
-from rarms_iac.measuring.stopping import stopped_to_measure
+from rarms_iac.measuring.session import stopped_to_measure
 from rarms_iac.measuring.tune import TuneRequest, TuningPrompt, TuningResult, tune_components
 from rarms_iac.measuring.tuning_subject import LayoutFit, TuningSubject, subject_of_tuning, tuning_host
 from rarms_iac.planner.combining.candidates import candidates_of

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from rarms_iac.app.manifests import Manifest
-from rarms_iac.measuring.work_findings import MORE_MEMORY, memory_kills
+from rarms_iac.measuring.findings import MORE_MEMORY, memory_kills
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Verdict
 from rarms_iac.model.output import Internal, output

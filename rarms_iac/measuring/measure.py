@@ -21,6 +21,7 @@ from rarms_iac.app.scripts import PlanScript
 from rarms_iac.app.totals import partitions_without_log, totals_at_hand
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.measuring.experiment_log import data_log_path
+from rarms_iac.measuring.findings import findings_of, work_of_settings
 from rarms_iac.measuring.level_prompt import Further, LevelPrompt, SessionEnded, ask_levels
 from rarms_iac.measuring.measure_request import (
     ExperimentResult,
@@ -31,14 +32,12 @@ from rarms_iac.measuring.measure_request import (
     refuses_weak_loads,
     weak_answer,
 )
-from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.on_robot import SETTINGS, ExperimentListener, ask_robot, readable_answer
 from rarms_iac.measuring.partitions import host_resources
 from rarms_iac.measuring.remeasuring import end_remeasurements, remeasurements_for
 from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, starting_again
 from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
 from rarms_iac.measuring.several_loads import by_partition, decisive, idle_settings, leave_idle, measure_with_each_load
-from rarms_iac.measuring.work_findings import work_of_settings
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import Experiment

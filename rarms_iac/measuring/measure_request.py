@@ -9,11 +9,10 @@ from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.options import argument, busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.app.requests import refuse_unknown
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
-from rarms_iac.measuring import measuring_findings
-from rarms_iac.measuring.idle_time import describe_idle, idle_facts
-from rarms_iac.measuring.methods import PAPER, USUAL_STEP, Method, Search
+from rarms_iac.measuring import findings
+from rarms_iac.measuring.findings import describe_idle, idle_facts
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
-from rarms_iac.measuring.strategies import Sweep
+from rarms_iac.measuring.strategies import PAPER, USUAL_STEP, Method, Search, Sweep
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts
 from rarms_iac.model.experiment import Experiment, experiments_of
@@ -287,7 +286,7 @@ def weak_answer(
     again = BUSY_LOOP in loads and could_take_all(hosts.system.interference[BUSY_LOOP], host.logical_processors)
     measure = command("measure", *members, interference=BUSY_LOOP, together=len(members) > 1, again=again)
     advice = advice_on_weak_loads(hosts.system, host, members, loads, measure)
-    return measuring_findings.WEAK_ANSWER.at(
+    return findings.WEAK_ANSWER.at(
         hosts.manifest.places.key("components", members[0]),
         f"{in_a_row(loads)} {'did' if idle_loads else 'can'} not take all that {in_a_row(members)} did not reserve on "
         f"{host.name}.{idle_loads} The reservation that is enough with it may be too small with other loads.",
@@ -372,7 +371,7 @@ def _nothing_to_measure(hosts: Hosts) -> UseCaseError:
     message = "No component has an `apt`, so there is nothing to measure for."
     return UseCaseError(
         Outcome.NEGATIVE,
-        [measuring_findings.NO_THRESHOLD.at(place, message, advice, values={})],
+        [findings.NO_THRESHOLD.at(place, message, advice, values={})],
         hosts.manifest.sources,
     )
 
@@ -401,7 +400,7 @@ def _hosts_to_measure_on(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Hos
         raise UseCaseError(
             Outcome.FAILED,
             [
-                measuring_findings.CANNOT_MEASURE.at(
+                findings.CANNOT_MEASURE.at(
                     None,
                     f"{', '.join(members)} may run on: {names}. None of them is simulated, this Linux machine, "
                     "or a Hyper-V host whose `hyperv.credential` is named.",

@@ -16,8 +16,8 @@ from rarms_iac.app.hosts import Hosts, host_errors, observe_host
 from rarms_iac.app.manifest_edits import text_of
 from rarms_iac.app.robot_measurements import add_measurements
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
+from rarms_iac.measuring.findings import CANNOT_MEASURE
 from rarms_iac.measuring.measure_request import ExperimentResult
-from rarms_iac.measuring.measuring_findings import CANNOT_MEASURE
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import Connect
 from rarms_iac.model.series import Series

@@ -24,8 +24,7 @@ from rarms_iac.measuring.partitions import (
     set_reserves,
 )
 from rarms_iac.measuring.performance import MeasuredIndex
-from rarms_iac.measuring.sampling import watch
-from rarms_iac.measuring.settling import Contender, Settling, wants_all_processors
+from rarms_iac.measuring.sampling import Contender, Settling, wants_all_processors, watch
 from rarms_iac.model.environment_setup import P2
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.outcomes import (

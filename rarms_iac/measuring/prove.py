@@ -13,8 +13,9 @@ from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors,
 from rarms_iac.app.options import flag, load_host_option, lock_timeout_option, option
 from rarms_iac.app.requests import refuse_unknown
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
-from rarms_iac.measuring import measuring_findings
+from rarms_iac.measuring import findings
 from rarms_iac.measuring.applied_layout import applied_layouts, observe_others, refuse_unapplied
+from rarms_iac.measuring.findings import proof_findings, work_of_evidence
 from rarms_iac.measuring.measure_request import USUAL_SEED
 from rarms_iac.measuring.on_robot import ExperimentListener, SamplesSoFar, ask_robot, readable_answer
 from rarms_iac.measuring.partitions import MeasuringResources, host_resources
@@ -30,9 +31,7 @@ from rarms_iac.measuring.proof import (
     prove,
     with_samples,
 )
-from rarms_iac.measuring.proof_findings import proof_findings
 from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, refuse_what_cannot_run
-from rarms_iac.measuring.work_findings import work_of_evidence
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts
 from rarms_iac.model.host import ProviderKind
@@ -326,7 +325,7 @@ def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:
         advice = "Run the components there by hand, and compare what they show with their thresholds."
         raise UseCaseError(
             Outcome.FAILED,
-            [measuring_findings.CANNOT_MEASURE.at(None, message, advice, values={"hosts": tuple(hosts.chosen)})],
+            [findings.CANNOT_MEASURE.at(None, message, advice, values={"hosts": tuple(hosts.chosen)})],
         )
     return measurable
 
@@ -374,7 +373,7 @@ def _make_load(load: Interference, room: MeasuringResources, name: str, host: st
         message = f"{host} has no memory left for a partition that holds {name}."
         values: Facts = {"host": host, "interference": name}
         advice = prose("Free some, or prove what it is without a load: ", command("prove", without_load=True), ".")
-        finding = measuring_findings.NO_ROOM.at(None, message, advice, values=values)
+        finding = findings.NO_ROOM.at(None, message, advice, values=values)
         raise UseCaseError(Outcome.NEGATIVE, [finding])
     return partition
 
@@ -399,6 +398,6 @@ def _prove(
         session.held_hosts[name], layout, conditions, stop.should_stop, partial(listener, name, conditions.interference)
     )
     if isinstance(answer, TooManyFailures):
-        finding = measuring_findings.failed_samples(answer, "in the layout", manifest.places)
+        finding = findings.failed_samples(answer, "in the layout", manifest.places)
         raise UseCaseError(Outcome.NEGATIVE, [finding], manifest.sources)
     return answer

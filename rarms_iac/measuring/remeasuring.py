@@ -9,9 +9,9 @@ from pathlib import Path
 
 from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.measuring.experiment_log import ExperimentLog, read_experiment_log
-from rarms_iac.measuring.methods import Method
 from rarms_iac.measuring.run_experiment import stop_what_is_in_the_way
 from rarms_iac.measuring.session import MeasuringSession
+from rarms_iac.measuring.strategies import Method
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.storage.datalog.files import append_remeasurement, end_remeasurement
 from rarms_iac.storage.datalog.log import Remeasurement

@@ -29,8 +29,8 @@ from rarms_iac.measuring.component_results import (
     load_problem,
     nothing_to_run,
 )
+from rarms_iac.measuring.findings import work_outside
 from rarms_iac.measuring.on_robot import SAMPLES, ExperimentListener, ask_robot, readable_answer
-from rarms_iac.measuring.work_findings import work_outside
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.quantities import Milliseconds

@@ -11,17 +11,30 @@ from rarms_iac.app.data_logs import files_of, stale_advice, used_processors
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
-from rarms_iac.measuring import measuring_findings
+from rarms_iac.measuring import findings
 from rarms_iac.measuring.duration import forecast, settings_to_run, with_part_of_budget
 from rarms_iac.measuring.experiment_log import ExperimentLog, data_log_path, read_experiment_log
 from rarms_iac.measuring.measure_request import USUAL_SEED, ExperimentResult
-from rarms_iac.measuring.methods import Method, Search, is_of_paper, strategy_of
 from rarms_iac.measuring.partitions import MeasuringResources, highest_reserve, host_resources, other_running_partitions
 from rarms_iac.measuring.search.trials import conclude
-from rarms_iac.measuring.session import MeasuringSession, refuse_what_cannot_run, stop_own_partitions
+from rarms_iac.measuring.session import (
+    MeasuringSession,
+    refuse_what_cannot_run,
+    stop_own_partitions,
+    stopped_to_measure,
+)
 from rarms_iac.measuring.setting_run import Site, other_processors, run_setting
-from rarms_iac.measuring.stopping import stopped_to_measure
-from rarms_iac.measuring.strategies import SettingCount, Strategy, Sweep, ThresholdCheck, goal_of
+from rarms_iac.measuring.strategies import (
+    Method,
+    Search,
+    SettingCount,
+    Strategy,
+    Sweep,
+    ThresholdCheck,
+    goal_of,
+    is_of_paper,
+    strategy_of,
+)
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.experiment import Experiment
@@ -73,7 +86,7 @@ def run_experiment(session: MeasuringSession, experiment: Experiment, method: Me
             if experiment.processors_from is ProcessorSource.HOST:
                 reporter.message(_describe_number(experiment, answer.number))
             else:
-                finding = measuring_findings.more_processors(experiment, answer.number, session.hosts.manifest.places)
+                finding = findings.more_processors(experiment, answer.number, session.hosts.manifest.places)
                 reporter.findings([finding], session.hosts.manifest.sources)
                 says_duration = not isinstance(method, ThresholdCheck)  # what was said counted for one curve
             number = ProcessorNumber(number=answer.number, source=ProcessorSource.USED)
@@ -285,7 +298,7 @@ def _refuse_without_threshold(hosts: Hosts, experiment: Experiment, method: Meth
             raise UseCaseError(
                 Outcome.NEGATIVE,
                 [
-                    measuring_findings.NO_THRESHOLD.at(
+                    findings.NO_THRESHOLD.at(
                         place,
                         message,
                         advice,
@@ -331,11 +344,11 @@ def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Meth
         running = tuple(partition.shown_name for partition in available.running)
         message = f"On {host} these run, and would change what is measured: {', '.join(running)}."
         advice = "Stop them on the host. Or give --on-busy-host: the log says so."
-        raise _refusal(measuring_findings.BUSY_HOST, message, advice, {"host": host, "partitions": running})
+        raise _refusal(findings.BUSY_HOST, message, advice, {"host": host, "partitions": running})
     if is_of_paper(method) and not available.resources.unreserved:
         message = f"On {host} a part of the processors is kept for the host or reserved by other machines."
         advice = "Use the default strategy, or free the host: `keep_for_host: { processor: 0 % }`."
-        raise _refusal(measuring_findings.RESERVED_HOST, message, advice, {"host": host})
+        raise _refusal(findings.RESERVED_HOST, message, advice, {"host": host})
     asked_reserve = max(method.reserves, default=0) if isinstance(method, Sweep) else 0
     if available.highest_reserve == 0 or asked_reserve > available.highest_reserve:
         message = (
@@ -351,7 +364,7 @@ def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Meth
             "asked_reserve_percent": asked_reserve,
             "processors": experiment.setup.processors,
         }
-        raise _refusal(measuring_findings.NO_ROOM, message, advice, values, Outcome.NEGATIVE)
+        raise _refusal(findings.NO_ROOM, message, advice, values, Outcome.NEGATIVE)
 
 
 def _refusal(
@@ -381,7 +394,7 @@ def _work_of_others(hosts: Hosts, running: Sequence[Partition]) -> Iterator[Part
 
 def _busy_warning(experiment: Experiment, running: Sequence[Partition]) -> Diagnostic:
     names = tuple(partition.shown_name for partition in running)
-    return measuring_findings.MEASURED_BUSY.of_host(
+    return findings.MEASURED_BUSY.of_host(
         experiment.host.name,
         f"{experiment.name} was measured while these ran on {experiment.host.name}: {', '.join(names)}. "
         "Its log says so.",

@@ -20,9 +20,8 @@ from rarms_iac.measuring.partitions import (
     set_reserves,
     shapes_of_test_partitions,
 )
-from rarms_iac.measuring.sampling import watch
+from rarms_iac.measuring.sampling import Contender, Settling, wants_all_processors, watch
 from rarms_iac.measuring.search.trials import is_clear
-from rarms_iac.measuring.settling import Contender, Settling, wants_all_processors
 from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.experiment import Experiment

@@ -7,9 +7,9 @@ from itertools import groupby
 
 from rarms_iac.measuring.evidence import leaves_idle
 from rarms_iac.measuring.measure_request import ExperimentResult
-from rarms_iac.measuring.methods import Method, Search
 from rarms_iac.measuring.run_experiment import run_experiment
 from rarms_iac.measuring.session import MeasuringSession
+from rarms_iac.measuring.strategies import Method, Search
 from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.loads import is_steady

@@ -12,10 +12,10 @@ from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import now
 from rarms_iac.app.options import busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.app.use_case_errors import RequestError
+from rarms_iac.measuring.findings import MORE_MEMORY
 from rarms_iac.measuring.measure import record_reservations
 from rarms_iac.measuring.on_robot import SETTINGS, TUNING, ExperimentListener, ask_robot, readable_answer
-from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, starting_again
-from rarms_iac.measuring.stopping import stopped_to_measure
+from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, starting_again, stopped_to_measure
 from rarms_iac.measuring.tuning_search import TuningConclusion, search_combinations
 from rarms_iac.measuring.tuning_subject import (
     Experiments,
@@ -24,7 +24,6 @@ from rarms_iac.measuring.tuning_subject import (
     subject_of_tuning,
     tuning_host,
 )
-from rarms_iac.measuring.work_findings import MORE_MEMORY
 from rarms_iac.model.commands import PLAN, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.host import ProviderKind

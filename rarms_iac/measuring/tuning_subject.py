@@ -6,13 +6,12 @@ from dataclasses import dataclass, field
 from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
+from rarms_iac.measuring.findings import CANNOT_MEASURE, why_out_of_memory, work_of_settings
 from rarms_iac.measuring.measure_request import ExperimentResult, loads_for
-from rarms_iac.measuring.measuring_findings import CANNOT_MEASURE
 from rarms_iac.measuring.partitions import highest_reserve, host_resources
 from rarms_iac.measuring.run_experiment import run_experiment
 from rarms_iac.measuring.session import MeasuringSession
 from rarms_iac.measuring.strategies import ThresholdCheck
-from rarms_iac.measuring.work_findings import why_out_of_memory, work_of_settings
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors
 from rarms_iac.model.experiment import Experiment, experiments_of

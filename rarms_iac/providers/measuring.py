@@ -174,7 +174,7 @@ class WorkHost(ReadableHost, Protocol):
     def scheduler_memory_ms(self) -> float:
         """How long, in ms, this host's scheduler lets what happened decide what happens: its longest window.
 
-        What is measured before that has passed many times over (`measuring/settling.py`) may show how the work began,
+        What is measured before that has passed many times over (`measuring/sampling.py`) may show how the work began,
         and not how it goes on.
         """
 

@@ -5,9 +5,9 @@ from math import isfinite
 from typing import TYPE_CHECKING, assert_never
 
 from rarms_iac.app.control import MeasuringReporter, RemainingSettings
+from rarms_iac.measuring.findings import show_index
 from rarms_iac.measuring.measure import MeasureOutcome
 from rarms_iac.measuring.measure_request import ExperimentResult
-from rarms_iac.measuring.measuring_findings import show_index
 from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, measured_indexes, shortfall_at
 from rarms_iac.measuring.several_loads import decisive
 from rarms_iac.model.commands import Wording

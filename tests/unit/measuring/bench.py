@@ -10,14 +10,13 @@ from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.snapshots import Snapshots
 from rarms_iac.manifest.load import Loaded
 from rarms_iac.manifest.text.positions import FirstLine
+from rarms_iac.measuring.duration import WallTimes
 from rarms_iac.measuring.experiment_log import ExperimentLog
 from rarms_iac.measuring.measure_request import ExperimentResult
-from rarms_iac.measuring.methods import Search, strategy_of
 from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.measuring.run_experiment import ExperimentRun, available_on_host, measure_settings
 from rarms_iac.measuring.session import MeasuringSession
-from rarms_iac.measuring.strategies import Searching, SettingCount, Strategy, Sweep, goal_of
-from rarms_iac.measuring.wall_times import WallTimes
+from rarms_iac.measuring.strategies import Search, Searching, SettingCount, Strategy, Sweep, goal_of, strategy_of
 from rarms_iac.model.environment_setup import PlatformFacts
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost

@@ -6,8 +6,7 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.measuring.duration import forecast, least_ms, settings_to_run, with_part_of_budget
-from rarms_iac.measuring.methods import Method, Search
-from rarms_iac.measuring.strategies import Sweep
+from rarms_iac.measuring.strategies import Method, Search, Sweep
 from rarms_iac.model.experiment import Budget, Experiment, experiment_of, experiments_of
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.quantities import show_duration

@@ -6,7 +6,7 @@ from fractions import Fraction
 import pytest
 
 from rarms_iac.measuring.evidence import disturbance, is_weak, leaves_idle
-from rarms_iac.measuring.idle_time import describe_idle
+from rarms_iac.measuring.findings import describe_idle
 from rarms_iac.measuring.partitions import LoadShare
 from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.environment_setup import P1, P2

@@ -6,7 +6,7 @@ from fractions import Fraction
 import pytest
 
 from rarms_iac.manifest.text.positions import FirstLine
-from rarms_iac.measuring.measuring_findings import findings_of
+from rarms_iac.measuring.findings import findings_of
 from rarms_iac.model.experiment import Experiment, experiment_of
 from rarms_iac.model.outcomes import NotAchievable, NotResolved, Sufficient
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource

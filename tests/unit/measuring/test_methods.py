@@ -1,7 +1,6 @@
 """Methods of an experiment: the settings that each of them stands for."""
 
-from rarms_iac.measuring.methods import reserves_of
-from rarms_iac.measuring.strategies import Sweep
+from rarms_iac.measuring.strategies import Sweep, reserves_of
 
 
 def test_a_coarse_curve_is_clipped_to_what_the_host_can_give() -> None:

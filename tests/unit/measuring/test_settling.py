@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from rarms_iac.measuring.settling import PATIENCE_FACTOR, Contender, Settling, wants_all_processors
+from rarms_iac.measuring.sampling import PATIENCE_FACTOR, Contender, Settling, wants_all_processors
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, Browser, BusyLoop, Interference
 from rarms_iac.model.series import Sample
 from rarms_iac.statistics.setting_time import MEMORY_FACTOR

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.manifest.text.positions import FirstLine
+from rarms_iac.measuring.findings import findings_of
 from rarms_iac.measuring.measure_request import ExperimentResult
-from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.performance import shortfall_at, why_unsteady
 from rarms_iac.model.experiment import Experiment, experiment_of
 from rarms_iac.model.outcomes import Missed, Sufficient, Unsteady

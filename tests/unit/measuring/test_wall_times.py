@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.app.control import MeasuringReporter, RemainingSettings
+from rarms_iac.measuring.duration import WallTimes
 from rarms_iac.measuring.strategies import SettingCount, Sweep
-from rarms_iac.measuring.wall_times import WallTimes
 from rarms_iac.model.experiment import Experiment, experiment_of
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.quantities import ReservePercent

@@ -3,7 +3,7 @@
 import pytest
 
 from rarms_iac.manifest.text.positions import FirstLine
-from rarms_iac.measuring.work_findings import work_of_settings
+from rarms_iac.measuring.findings import work_of_settings
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.setting import Setting, SettingEvidence
 from tests.unit.measuring.test_measuring_findings import EXPERIMENT

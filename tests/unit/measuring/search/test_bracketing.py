@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rarms_iac.measuring.methods import Search, strategy_of
 from rarms_iac.measuring.search.bracketing import MOST
 from rarms_iac.measuring.search.crossings import crossings_of
 from rarms_iac.measuring.search.trials import Goal, Member, trials_of
+from rarms_iac.measuring.strategies import Search, strategy_of
 from rarms_iac.model.experiment import Budget
 from rarms_iac.model.outcomes import WIDTH, Conclusion, Measure, NotAchievable, NotResolved, Sufficient
 from rarms_iac.model.series import Sample, Series, columns_of
