@@ -17,7 +17,7 @@ from benchmarks.components import ADVERSARIAL, NAMED, NOISES, UNSEEN, Bench, Tru
 from benchmarks.timing import Figure, report
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.search.bracketing import MOST as MOST_SETTINGS
-from rarms_iac.measuring.search.trials import Goal, trials_of
+from rarms_iac.measuring.search.trials import Goal, judge_settings
 from rarms_iac.measuring.strategies import Search, strategy_of
 from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.model.series import MOST_SAMPLES
@@ -87,7 +87,7 @@ def _passed_and_failed(goal: Goal, done: Walk, *, strict: bool) -> tuple[set[int
     if strict:
         passed = {each for each in reserves if all(holds(curve, apt, each) for curve, apt in curves)}
     else:
-        passed = {trial.reserve for trial in trials_of(done.settings, goal) if trial.passed}
+        passed = {trial.reserve for trial in judge_settings(done.settings, goal).trials if trial.passed}
     return passed, reserves - passed - inconclusive
 
 

@@ -14,16 +14,15 @@ from rarms_iac.measuring.search.trials import (
     SearchMethod,
     SearchTrial,
     is_finished,
+    judge_settings,
     may_be_shown,
     not_sufficient,
     sufficient,
-    trials_of,
 )
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.outcomes import ExperimentDecision, Measure, SearchDecision, Sufficient, Swept
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting
-from rarms_iac.statistics.curves import curves_of, least_reserve
 
 
 def goal_of(experiment: Experiment) -> Goal:
@@ -72,7 +71,8 @@ class Searching:
 
     def decide(self, settings: Sequence[Setting]) -> SearchDecision:
         finished = {setting.reserve for setting in settings if is_finished(setting, self.goal)}
-        trials = [trial for trial in trials_of(settings, self.goal) if trial.reserve in finished]
+        judged = judge_settings(settings, self.goal)
+        trials = [trial for trial in judged.trials if trial.reserve in finished]
         decision = self.decide_search(trials, self.goal)
         can_pass = may_be_shown(trials, self.goal) or any(trial.passed for trial in trials)
         if isinstance(decision, Measure) and not can_pass:
@@ -80,7 +80,7 @@ class Searching:
         decision = self._within_most(decision, trials)
         if isinstance(decision, Measure):
             return decision
-        least = least_reserve(curves_of(settings, self.goal.runs, self.goal.apts))
+        least = judged.least
         if least is None or (isinstance(decision, Sufficient) and decision.reserve == least):
             return decision
         if least not in finished:
@@ -138,10 +138,10 @@ class Confirming:
     search: Searching
 
     def decide(self, settings: Sequence[Setting]) -> SearchDecision:
-        least = least_reserve(curves_of(settings, self.goal.runs, self.goal.apts))
-        if least is not None and least <= self.floor:
-            lower = trials_of([setting for setting in settings if setting.reserve < self.floor], self.goal)
-            return sufficient(lower, self.floor)
+        judged = judge_settings(settings, self.goal)
+        if judged.least is not None and judged.least <= self.floor:
+            lower = [setting for setting in settings if setting.reserve < self.floor]
+            return sufficient(judge_settings(lower, self.goal).trials, self.floor)
         if not any(setting.reserve == self.floor and is_finished(setting, self.goal) for setting in settings):
             return Measure(reserve=self.floor, until_clear=True, within_until=self.goal.ends_at_until)
         return self.search.decide(settings)

@@ -106,7 +106,15 @@ SearchMethod = Callable[[Sequence[SearchTrial], Goal], SearchDecision]
 """A search: the trials so far, in the order in which they were run, to the next step. Pure."""
 
 
-def trials_of(settings: Sequence[Setting], goal: Goal) -> list[SearchTrial]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """Settings as a plan judges them."""
+
+    trials: tuple[SearchTrial, ...]  # one a setting, in their order
+    least: ReservePercent | None  # the least CR that they show to be enough; None: they show none
+
+
+def judge_settings(settings: Sequence[Setting], goal: Goal) -> Judged:
     """Judge settings as a plan does, so that those read from a data log give the same as when they were measured.
 
     A member passes where the safe side of every index's curve meets its threshold: where this setting shows it, or one
@@ -114,9 +122,6 @@ def trials_of(settings: Sequence[Setting], goal: Goal) -> list[SearchTrial]:
 
     Args:
         settings: one a reservation, in the order in which they were first measured.
-
-    Returns:
-        A trial for each, in the same order.
     """
     curves = curves_of(settings, goal.runs, goal.apts)
 
@@ -124,14 +129,15 @@ def trials_of(settings: Sequence[Setting], goal: Goal) -> list[SearchTrial]:
         own = [(curve, threshold) for curve, threshold in curves if curve.component == member.name]
         return bool(own) and all(holds(curve, threshold, reserve) for curve, threshold in own)
 
-    return [
+    trials = tuple(
         SearchTrial(
             setting=setting,
             verdicts={member.name: _verdict(setting, member, goal) for member in goal.members},
             not_shown=tuple(member.name for member in goal.members if not is_shown(member, setting.reserve)),
         )
         for setting in settings
-    ]
+    )
+    return Judged(trials=trials, least=least_reserve(curves))
 
 
 def is_clear(setting: Setting, goal: Goal, *, precision: float | None = None) -> bool:
@@ -383,12 +389,13 @@ def conclude(settings: Sequence[Setting], goal: Goal, most_settings: int) -> Suf
         That the least CR which they show to be enough is; or that they show none. `more_settings` says how many may
             follow: no more than there are whole per cents below that are not known to be too little.
     """
-    least = least_reserve(curves_of(settings, goal.runs, goal.apts))
+    judged = judge_settings(settings, goal)
+    least = judged.least
     if least is None:
         return NotResolved(
             reason=f"its {len(settings)} settings show no reservation to be enough", more_settings=most_settings
         )
-    end = sufficient(trials_of(settings, goal), least)
+    end = sufficient(judged.trials, least)
     return replace(end, more_settings=max(1, min(most_settings, least - 1 - (end.failed or 0))))
 
 

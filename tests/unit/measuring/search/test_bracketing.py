@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from rarms_iac.measuring.search.bracketing import MOST
 from rarms_iac.measuring.search.crossings import crossings_of
-from rarms_iac.measuring.search.trials import Goal, Member, trials_of
+from rarms_iac.measuring.search.trials import Goal, Member, judge_settings
 from rarms_iac.measuring.strategies import Search, strategy_of
 from rarms_iac.model.experiment import Budget
 from rarms_iac.model.outcomes import WIDTH, Conclusion, Measure, NotAchievable, NotResolved, Sufficient
@@ -153,7 +153,7 @@ def test_a_setting_foretells_where_the_threshold_is_met() -> None:
         members=(Member(name="coi", apt={"mean_response_time": at_most(40)}, run=a_run()),), processors=goal.processors
     )
 
-    (crossing,) = crossings_of(trials_of([a_setting(50, 50.0, 15.0)], slower), slower, 50, 101)
+    (crossing,) = crossings_of(judge_settings([a_setting(50, 50.0, 15.0)], slower).trials, slower, 50, 101)
 
     assert 75 < crossing.at < 75.7
     assert not crossing.smooth
@@ -165,7 +165,7 @@ def test_a_periodic_component_needs_the_cpu_time_of_all_of_its_time_for_its_thro
     series = Series(component="coi", samples=jobs, elapsed_ms=33.0 * JOBS, cpu_ms=2.0 * JOBS)
     goal = Goal(members=(Member(name="coi", apt={"throughput": at_least(24)}, run=a_run()),), processors=2)
 
-    (crossing,) = crossings_of(trials_of([Setting(reserve=50, series=(series,))], goal), goal, 0, 50)
+    (crossing,) = crossings_of(judge_settings([Setting(reserve=50, series=(series,))], goal).trials, goal, 0, 50)
 
     # What is waited for, 33 ms less 2 ms at 50 %, no CPU shortens: 1000 / 24 = 29 + 200 / CR.
     assert crossing.at == pytest.approx(200 / (1000 / 24 - 29), rel=0.05)

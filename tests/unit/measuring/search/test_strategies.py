@@ -15,8 +15,8 @@ from rarms_iac.measuring.search.trials import (
     SearchTrial,
     below_demand,
     bracket_of,
+    judge_settings,
     settings_below,
-    trials_of,
 )
 from rarms_iac.model.outcomes import WIDTH, Measure, Missed, NotAchievable, NotResolved, SearchDecision, Sufficient
 from rarms_iac.model.quantities import Milliseconds
@@ -34,11 +34,11 @@ GOAL = Goal(members=(Member(name="coi", apt={"mean_response_time": at_most(100)}
 
 def judged(history: Sequence[SearchTrial], setting: Setting, goal: Goal) -> list[SearchTrial]:
     """All settings so far, with one more."""
-    return trials_of([*(trial.setting for trial in history), setting], goal)
+    return list(judge_settings([*(trial.setting for trial in history), setting], goal).trials)
 
 
 def the_trial(setting: Setting, goal: Goal) -> SearchTrial:
-    (trial,) = trials_of([setting], goal)
+    (trial,) = judge_settings([setting], goal).trials
     return trial
 
 
@@ -67,7 +67,7 @@ def test_the_paper_ends_where_all_of_the_platform_misses() -> None:
 
 def test_the_paper_says_not_achievable_only_where_it_was_shown() -> None:
     times = {reserve: noisy(reserve, 120.0 if reserve < 100 else 99.9, variation=0.1) for reserve in range(10, 101, 10)}
-    history = trials_of([Setting(reserve=each, series=(a_series(times[each]),)) for each in times], GOAL)
+    history = judge_settings([Setting(reserve=each, series=(a_series(times[each]),)) for each in times], GOAL).trials
 
     assert isinstance(STRATEGIES["paper"](history, GOAL), NotResolved)
 
