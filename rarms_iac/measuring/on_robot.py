@@ -215,10 +215,10 @@ def _folder_there(hosts: Hosts, host: str) -> str:
         return hosts.folder.resolve().as_posix()
     if isinstance(connect, Connect) and connect.folder is not None:
         return connect.folder
-    message = f"The manifest does not say where {host} has the files of its components."
+    template = "The manifest does not say where {host} has the files of its components."
     advice = "Copy the manifest's folder there, and name the copy: `connect: { folder: /opt/robot }`."
     place = hosts.manifest.places.value("hosts", host, "connect")
-    finding = CANNOT_MEASURE.of_host(host, message, advice, place=place)
+    finding = CANNOT_MEASURE.of_host(host, template, advice, place=place)
     raise UseCaseError(Outcome.FAILED, [finding], hosts.manifest.sources)
 
 
@@ -244,9 +244,9 @@ def different_files(host: str, job: ExperimentJob, there: Mapping[str, str]) -> 
     for path, digest in sorted(job.files.items()):
         if there.get(path) != digest:
             how = "differs" if path in there else "is missing"
-            message = f"{path} {how} in {job.folder} on {host}."
+            template = "{file} {_how} in {folder} on {host}."
             advice = "Copy the file to that folder and run the same command again."
-            problems.append(OTHER_FILE.of_host(host, message, advice, file=path, folder=job.folder))
+            problems.append(OTHER_FILE.of_host(host, template, advice, file=path, folder=job.folder, _how=how))
     return problems
 
 

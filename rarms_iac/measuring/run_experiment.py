@@ -35,8 +35,8 @@ from rarms_iac.measuring.strategies import (
     is_of_paper,
     strategy_of,
 )
-from rarms_iac.model.commands import Wording, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
+from rarms_iac.model.commands import command, prose
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.outcomes import Conclusion, Measure, Stopped
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource, processor_number
@@ -259,10 +259,17 @@ def _refuse_other_hardware(session: MeasuringSession, experiment: Experiment, lo
         return
     host, path = experiment.host, log.path.as_posix()
     place = session.hosts.manifest.places.key("hosts", host.name)
-    message = f"{path} was measured on other hardware than {host.name} has now: {'; '.join(map(str, changed))}."
-    values: Facts = {"log": path, "host": host.name, "changed": tuple(map(str, changed))}
-    advice = stale_advice(changed, experiment.setup.members)
-    finding = STALE.at(place, message, advice, address=f"host/{host.name}", values=values)
+    changes = tuple(map(str, changed))
+    finding = STALE.at(
+        place,
+        "{log} was measured on other hardware than {host} has now: {_changes}.",
+        stale_advice(changed, experiment.setup.members),
+        address=f"host/{host.name}",
+        log=path,
+        host=host.name,
+        changed=changes,
+        _changes="; ".join(changes),
+    )
     raise UseCaseError(Outcome.NEGATIVE, [finding], session.hosts.manifest.sources)
 
 
@@ -289,7 +296,6 @@ def _refuse_without_threshold(hosts: Hosts, experiment: Experiment, method: Meth
     for member in experiment.members:
         if not member.apt:
             place = hosts.manifest.places.key("components", member.name)
-            message = f"{member.name} has no `apt`."
             advice = prose(
                 "Give it one, or measure chosen settings: ",
                 command("measure", member.name, from_="10%", to="100%"),
@@ -300,10 +306,10 @@ def _refuse_without_threshold(hosts: Hosts, experiment: Experiment, method: Meth
                 [
                     findings.NO_THRESHOLD.at(
                         place,
-                        message,
+                        "{component} has no `apt`.",
                         advice,
                         address=f"component/{member.name}",
-                        values={"component": member.name},
+                        component=member.name,
                     )
                 ],
                 hosts.manifest.sources,
@@ -342,35 +348,30 @@ def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Meth
     host = experiment.host.name
     if available.running and not session.on_busy_host:
         running = tuple(partition.shown_name for partition in available.running)
-        message = f"On {host} these run, and would change what is measured: {', '.join(running)}."
+        template = "On {host} these run, and would change what is measured: {_names}."
         advice = "Stop them on the host. Or give --on-busy-host: the log says so."
-        raise _refusal(findings.BUSY_HOST, message, advice, {"host": host, "partitions": running})
+        finding = findings.BUSY_HOST.of_host(host, template, advice, partitions=running, _names=", ".join(running))
+        raise UseCaseError(Outcome.REFUSED, [finding])
     if is_of_paper(method) and not available.resources.unreserved:
-        message = f"On {host} a part of the processors is kept for the host or reserved by other machines."
+        template = "On {host} a part of the processors is kept for the host or reserved by other machines."
         advice = "Use the default strategy, or free the host: `keep_for_host: { processor: 0 % }`."
-        raise _refusal(findings.RESERVED_HOST, message, advice, {"host": host})
+        raise UseCaseError(Outcome.REFUSED, [findings.RESERVED_HOST.of_host(host, template, advice)])
     asked_reserve = max(method.reserves, default=0) if isinstance(method, Sweep) else 0
     if available.highest_reserve == 0 or asked_reserve > available.highest_reserve:
-        message = (
-            f"{host} can give P1, the partition of {experiment.name}, at most {available.highest_reserve} % of each of "
-            f"its {experiment.setup.processors} processors, and P2, that of the load, some memory beside it."
-        )
         advice = "Stop other machines, lower keep_for_host, or give the component less memory."
         if available.highest_reserve:
             advice = f"End there: `--to {available.highest_reserve}%`. Or stop other machines, or lower keep_for_host."
-        values: Facts = {
-            "host": host,
-            "highest_reserve_percent": available.highest_reserve,
-            "asked_reserve_percent": asked_reserve,
-            "processors": experiment.setup.processors,
-        }
-        raise _refusal(findings.NO_ROOM, message, advice, values, Outcome.NEGATIVE)
-
-
-def _refusal(
-    finding: Finding, message: str, advice: Wording, values: Facts, outcome: Outcome = Outcome.REFUSED
-) -> UseCaseError:
-    return UseCaseError(outcome, [finding.at(None, message, advice, address=f"host/{values['host']}", values=values)])
+        finding = findings.NO_ROOM.of_host(
+            host,
+            "{host} can give P1, the partition of {_experiment}, at most {highest_reserve_percent} % of each of "
+            "its {processors} processors, and P2, that of the load, some memory beside it.",
+            advice,
+            highest_reserve_percent=available.highest_reserve,
+            asked_reserve_percent=asked_reserve,
+            processors=experiment.setup.processors,
+            _experiment=experiment.name,
+        )
+        raise UseCaseError(Outcome.NEGATIVE, [finding])
 
 
 def _work_of_others(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:
@@ -396,8 +397,9 @@ def _busy_warning(experiment: Experiment, running: Sequence[Partition]) -> Diagn
     names = tuple(partition.shown_name for partition in running)
     return findings.MEASURED_BUSY.of_host(
         experiment.host.name,
-        f"{experiment.name} was measured while these ran on {experiment.host.name}: {', '.join(names)}. "
-        "Its log says so.",
+        "{_experiment} was measured while these ran on {host}: {_names}. Its log says so.",
         "Measure it again on a quiet host with --again: then this no longer counts.",
         partitions=names,
+        _experiment=experiment.name,
+        _names=", ".join(names),
     )

@@ -22,7 +22,7 @@ from rarms_iac.measuring import findings
 from rarms_iac.measuring.duration import WallTimes
 from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.model.commands import START, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Facts
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import SimulatedHost
 from rarms_iac.model.journal import part_of_measurement
@@ -90,9 +90,9 @@ def hold_measuring_hosts(session: MeasuringSession, names: Iterable[str]) -> Ite
             locks.enter_context(host.lock(owner(), session.lock_timeout_ms))
             finish_stop_or_start(host, session.control.reporter)
             if removed := remove_test_partitions(host):
-                message = f"{name}: {' and '.join(removed)}. What the earlier run recorded is kept and used."
-                values: Facts = {"host": name, "removed": tuple(removed)}
-                finding = findings.LEFT_BEHIND.at(None, message, "Nothing.", address=f"host/{name}", values=values)
+                template = "{host}: {_names}. What the earlier run recorded is kept and used."
+                names_ = " and ".join(removed)
+                finding = findings.LEFT_BEHIND.of_host(name, template, "Nothing.", removed=removed, _names=names_)
                 session.control.reporter.findings([finding])
             held[name] = host
             settings = session.hosts.system.hosts[name].settings
@@ -127,10 +127,12 @@ def refuse_what_cannot_run(
         if obstacle := host.obstacle(subject, in_its_partition=in_its_partition):
             finding = findings.NOTHING_TO_RUN.at(
                 manifest.places.key(section, name),
-                f"{host.name} cannot run {name}: {obstacle.reason}.",
+                "{host} cannot run {name}: {reason}.",
                 obstacle.advice,
                 address=f"{section.removesuffix('s')}/{name}",
-                values={"host": host.name, "name": name, "reason": obstacle.reason},
+                host=host.name,
+                name=name,
+                reason=obstacle.reason,
             )
             raise UseCaseError(Outcome.NEGATIVE, [finding], manifest.sources)
 
@@ -150,7 +152,7 @@ def stop_own_partitions(session: MeasuringSession, host: MeasuringHost) -> None:
             [
                 findings.BUSY_HOST.of_host(
                     host.name,
-                    f"On {host.name} these run, and would change what is measured: {', '.join(names)}.",
+                    "On {host} these run, and would change what is measured: {_names}.",
                     prose(
                         "Let ",
                         command(session.command, stop_partitions=True),
@@ -161,6 +163,7 @@ def stop_own_partitions(session: MeasuringSession, host: MeasuringHost) -> None:
                         ".",
                     ),
                     partitions=names,
+                    _names=", ".join(names),
                 )
             ],
         )
@@ -227,10 +230,10 @@ def start_again(hosts: Hosts, host: MeasuringHost) -> tuple[str, ...]:
         try:
             _run(hosts, host, Purpose.START, names)
         except UseCaseError as error:
-            message = f"On {host.name} these were stopped to measure, and could not be started: {', '.join(names)}."
+            template = "On {host} these were stopped to measure, and could not be started: {_names}."
             advice = prose("Mend what keeps them from it, then start them: ", command("start", *names), ".")
-            values: Facts = {"host": host.name, "partitions": names}
-            finding = findings.STILL_STOPPED.at(None, message, advice, address=f"host/{host.name}", values=values)
+            listed = ", ".join(names)
+            finding = findings.STILL_STOPPED.of_host(host.name, template, advice, partitions=names, _names=listed)
             raise UseCaseError(error.outcome, (finding, *error.findings)) from None
     return names
 
