@@ -106,6 +106,14 @@ class MeasuringReporter:
             reason: what disturbed it, in words.
         """
 
+    def proof_samples_came(self, host: str, load: str | None, seen: Mapping[str, Series]) -> None:
+        """Some samples more were seen of a layout that is proven.
+
+        Args:
+            load: its name; None: the layout runs without one.
+            seen: by component, the series so far, of all starts.
+        """
+
     def experiment_ended(self) -> None:
         """There is nothing more to run."""
 

@@ -10,7 +10,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Literal
 
-from rarms_iac.app.control import UNATTENDED, Control, MeasuringReporter
+from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.decision_logs import record_choices
 from rarms_iac.app.hosts import Hosts, host_errors
 from rarms_iac.app.manifests import unaccepted_short_secrets
@@ -32,7 +32,7 @@ from rarms_iac.measuring.measure_request import (
     refuses_weak_loads,
     weak_answer,
 )
-from rarms_iac.measuring.on_robot import SETTINGS, ExperimentListener, ask_robot, readable_answer
+from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot, readable_answer
 from rarms_iac.measuring.partitions import host_resources
 from rarms_iac.measuring.remeasuring import end_remeasurements, remeasurements_for
 from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, starting_again
@@ -166,8 +166,7 @@ def _measure_there(
 ) -> MeasureOutcome:
     """Have the one chosen host, a robot, measure."""
     (name,) = hosts.chosen
-    reporters = {SETTINGS: (MeasuringReporter, control.reporter.settings)}
-    listener = ExperimentListener(hosts=hosts, host=name, control=control, reporters=reporters)
+    listener = ExperimentListener(hosts=hosts, host=name, control=control)
     members = dict.fromkeys(member for experiment in experiments for member in experiment.setup.members)
     loads = dict.fromkeys(experiment.setup.interference for experiment in experiments)
     answer = ask_robot(listener, "measure", request, components=members, loads=loads)

@@ -4,14 +4,14 @@ This side sends the manifest, data logs, and digests of the components' files. T
 log at once; the readers of data logs check it. `rarms_iac.robot.experiments` is the other side. Begin at `ask_robot`.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import date
 from pathlib import Path
 from typing import Any, Protocol
 
-from rarms_iac.app.control import Control
+from rarms_iac.app.control import Control, MeasuringReporter
 from rarms_iac.app.hosts import Hosts, host_errors, observe_host
 from rarms_iac.app.manifest_edits import text_of
 from rarms_iac.app.robot_measurements import add_measurements
@@ -20,7 +20,6 @@ from rarms_iac.measuring.findings import CANNOT_MEASURE
 from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import Connect
-from rarms_iac.model.series import Series
 from rarms_iac.model.state import State
 from rarms_iac.providers.interface import HostFailed
 from rarms_iac.providers.robot import LINE_LIMIT, perform_call
@@ -34,9 +33,6 @@ OTHER_FILE = Finding.error("RARMS411", "A file of a component differs on the rob
 
 REPORTS, SETTINGS, SAMPLES, TUNING = "reports", "settings", "samples", "tuning"
 """The reporters of this side, as calls name them."""
-
-SamplesSoFar = Callable[[str, str | None, Mapping[str, Series]], None]
-"""Takes the names of a host and a load, and the samples of the host's components so far."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,14 +84,6 @@ class RobotReports(Protocol):
     def measured(self, result: ExperimentResult) -> None:
         """Take the result of an experiment."""
 
-    def proving(self, host: str, load: str | None, series: Mapping[str, Series]) -> None:
-        """Take the samples of a proof so far.
-
-        Args:
-            load: the name of the load; None: there is none.
-            series: by component.
-        """
-
 
 @dataclass(slots=True, kw_only=True)
 class ExperimentListener(RobotReports):
@@ -105,7 +93,6 @@ class ExperimentListener(RobotReports):
     host: str
     control: Control
     reporters: Mapping[str, tuple[type[Any], Any]] = field(default_factory=dict)  # by target: its class and itself
-    samples: SamplesSoFar = lambda _host, _load, _series: None
     results: list[ExperimentResult] = field(default_factory=list)
     known: dict[str, bytes] = field(default_factory=dict)  # the robot's logs, as far as this side has them
     came_bytes: int = 0  # of logs, from the robot
@@ -116,6 +103,8 @@ class ExperimentListener(RobotReports):
     def on_call(self, target: str, method: str, arguments: Json) -> bool | None:
         if target == REPORTS:
             return perform_call(self, RobotReports, method, arguments)
+        if target == SETTINGS:
+            return perform_call(self.control.reporter.settings, MeasuringReporter, method, arguments)
         if target in self.reporters:
             interface, reporter = self.reporters[target]
             return perform_call(reporter, interface, method, arguments)
@@ -129,9 +118,6 @@ class ExperimentListener(RobotReports):
 
     def findings(self, diagnostics: tuple[Diagnostic, ...]) -> None:
         self.control.reporter.findings(diagnostics, self.hosts.manifest.sources)
-
-    def proving(self, host: str, load: str | None, series: Mapping[str, Series]) -> None:
-        self.samples(host, load, series)
 
     def measured(self, result: ExperimentResult) -> None:
         self.results.append(replace(result, log=(self.hosts.folder / result.log).as_posix()))

@@ -5,13 +5,14 @@ threshold was shown to be met or missed, or the budget is spent. What was not sh
 which a component was shown to be overloaded ends with that start.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from math import ceil, inf
 from typing import assert_never
 
+from rarms_iac.app.control import Control
 from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.duration import least_samples
 from rarms_iac.measuring.evidence import with_memory_kills
@@ -255,15 +256,12 @@ def prove(
     host: MeasuringHost,
     layout: AppliedLayout,
     conditions: ProofConditions,
-    should_stop: Callable[[], bool],
-    samples_came: Callable[[Mapping[str, Series]], None],
+    control: Control,
 ) -> LayoutProof | TooManyFailures | None:
     """Run everything that is applied, start after start, until each threshold is met or missed, or the budget spent.
 
     Args:
         host: Its lock is held by the caller.
-        should_stop: Asked after every sample.
-        samples_came: Told now and then what was seen so far, in all starts.
 
     Returns:
         None: an end was asked for.
@@ -271,8 +269,9 @@ def prove(
     Raises:
         HostError: the host did not do what was asked.
     """
-    proof = _Proof(host=host, layout=layout, conditions=conditions, should_stop=should_stop, samples_came=samples_came)
+    proof = _Proof(host=host, layout=layout, conditions=conditions, control=control)
     with ExitStack() as ends:
+        ends.callback(control.reporter.settings.experiment_ended)
         if load_partition := conditions.load_partition:
             ends.enter_context(running_test_partitions(host, layout.application, (load_partition.shape,)))
             set_reserves(host, layout.application, (load_partition.shape,), {P2: load_partition.reserve})
@@ -298,8 +297,7 @@ class _Proof:
     host: MeasuringHost
     layout: AppliedLayout
     conditions: ProofConditions
-    should_stop: Callable[[], bool]
-    samples_came: Callable[[Mapping[str, Series]], None]
+    control: Control
     series: Mapping[str, Series] = field(default_factory=dict)  # by component, of all starts
     starts: int = 0
     spent_ms: float = 0.0
@@ -317,9 +315,11 @@ class _Proof:
         """Add a start to the series; or why there is none."""
         left_ms = inf if _outlasts_budget(self.layout) else self.conditions.budget_ms - self.spent_ms
         most_ms = left_ms / max(1, STARTS - self.starts)
+        reporter, stop = self.control.reporter.settings, self.control.stop
 
         def is_spent(seen: Mapping[str, Series]) -> bool:
-            self.samples_came({name: self._with(name, part) for name, part in seen.items()})
+            so_far = {name: self._with(name, part) for name, part in seen.items()}
+            reporter.proof_samples_came(self.host.name, self.conditions.interference, so_far)
             return running.elapsed_ms() >= most_ms
 
         settling = Settling(
@@ -329,7 +329,7 @@ class _Proof:
         work = _work_of(self.layout, self.conditions.load, seed, least_ms=settling.least_ms / STARTS)
         until = {component.name: self._until(component) for component in self.layout.judged}
         with self.host.run(replace(work, until=until)) as running:
-            seen = watch(running, self.layout.judged, settling, is_spent, self.should_stop, limit_ms=most_ms)
+            seen = watch(running, self.layout.judged, settling, is_spent, stop.should_stop, limit_ms=most_ms)
             evidence, elapsed_ms = running.evidence(), running.elapsed_ms()
         if seen is None:
             return Stopped()

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from math import isfinite
 from typing import Literal
 
@@ -17,7 +16,7 @@ from rarms_iac.measuring import findings
 from rarms_iac.measuring.applied_layout import applied_layouts, observe_others, refuse_unapplied
 from rarms_iac.measuring.findings import proof_findings, work_of_evidence
 from rarms_iac.measuring.measure_request import USUAL_SEED
-from rarms_iac.measuring.on_robot import ExperimentListener, SamplesSoFar, ask_robot, readable_answer
+from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot, readable_answer
 from rarms_iac.measuring.partitions import MeasuringResources, host_resources
 from rarms_iac.measuring.proof import (
     STARTS,
@@ -88,7 +87,6 @@ def prove_layout(
     hosts: Hosts,
     request: ProveRequest = ProveRequest(),
     control: Control = UNATTENDED,
-    listener: SamplesSoFar = lambda _host, _load, _series: None,
 ) -> ProveOutcome:
     """Run all components together where they are applied, and judge every index beside its threshold.
 
@@ -99,7 +97,6 @@ def prove_layout(
         hosts: Those that can run components are held meanwhile.
         control: The caller's part; its reporter hears what an earlier run that was killed had left on the hosts, and
             before it begins that all idle time of the hosts is used, and how long.
-        listener: Called as samples come.
 
     Returns:
         The proofs by host name and load, the thresholds that are not shown to be met, and what could not be run.
@@ -114,7 +111,7 @@ def prove_layout(
     refuse_unknown(request.interference, hosts.system.interference, "interference")
     names = _measurable_hosts(hosts)
     if any(hosts.robot(name) for name in names):
-        return _prove_on_each(hosts, names, request, control, listener)
+        return _prove_on_each(hosts, names, request, control)
     session = MeasuringSession(
         hosts=hosts, control=control, command="prove", seed=request.seed, lock_timeout_ms=request.lock_timeout_ms
     )
@@ -122,7 +119,7 @@ def prove_layout(
         states = {name: host.observe() for name, host in holding.held_hosts.items()}
         everywhere = {**observe_others(hosts, names), **states}
         layouts = _layouts_to_prove(hosts, states, everywhere, request.samples)
-        proofs = _prove_all(holding, layouts, states, loads_to_prove(hosts.system, request), listener)
+        proofs = _prove_all(holding, layouts, states, loads_to_prove(hosts.system, request))
     if proofs is None:
         return ProveOutcome(proofs=(), findings=(), stopped=True)
     with hold_configuration_logs(hosts.folder), log_errors():
@@ -139,15 +136,13 @@ def prove_layout(
     )
 
 
-def _prove_on_each(
-    hosts: Hosts, names: Sequence[str], request: ProveRequest, control: Control, listener: SamplesSoFar
-) -> ProveOutcome:
+def _prove_on_each(hosts: Hosts, names: Sequence[str], request: ProveRequest, control: Control) -> ProveOutcome:
     """Prove host after host, those that are robots by their own rarms."""
     here = [name for name in names if hosts.robot(name) is None]
-    outcomes = [prove_layout(hosts.only(*here), request, control, listener)] if here else []
+    outcomes = [prove_layout(hosts.only(*here), request, control)] if here else []
     for name in names:
         if name not in here and not (outcomes and outcomes[-1].stopped):
-            outcomes.append(_prove_there(hosts.only(name), request, control, listener))
+            outcomes.append(_prove_there(hosts.only(name), request, control))
     proofs = sorted((proof for outcome in outcomes for proof in outcome.proofs), key=lambda proof: proof.host)
     return ProveOutcome(
         proofs=tuple(proofs),
@@ -159,10 +154,10 @@ def _prove_on_each(
     )
 
 
-def _prove_there(hosts: Hosts, request: ProveRequest, control: Control, listener: SamplesSoFar) -> ProveOutcome:
+def _prove_there(hosts: Hosts, request: ProveRequest, control: Control) -> ProveOutcome:
     """Have the one chosen host, a robot, prove its layout."""
     (name,) = hosts.chosen
-    follower = ExperimentListener(hosts=hosts, host=name, control=control, samples=listener)
+    follower = ExperimentListener(hosts=hosts, host=name, control=control)
     components = (each.name for each in hosts.system.components.values() if each.may_run_on(name))
     loads = loads_to_prove(hosts.system, request)
     answer = ask_robot(follower, "prove", request, components=components, loads=loads)
@@ -187,7 +182,6 @@ def _prove_all(
     layouts: Mapping[str, AppliedLayout],
     states: Mapping[str, State],
     loads: Sequence[str],
-    listener: SamplesSoFar,
 ) -> list[LayoutProof] | None:
     """Prove layout after layout, each beside load after load; None: an end was asked for."""
     proofs: list[LayoutProof] = []
@@ -199,7 +193,7 @@ def _prove_all(
         for number, each in enumerate(conditions):
             began = session.wall_times.clock()
             within = replace(each, budget_ms=left_ms / (len(conditions) - number))
-            proof = _prove(session, name, layout, within, listener)
+            proof = _prove(session, name, layout, within)
             if proof is None:
                 return None
             left_ms = max(0.0, left_ms - proof.host_ms)
@@ -390,13 +384,11 @@ def _work_findings(hosts: Hosts, proofs: Sequence[LayoutProof]) -> Iterator[Diag
 
 
 def _prove(
-    session: MeasuringSession, name: str, layout: AppliedLayout, conditions: ProofConditions, listener: SamplesSoFar
+    session: MeasuringSession, name: str, layout: AppliedLayout, conditions: ProofConditions
 ) -> LayoutProof | None:
     """Prove one host's layout beside one load; None where an end was asked for."""
-    stop, manifest = session.control.stop, session.hosts.manifest
-    answer = prove(
-        session.held_hosts[name], layout, conditions, stop.should_stop, partial(listener, name, conditions.interference)
-    )
+    manifest = session.hosts.manifest
+    answer = prove(session.held_hosts[name], layout, conditions, session.control)
     if isinstance(answer, TooManyFailures):
         finding = findings.failed_samples(answer, "in the layout", manifest.places)
         raise UseCaseError(Outcome.NEGATIVE, [finding], manifest.sources)

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
-from rarms_iac.app.control import UNATTENDED, Control, MeasuringReporter
+from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.decision_logs import record_tuning
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.manifest_edits import FileEdit, edit_partitions, emptied_partitions, text_of, write_edits
@@ -14,7 +14,7 @@ from rarms_iac.app.options import busy_host_option, flag, lock_timeout_option, o
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.measuring.findings import MORE_MEMORY
 from rarms_iac.measuring.measure import record_reservations
-from rarms_iac.measuring.on_robot import SETTINGS, TUNING, ExperimentListener, ask_robot, readable_answer
+from rarms_iac.measuring.on_robot import TUNING, ExperimentListener, ask_robot, readable_answer
 from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, starting_again, stopped_to_measure
 from rarms_iac.measuring.tuning_search import TuningConclusion, search_combinations
 from rarms_iac.measuring.tuning_subject import (
@@ -185,7 +185,7 @@ class TunedThere:
 def _tune_there(hosts: Hosts, host: str, request: TuneRequest, control: Control, prompt: TuningPrompt) -> TuningResult:
     """Have a robot tune, and write into the manifest here what it wrote there."""
     before = {file: text_of(file) for file in hosts.manifest.sources}
-    reporters = {SETTINGS: (MeasuringReporter, control.reporter.settings), TUNING: (TuningCalls, TuningCalls(prompt))}
+    reporters = {TUNING: (TuningCalls, TuningCalls(prompt))}
     listener = ExperimentListener(hosts=hosts, host=host, control=control, reporters=reporters)
     system = hosts.system
     answer = ask_robot(listener, "tune", request, components=system.components, loads=system.interference)

@@ -119,6 +119,7 @@ class _Workspace:
         """Send the reports of settings, the new records of logs after each setting, and at intervals the samples."""
         settings: Any = self.caller.sends(MeasuringReporter, SETTINGS) if self.caller.listens else MeasuringReporter()
         settings.samples_came = now_and_then(settings.samples_came)
+        settings.proof_samples_came = now_and_then(settings.proof_samples_came)
         ended = settings.setting_ended
 
         def setting_ended(*arguments: object) -> None:
@@ -205,8 +206,7 @@ def tune(host: Host, job: Json, caller: Caller) -> Json:
 def prove(host: Host, job: Json, caller: Caller) -> Json:
     """Prove the applied layout."""
     with _workspace(host, job, caller) as (workspace, hosts, asked):
-        listener = now_and_then(workspace.reports.proving) if caller.listens else lambda *_: None
-        outcome = prove_layout(hosts, decode(ProveRequest, asked), workspace.control, listener)
+        outcome = prove_layout(hosts, decode(ProveRequest, asked), workspace.control)
         workspace.send_logs()
         return encode(replace(outcome, findings=workspace.named(outcome.findings)))
 

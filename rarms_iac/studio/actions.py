@@ -41,7 +41,7 @@ from rarms_iac.model.wording import in_a_row, quoted
 from rarms_iac.providers.interface import WaitLimits
 from rarms_iac.studio.work import Ending, Transcript
 from rarms_iac.views.measure import summary_text
-from rarms_iac.views.prove import ProofProgress, proof_text
+from rarms_iac.views.prove import proof_text
 from rarms_iac.views.run import run_text, undo_text
 from rarms_iac.views.tune import TuningProgress, manifest_changes, tuned_text
 
@@ -203,8 +203,7 @@ class ProveAction(Action):
             )
         hosts = workspace.hosts()
         request = ProveRequest(load_host=self.load_host, without_load=self.without_load)
-        with ProofProgress(transcript) as progress:
-            outcome = prove_layout(hosts, request, Control(reporter=transcript, stop=stop), progress)
+        outcome = prove_layout(hosts, request, Control(reporter=transcript, stop=stop))
         if outcome.stopped:
             transcript.message("Stopped. Of a proof that is stopped nothing is recorded.")
             return "stopped"

@@ -27,7 +27,7 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.quantities import ReservePercent, guaranteed, share_of_processors, show_duration, show_processors
 from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.setting import Setting
-from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.model.wording import counted, in_a_row, natural_order
 from rarms_iac.statistics.error_probability import describe_errors, describe_extreme
 from rarms_iac.statistics.verdicts import until_share
 from rarms_iac.views.console import LiveRows, Table, paragraph, show_seconds, stack
@@ -283,6 +283,13 @@ class MeasuringProgress(MeasuringReporter):
         took, self._began = now - self._began, now
         adds = f" This adds about {show_seconds(took)}." if took >= 1 else ""
         self._say(paragraph(f"{subject} is measured again, because it was disturbed: {reason}.{adds}"))
+
+    def proof_samples_came(self, host: str, load: str | None, seen: Mapping[str, Series]) -> None:
+        """Show how many samples there are of each component."""
+        if self._live is not None:
+            named = sorted(seen.items(), key=lambda each: natural_order(each[0]))
+            samples = ", ".join(f"{name} {len(series.samples)}" for name, series in named)
+            self._live.show((f"{host} beside {load or 'no load'}", f"samples of {samples}"))
 
     def experiment_ended(self) -> None:
         """Leave no half line behind; what came of it stands in the summary."""

@@ -1,7 +1,7 @@
 """`rarms prove`: every index of the applied layout beside its threshold, with the verdict on it."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import ComponentProof
@@ -9,13 +9,13 @@ from rarms_iac.measuring.proof import IndexVerdict, LayoutProof
 from rarms_iac.model.indexes import PerformanceIndex, index_named, show_bound, show_value
 from rarms_iac.model.outcomes import VerdictWord, verdict_word
 from rarms_iac.model.quantities import show_processors
-from rarms_iac.model.series import Series, SkippedLines
+from rarms_iac.model.series import SkippedLines
 from rarms_iac.model.setting import join_skipped
 from rarms_iac.model.system import Component, run_of
 from rarms_iac.model.wording import counted, in_a_row, natural_order
 from rarms_iac.running.reading import describe_skipped
 from rarms_iac.statistics.error_probability import describe_errors
-from rarms_iac.views.console import LiveRows, Table, paragraph, stack
+from rarms_iac.views.console import Table, paragraph, stack
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -121,33 +121,3 @@ def _sureness(proofs: Sequence[LayoutProof]) -> str:
     sure = any(each.error is not None and not index.is_extreme for each, index in verdicts)
     so_far = any(index.is_extreme and verdict_word(each.verdict) == "met" for each, index in verdicts)
     return describe_errors(sure=sure, so_far=so_far)
-
-
-def sample_counts(host: str, load: str | None, seen: Mapping[str, Series]) -> tuple[str, str]:
-    """A row of progress: the host and the load, and how many samples there are of each component."""
-    named = sorted(seen.items(), key=lambda each: natural_order(each[0]))
-    samples = ", ".join(f"{name} {len(series.samples)}" for name, series in named)
-    return f"{host} beside {load or 'no load'}", f"samples of {samples}"
-
-
-class ProofProgress:
-    """Shows how far the components of a host are, while they are run all together; used in a `with`.
-
-    Args:
-        live: the table that is updated in place; None: there is no terminal, and nothing is shown.
-    """
-
-    def __init__(self, live: LiveRows | None) -> None:
-        self._live = live
-
-    def __enter__(self) -> "ProofProgress":
-        return self
-
-    def __exit__(self, *_error: object) -> None:
-        if self._live is not None:
-            self._live.hide()
-
-    def __call__(self, host: str, load: str | None, series: Mapping[str, Series]) -> None:
-        """Show it in place."""
-        if self._live is not None:
-            self._live.show(sample_counts(host, load, series))

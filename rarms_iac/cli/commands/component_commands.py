@@ -19,7 +19,7 @@ from rarms_iac.measuring.run_component import RunRequest, become_component, run_
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.views.component_run import FailureReporter, LiveSampleReporter
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.prove import ProofProgress, proof_text
+from rarms_iac.views.prove import proof_text
 from rarms_iac.views.select import selection_text
 
 
@@ -62,9 +62,8 @@ def prove_command(
 
 def prove_and_show(session: Session, hosts: Hosts, request: ProveRequest) -> ExitCode:
     """Prove what is applied, and show it; also at the end of `rarms apply --prove`."""
-    with ProofProgress(session.terminal.live_table()) as progress:
-        control = Control(reporter=TerminalReporter(session), stop=session.interrupts)
-        outcome = prove_layout(hosts, request, control, progress)
+    control = Control(reporter=TerminalReporter(session), stop=session.interrupts)
+    outcome = prove_layout(hosts, request, control)
     if outcome.stopped:
         session.terminal.tell("Stopped: nothing is proven, and nothing was changed.")
         return session.interrupts.exit_code or ExitCode.INTERRUPTED
