@@ -105,7 +105,7 @@ class TerminalTuningPrompt(TuningProgress):
         self._asks = asks
         self._answers: dict[Members, bool] = {}
 
-    def allows(self, members: Members, *, settings: int, gain: int) -> bool:
+    def allows(self, members: Members, settings: int, gain: int) -> bool:
         """Ask; an empty answer, or the input's end, is no, and what is neither yes nor no is asked anew."""
         if self._asks and members not in self._answers:
             question = questions.combination_question(members, settings, gain)

@@ -33,17 +33,7 @@ from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import in_a_row, list_names
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.combining.candidates import candidates_of
-from rarms_iac.planner.combining.oracle import (
-    WHOLE,
-    Always,
-    Answer,
-    Coi,
-    Consent,
-    Members,
-    PlannerReporter,
-    SilentReporter,
-    total,
-)
+from rarms_iac.planner.combining.oracle import WHOLE, Always, Coi, Consent, PlannerReporter, SilentReporter, total
 from rarms_iac.planner.combining.paper import SUCCESSFUL, UNABLE, Inquiry
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.layout import describe_ways_out, plan_layout, relaxed_levels
@@ -147,33 +137,6 @@ def tune_components(
     return tune_here(hosts, request, control, prompt)
 
 
-@dataclass(frozen=True, slots=True)
-class TuningCalls:
-    """A `TuningPrompt` as its calls travel from a robot."""
-
-    prompt: TuningPrompt = UNATTENDED_TUNING
-
-    def allows(self, members: Members, settings: int, gain: int) -> bool:
-        """Ask as `TuningPrompt` does."""
-        return self.prompt.allows(members, settings=settings, gain=gain)
-
-    def setting_answered(self, answer: Answer) -> None:
-        """Report as `TuningPrompt` does."""
-        self.prompt.setting_answered(answer)
-
-    def declined(self, members: Members) -> None:
-        """Report as `TuningPrompt` does."""
-        self.prompt.declined(members)
-
-    def combined(self, compound: Coi, before: int) -> None:
-        """Report as `TuningPrompt` does."""
-        self.prompt.combined(compound, before)
-
-    def confirms(self, found: TuningResult) -> bool:
-        """Ask as `TuningPrompt` does."""
-        return self.prompt.confirms(found)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TunedThere:
     """The answer of a robot that tuned."""
@@ -185,7 +148,7 @@ class TunedThere:
 def _tune_there(hosts: Hosts, host: str, request: TuneRequest, control: Control, prompt: TuningPrompt) -> TuningResult:
     """Have a robot tune, and write into the manifest here what it wrote there."""
     before = {file: text_of(file) for file in hosts.manifest.sources}
-    reporters = {TUNING: (TuningCalls, TuningCalls(prompt))}
+    reporters = {TUNING: (TuningPrompt, prompt)}
     listener = ExperimentListener(hosts=hosts, host=host, control=control, reporters=reporters)
     system = hosts.system
     answer = ask_robot(listener, "tune", request, components=system.components, loads=system.interference)

@@ -401,7 +401,8 @@ def perform_call(reporter: Any, interface: type[Any], method: str, arguments: Js
 
 
 def _methods_of(interface: type[Any]) -> tuple[str, ...]:
-    return tuple(name for name, each in vars(interface).items() if callable(each) and not name.startswith("_"))
+    own = dict.fromkeys(name for each in interface.__mro__ for name in vars(each) if not name.startswith("_"))
+    return tuple(name for name in own if callable(getattr(interface, name)))
 
 
 def _is_question(interface: type[Any], method: str) -> bool:

@@ -34,12 +34,11 @@ from rarms_iac.measuring.on_robot import (
 )
 from rarms_iac.measuring.prove import ProveRequest, prove_layout
 from rarms_iac.measuring.run_component import RunRequest, SampleReporter, run_components
-from rarms_iac.measuring.tune import UNATTENDED_TUNING, TunedThere, TuneRequest, TuningCalls, TuningResult, tune_here
+from rarms_iac.measuring.tune import UNATTENDED_TUNING, TunedThere, TuneRequest, TuningPrompt, tune_here
 from rarms_iac.model.diagnostics import Diagnostic, Place, Sources
 from rarms_iac.model.host import Host
 from rarms_iac.model.journal import Journal
 from rarms_iac.model.state import State
-from rarms_iac.planner.combining.oracle import Answer, Coi, Members
 from rarms_iac.providers.interface import HostFailed, RobotListener
 from rarms_iac.robot.caller import Caller
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
@@ -130,6 +129,15 @@ class _Workspace:
         reporter: MeasuringReporter = settings
         return reporter
 
+    @property
+    def tuning_prompt(self) -> TuningPrompt:
+        """The other side's, to which findings name the manifest's files as it does."""
+        calls: Any = self.caller.sends(TuningPrompt, TUNING)
+        confirms = calls.confirms
+        calls.confirms = lambda found: confirms(replace(found, findings=self.named(found.findings)))
+        prompt: TuningPrompt = calls
+        return prompt
+
     def _consents(self, host: str, partitions: tuple[str, ...]) -> bool:
         if not self.caller.listens:
             return self.job.may_stop
@@ -169,33 +177,10 @@ def measure(host: Host, job: Json, caller: Caller) -> Json:
         return encode(replace(outcome, experiments=(), findings=workspace.named(outcome.findings)))
 
 
-@dataclass(frozen=True, slots=True)
-class _Tuning:
-    """A `TuningPrompt` that asks the other side."""
-
-    workspace: _Workspace
-    calls: TuningCalls
-
-    def allows(self, members: Members, *, settings: int, gain: int) -> bool:
-        return self.calls.allows(members, settings, gain)
-
-    def setting_answered(self, answer: Answer) -> None:
-        self.calls.setting_answered(answer)
-
-    def declined(self, members: Members) -> None:
-        self.calls.declined(members)
-
-    def combined(self, compound: Coi, before: int) -> None:
-        self.calls.combined(compound, before)
-
-    def confirms(self, found: TuningResult) -> bool:
-        return self.calls.confirms(replace(found, findings=self.workspace.named(found.findings)))
-
-
 def tune(host: Host, job: Json, caller: Caller) -> Json:
     """Combine components; what changes in the manifest is changed in its copy here, and goes to the other side."""
     with _workspace(host, job, caller) as (workspace, hosts, asked):
-        prompt = _Tuning(workspace, caller.sends(TuningCalls, TUNING)) if caller.listens else UNATTENDED_TUNING
+        prompt = workspace.tuning_prompt if caller.listens else UNATTENDED_TUNING
         result = tune_here(hosts, decode(TuneRequest, asked), workspace.control, prompt)
         workspace.send_logs()
         texts = {workspace.files[file]: text_of(file) for file in result.files}

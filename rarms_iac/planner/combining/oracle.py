@@ -155,7 +155,7 @@ class PerformanceOracle(Protocol):
 class Consent(Protocol):
     """Answer before a combination is measured for the first time."""
 
-    def allows(self, members: Members, *, settings: int, gain: int) -> bool:
+    def allows(self, members: Members, settings: int, gain: int) -> bool:
         """Tell whether the combination may be tried.
 
         Args:
@@ -210,7 +210,7 @@ class SilentReporter:
 class Always:
     """Consents to everything."""
 
-    def allows(self, members: Members, *, settings: int, gain: int) -> bool:  # noqa: ARG002 - the protocol's
+    def allows(self, members: Members, settings: int, gain: int) -> bool:  # noqa: ARG002 - the protocol's
         """Say yes, to every combination."""
         return True
 

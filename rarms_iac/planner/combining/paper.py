@@ -171,7 +171,7 @@ def _tried(least: Coi, next_to_last: Coi, inquiry: Inquiry, trail: list[Answer])
     members, processors = union(*pair), processors_of(pair)
     together = min(WHOLE, -(-total(pair) // processors))  # no partition can reserve more than all of it
     gain = total(pair) - max(coi.cost for coi in pair)
-    allowed = inquiry.may_share(members) and inquiry.consent.allows(members, settings=1 + WHOLE // STEP, gain=gain)
+    allowed = inquiry.may_share(members) and inquiry.consent.allows(members, 1 + WHOLE // STEP, gain)
     if not allowed:
         inquiry.reporter.declined(members)
         return None

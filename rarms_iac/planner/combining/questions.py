@@ -266,7 +266,7 @@ def _consent(tuning: Tuning, inquiry: Inquiry, members: Members) -> bool:
     candidate = next(each for each in tuning.candidates.by_mask.values() if each.coi.members == members)
     parts = total(tuning.candidates.members(candidate.mask))
     settings = (candidate.highest - candidate.low + 1).bit_length()
-    return inquiry.consent.allows(members, settings=settings, gain=parts - candidate.coi.cost)
+    return inquiry.consent.allows(members, settings, parts - candidate.coi.cost)
 
 
 def _without(tuning: Tuning, members: Members) -> Tuning:

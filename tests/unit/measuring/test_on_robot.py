@@ -60,7 +60,7 @@ class Asked(UnattendedTuning):
     def __init__(self) -> None:
         self.combinations: list[tuple[Members, int, int]] = []
 
-    def allows(self, members: Members, *, settings: int, gain: int) -> bool:
+    def allows(self, members: Members, settings: int, gain: int) -> bool:
         self.combinations.append((members, settings, gain))
         return True
 

@@ -29,7 +29,7 @@ class Answers:
     no: frozenset[Members] = frozenset()
     seen: list[tuple[Members, int, int]] = field(default_factory=list)
 
-    def allows(self, members: Members, *, settings: int, gain: int) -> bool:
+    def allows(self, members: Members, settings: int, gain: int) -> bool:
         self.seen.append((members, settings, gain))
         return members not in self.no
 

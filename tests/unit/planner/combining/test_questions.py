@@ -38,7 +38,7 @@ class No:
 
     to: frozenset[Members]
 
-    def allows(self, members: Members, *, settings: int, gain: int) -> bool:
+    def allows(self, members: Members, settings: int, gain: int) -> bool:
         return members not in self.to
 
 
