@@ -49,9 +49,9 @@ def settings_to_run(
 
 
 def with_part_of_budget(experiment: Experiment, window_ms: float) -> Experiment:
-    """Return the experiment with its load's part of what a setting may take beside all loads that share it.
+    """Return the experiment with its load's part of what a setting may take with all loads that share it.
 
-    A load may take what those before it left, but for the least that a setting takes beside those after it. A budget
+    A load may take what those before it left, but for the least that a setting takes with those after it. A budget
     that is no longer than the least of all has parts in proportion to these.
 
     Args:
@@ -204,7 +204,7 @@ class WallTimes:
         """Return the times, in seconds, that tell how long a setting of an experiment will take.
 
         Returns:
-            Those of the same components on the same host, beside any load. Where there are none: for a simulated host
+            Those of the same components on the same host, with any load. Where there are none: for a simulated host
             those of other components there, then those on all simulated hosts, since it is this machine that is waited
             for; for others nothing, as each component has its own pace.
         """

@@ -1,4 +1,4 @@
-"""Whether a setting was what it says: what the host counted beside what was asked of it. Pure.
+"""Whether a setting was what it says: what the host counted against what was asked of it. Pure.
 
 P2 is to take all that it reserves; where neither it nor P1 had that time, something else had the processors, and P1 may
 have had less than CR. What P1 got of it, because threads that wake up get theirs at once, is the mechanism's own
@@ -79,7 +79,7 @@ def leaves_idle(evidence: SettingEvidence | None, shared: Fraction) -> bool:
 
 
 def is_weak(load: Interference, setting: Setting, host: Host) -> bool:
-    """Tell whether what was measured beside a load rests on one that leaves to P1 what others would take.
+    """Tell whether what was measured with a load rests on one that leaves to P1 what others would take.
 
     Returns:
         Whether it cannot take all that P2 reserves, or never sleeps by design and was seen to leave some of it idle.

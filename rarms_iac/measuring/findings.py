@@ -166,7 +166,7 @@ def show_index(measured: MeasuredIndex, *, helps: bool = True) -> str:
 
 
 def index_facts(measured: MeasuredIndex) -> Facts:
-    """The numbers of an index beside its threshold, in its own unit.
+    """The numbers of an index against its threshold, in its own unit.
 
     Args:
         measured: with or without an estimate.
@@ -292,7 +292,7 @@ def _how_to_show(end: NotResolved, highest: Setting | None, experiment: Experime
 
 
 def _setting_budget(time_ms: float, experiment: Experiment) -> str:
-    """What to write so that a setting may take so long beside each of the loads that share its budget."""
+    """What to write so that a setting may take so long with each of the loads that share its budget."""
     minutes = ceil(len(experiment.loads) * time_ms / 60_000)
     return f"`policy: {{ measuring: {{ setting: {minutes} min }} }}`"
 

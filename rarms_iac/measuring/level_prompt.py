@@ -116,7 +116,7 @@ def ask_levels(further: Further, result: ExperimentResult, prompt: LevelPrompt) 
         SessionEnded: an end was asked for.
 
     Returns:
-        The result beside the thresholds that the manifest has then; what was searched for others is left out.
+        The result with the thresholds that the manifest has then; what was searched for others is left out.
     """
     hosts = further.session.hosts
     source, names = hosts.manifest.source, result.experiment.setup.members

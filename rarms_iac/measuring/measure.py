@@ -266,7 +266,7 @@ def record_reservations(hosts: Hosts) -> None:
     """Write the reservations that follow from the data logs now into the configuration logs.
 
     Args:
-        hosts: those of the manifest, which is read anew.
+        hosts: those of the manifest, which is read again.
 
     Raises:
         UseCaseError: One of them is damaged (negative), or held by another run (refused).

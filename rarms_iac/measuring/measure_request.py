@@ -97,7 +97,7 @@ class ExperimentResult:
     planned: int | None  # what a plan reserves by the curve
     log: str  # path
     so_far: int | None = None  # what the loads before this one asked for, in per cent; None: it is the first
-    of_loads: Internal[int] = 1  # beside how many loads it was to be measured
+    of_loads: Internal[int] = 1  # with how many loads it was to be measured
     is_weak: bool = False  # no answer: its loads left processors idle, and that was not wanted
 
     @output
@@ -250,7 +250,7 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
 
 
 def refuses_weak_loads(request: MeasureRequest) -> bool:
-    """Tell whether what is measured beside weak loads is no answer; a sweep and the paper's procedure take it."""
+    """Tell whether what is measured with weak loads is no answer; a sweep and the paper's procedure take it."""
     return isinstance(method_of(request), Search) and request.strategy != PAPER and not request.weak_load
 
 
@@ -297,7 +297,7 @@ def weak_answer(
 
 
 def loads_for(system: System, members: tuple[str, ...], strategy: str) -> tuple[str, ...]:
-    """List the loads beside which components are measured together.
+    """List the loads with which components are measured together.
 
     Args:
         strategy: The paper knows one load at a time: of several, the busy loop.

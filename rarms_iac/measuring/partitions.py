@@ -83,7 +83,7 @@ def host_resources(host: Host, state: State, application: str) -> MeasuringResou
 
 
 def other_running_partitions(state: State) -> tuple[Partition, ...]:
-    """List what would run beside P1 and P2 and change what is measured, by name: every partition that is not off.
+    """List what would run with P1 and P2 and change what is measured, by name: every partition that is not off.
 
     Returns:
         Partitions of anybody, ordered by name.
@@ -93,7 +93,7 @@ def other_running_partitions(state: State) -> tuple[Partition, ...]:
 
 
 def memory_for_load(resources: MeasuringResources, setup: EnvironmentSetup) -> int:
-    """Say how many bytes P2 gets beside P1: the usual, or what is left where that is less.
+    """Say how many bytes P2 gets next to P1: the usual, or what is left where that is less.
 
     Args:
         setup: of P1, whose memory is taken.
@@ -108,7 +108,7 @@ def free_memory(resources: MeasuringResources, taken: int = 0) -> int:
     """Say how many bytes there are for a P2: the usual, or what is left where that is less; whole MiB.
 
     Args:
-        taken: bytes that are promised beside its claims.
+        taken: bytes that are promised in addition to its claims.
 
     Returns:
         Bytes; negative where more is promised than there is.
@@ -150,7 +150,7 @@ def load_share(resources: MeasuringResources, setup: EnvironmentSetup, reserve: 
 
 
 def free_reserve(resources: MeasuringResources, memory: int) -> ReservePercent:
-    """Say what a P2 alone can reserve of what partitions can use together, beside what is promised already.
+    """Say what a P2 alone can reserve of what partitions can use together, in addition to what is promised already.
 
     Returns:
         Whole per cent of each of its processors, one for each logical processor; 0 where nothing is left.

@@ -18,7 +18,7 @@ from rarms_iac.statistics.verdicts import judge_look
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredIndex:
-    """One index of a component beside its threshold."""
+    """One index of a component against its threshold."""
 
     component: str
     index: str

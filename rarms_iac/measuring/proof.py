@@ -1,6 +1,6 @@
-"""Runs all components together in the layout that is applied, and judges every index beside its threshold.
+"""Runs all components together in the layout that is applied, and judges every index against its threshold.
 
-They begin anew at least `STARTS` times, since periodic ones keep the phase in which they began, and go on until every
+They begin again at least `STARTS` times, since periodic ones keep the phase in which they began, and go on until every
 threshold was shown to be met or missed, or the budget is spent. What was not shown until then is not met. A layout in
 which a component was shown to be overloaded ends with that start.
 """
@@ -54,7 +54,7 @@ from rarms_iac.statistics.samples import response_times, starts_differ
 from rarms_iac.statistics.verdicts import judge_early, judge_look, samples_to_clear
 
 STARTS = 8
-"""So often the components of a layout begin anew at least."""
+"""So often the components of a layout begin again at least."""
 
 NOT_GIVEN_UP = 1e-3
 """The part that counts as done where nothing is to end for what the rest would hardly show (`judge_early`)."""
@@ -115,7 +115,7 @@ class AppliedLayout:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IndexVerdict:
-    """One index of a component in the layout: what was seen beside its threshold, and the verdict on it."""
+    """One index of a component in the layout: what was seen against its threshold, and the verdict on it."""
 
     measured: MeasuredIndex  # its bounds are the verdict's: wrong, on either side, with the verdict's error
     verdict: Verdict
@@ -134,14 +134,14 @@ class IndexVerdict:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayoutProof:
-    """What a layout showed beside a load, or without one."""
+    """What a layout showed with a load, or without one."""
 
     host: str
-    interference: str | None  # the load beside it; None: there was none
+    interference: str | None  # the load that ran with it; None: there was none
     layout: Internal[AppliedLayout]
     series: Internal[Mapping[str, Series]]  # by component, of those with thresholds
     verdicts: tuple[IndexVerdict, ...]  # every index of every threshold, components by name
-    starts: int  # how often its components began anew
+    starts: int  # how often its components began again
     evidence: Internal[tuple[SettingEvidence, ...]] = ()  # of each start, where the host counts something
     host_ms: Internal[float] = 0.0  # what it took of the host's time
     wall_seconds: Internal[float] = 0.0  # what it took its user
@@ -186,7 +186,7 @@ def with_samples(layout: AppliedLayout, samples: int | None) -> AppliedLayout:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadPartition:
-    """P2 beside a layout: a load with all that the host has left, so that what is reserved stays reserved."""
+    """P2 next to a layout: a load with all that the host has left, so that what is reserved stays reserved."""
 
     load: Interference
     shape: PartitionShape
@@ -194,7 +194,7 @@ class LoadPartition:
 
 
 def load_partition(load: Interference, resources: MeasuringResources) -> LoadPartition | None:
-    """Make a partition for a load beside what runs.
+    """Make a partition for a load next to what runs.
 
     Args:
         resources: of the host, with all that runs.
@@ -217,7 +217,7 @@ class ProofConditions:
     interference: str | None  # its name
     seed: int  # of chance, where the host draws it
     budget_ms: float  # of the host's time, in which a start may begin
-    statements: int = 1  # thresholds, times the loads beside which they are proven: one that is missed shares the error
+    statements: int = 1  # thresholds, times the loads with which they are proven: one that is missed shares the error
 
     @property
     def load(self) -> Interference | None:
@@ -226,7 +226,7 @@ class ProofConditions:
 
 
 def least_duration_ms(layout: AppliedLayout, scheduler_window_ms: float, budget_ms: float) -> float:
-    """Work out how long a layout runs beside a load at least.
+    """Work out how long a layout runs with a load at least.
 
     Args:
         scheduler_window_ms: the longest window of the host's scheduler.
@@ -438,7 +438,7 @@ def judge_layout(
 
     Args:
         seen: the series of each component with thresholds, by name.
-        statements: thresholds, times the loads beside which they are judged; None: beside one.
+        statements: thresholds, times the loads with which they are judged; None: with one.
 
     Returns:
         A verdict for each index, components by name.

@@ -79,7 +79,7 @@ class ProveOutcome:
 
     @output
     def met(self) -> bool:
-        """Whether each index was shown to meet its threshold beside each load, by a proof that ended."""
+        """Whether each index was shown to meet its threshold with each load, by a proof that ended."""
         return bool(self.proofs) and not self.stopped and not any(proof.not_met for proof in self.proofs)
 
 
@@ -88,9 +88,9 @@ def prove_layout(
     request: ProveRequest = ProveRequest(),
     control: Control = UNATTENDED,
 ) -> ProveOutcome:
-    """Run all components together where they are applied, and judge every index beside its threshold.
+    """Run all components together where they are applied, and judge every index against its threshold.
 
-    They run beside the loads of the policy, one after the other. What they show is written into the configuration logs,
+    They run with the loads of the policy, one after the other. What they show is written into the configuration logs,
     with any result.
 
     Args:
@@ -183,7 +183,7 @@ def _prove_all(
     states: Mapping[str, State],
     loads: Sequence[str],
 ) -> list[LayoutProof] | None:
-    """Prove layout after layout, each beside load after load; None: an end was asked for."""
+    """Prove layout after layout, each with load after load; None: an end was asked for."""
     proofs: list[LayoutProof] = []
     thresholds = sum(len(component.apt) for layout in layouts.values() for component in layout.judged)
     for name, layout in layouts.items():
@@ -202,13 +202,13 @@ def _prove_all(
 
 
 def loads_to_prove(system: System, request: ProveRequest) -> tuple[str, ...]:
-    """Name the loads beside which a layout is proven, one after the other.
+    """Name the loads with which a layout is proven, one after the other.
 
     Args:
         request: may name others, or none.
 
     Returns:
-        Names of `interference`; empty: it is proven beside no load.
+        Names of `interference`; empty: it is proven without a load.
     """
     if request.without_load:
         return ()
@@ -257,7 +257,7 @@ def _recorded(hosts: Hosts, host: str, layout: AppliedLayout) -> tuple[Entry, ..
 
 
 def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]) -> None:
-    """Write every PI beside its APT into the configuration logs, with any result."""
+    """Write every PI against its APT into the configuration logs, with any result."""
     for proof in proofs:
         application = proof.layout.application
         reserves = {
@@ -386,7 +386,7 @@ def _work_findings(hosts: Hosts, proofs: Sequence[LayoutProof]) -> Iterator[Diag
 def _prove(
     session: MeasuringSession, name: str, layout: AppliedLayout, conditions: ProofConditions
 ) -> LayoutProof | None:
-    """Prove one host's layout beside one load; None where an end was asked for."""
+    """Prove one host's layout with one load; None where an end was asked for."""
     manifest = session.hosts.manifest
     answer = prove(session.held_hosts[name], layout, conditions, session.control)
     if isinstance(answer, TooManyFailures):

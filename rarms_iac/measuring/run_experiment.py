@@ -55,7 +55,7 @@ class Availability:
     """What an experiment can get of its host, and what is in the way there."""
 
     resources: MeasuringResources
-    running: tuple[Partition, ...]  # they run beside the experiment, and rarms does not stop them
+    running: tuple[Partition, ...]  # they run during the experiment, and rarms does not stop them
     highest_reserve: ReservePercent  # the highest CR that the host can give
 
 
@@ -274,7 +274,7 @@ def _refuse_other_hardware(session: MeasuringSession, experiment: Experiment, lo
 
 
 def available_on_host(session: MeasuringSession, experiment: Experiment) -> Availability:
-    """Look at the host; partitions of the application are stopped, unless it is to be measured beside them."""
+    """Look at the host; partitions of the application are stopped, unless it is to be measured with them."""
     observed = session.host_of(experiment).observe()
     state = observed if session.on_busy_host else stopped_to_measure(observed, experiment.application)
     resources = host_resources(experiment.host, state, experiment.application)

@@ -1,6 +1,6 @@
 """The samples of work that runs: from when its host has settled until there are enough, or no more.
 
-Beside a load that never pauses: the host settles, a first start of the load counts, the load begins anew, some windows
+With a load that never pauses: the host settles, a first start of the load counts, the load begins again, some windows
 of the scheduler are left out, the next start counts, and so on; at the looks of `next_look` it is asked whether this is
 enough.
 
@@ -31,7 +31,7 @@ PATIENCE_FACTOR = 20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contender:
-    """Components that share a partition, beside a load that wants all the processor time that is not reserved."""
+    """Components that share a partition, with a load that wants all the processor time that is not reserved."""
 
     components: tuple[str, ...]
     processors: float  # LPs that their partition reserves, all of its VPs together
@@ -159,7 +159,7 @@ def watch(
             `is_enough`, and again each time the limit has grown by a tenth.
         needs_starts: Whether the load must have begun `least_starts` times before `is_enough` is asked; asked from the
             first look on, until the load has. False: the samples are no point of a curve. None: the load is never
-            begun anew.
+            begun again.
 
     Returns:
         The series by component; `TooManyFailures`: a component's jobs failed more often than its manifest allows; None:
@@ -204,7 +204,7 @@ def watch(
 
 @dataclass(slots=True, kw_only=True)
 class _Seen:
-    """What was seen of each component since its host had settled, but for when a load had just begun anew."""
+    """What was seen of each component since its host had settled, but for when a load had just begun again."""
 
     running: RunningWork
     names: Sequence[str]

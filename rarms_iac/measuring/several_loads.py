@@ -1,4 +1,4 @@
-"""Components beside several loads, one after the other: each further load confirms the answer so far, or raises it."""
+"""Components with several loads, one after the other: each further load confirms the answer so far, or raises it."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -87,7 +87,7 @@ def with_result(
 
 
 def _after(results: Sequence[ExperimentResult], experiment: Experiment) -> Experiment:
-    """With the time that settings took beside the loads before, which share their budget with it."""
+    """With the time that settings took with the loads before, which share their budget with it."""
     spent_ms: defaultdict[ReservePercent, float] = defaultdict(float)
     for setting in (setting for result in results for setting in result.settings):
         spent_ms[setting.reserve] += setting.host_ms

@@ -131,7 +131,7 @@ class Checking:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Confirming:
-    """Shows that what other loads ask for is enough beside this one, too, or else searches the least that is."""
+    """Shows that what other loads ask for is enough with this one, too, or else searches the least that is."""
 
     goal: Goal
     floor: int  # in per cent

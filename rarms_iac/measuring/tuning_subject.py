@@ -124,7 +124,7 @@ class TuningSubject:
         )
 
     def packing_of(self, layout: Sequence[Coi]) -> Packing | NoPacking:
-        """Place these components on the hosts, beside what is not tuned.
+        """Place these components on the hosts, next to what is not tuned.
 
         Args:
             layout: CoIs that hold each tuned component once.
