@@ -1,8 +1,9 @@
 """Situations of a Hyper-V host as plain files: `rarms.yaml`, `host.json` as observe.ps1 printed it, and what follows.
 
 `COMMAND` is what is asked (`plan`, `destroy`, ...), `plan.txt` what rarms shows, `findings.txt` what it says beside it,
-and `*.ps1` are the scripts. `python -m tests.cases.situations` writes the last three anew; read the difference before
-it is committed. The scripts hold the digests of their module: a change of it changes all of them.
+and `*.ps1` are the scripts of the ten situations in `WITH_SCRIPTS`. `python -m tests.cases.situations` writes the last
+three; read the difference before you commit it. The scripts hold the digests of their module: a change of it changes
+all of them.
 """
 
 import contextlib
@@ -33,6 +34,21 @@ from tests.unit.cli.running import rarms
 CASES = Path(__file__).parent
 TODAY = date(2026, 11, 21)
 INPUTS = ("rarms.yaml", "host.json")
+WITH_SCRIPTS = frozenset(
+    {
+        "adopt",
+        "create-with-image-and-switch",
+        "destroy-with-disks",
+        "hostile-names",
+        "memory-live",
+        "processors-with-a-stop",
+        "rename",
+        "reserves-swap",
+        "task-class-in-a-guest",
+        "task-class-replaces-a-shipped-one",
+    }
+)
+"""The situations whose scripts are kept: each kind of step once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +78,8 @@ def made(folder: Path, seen: bytes | None = None) -> Made:
             (here / "host.json").write_bytes(seen)
         words = command_of(folder)
         plan, texts = _by_command(words) if words[0] == "plan" else _by_library(words)
-    for part in plan.hosts if plan else ():
-        texts |= part.scripts
+    if plan is not None and folder.name in WITH_SCRIPTS:
+        texts |= plan.hosts[0].scripts
     return Made(plan=plan, files={name: text.encode("utf-8") for name, text in texts.items()})
 
 

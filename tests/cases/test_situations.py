@@ -7,10 +7,9 @@ import pytest
 
 from rarms_iac.applying.derivation import find_forgery
 from rarms_iac.powershell.inspection.inspect import inspect
-from rarms_iac.powershell.templates import ScriptForm
 from rarms_iac.storage.plan_file import read_plan, write_plan
-from tests.cases.situations import command_of, folders, made, outputs, stand_in
-from tests.fake_powershell.cell import apply, in_one_file, undo
+from tests.cases.situations import WITH_SCRIPTS, command_of, folders, made, outputs, stand_in
+from tests.fake_powershell.cell import apply, in_one_file, scripts_of, undo
 from tests.fake_powershell.observing import document_of
 
 FOLDERS = folders()
@@ -19,6 +18,7 @@ situations = pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folde
 
 def test_there_are_enough_of_them() -> None:
     assert len(FOLDERS) >= 25
+    assert {folder.name for folder in FOLDERS if list(folder.glob("*.ps1"))} == WITH_SCRIPTS
 
 
 @situations
@@ -33,8 +33,8 @@ def test_what_lies_beside_a_situation_is_what_rarms_makes_of_it(folder: Path) ->
     assert sorted(lies) == sorted(fresh)
     for name, data in sorted(lies.items()):
         assert data == fresh[name], f"{folder.name}/{name}: run `python -m tests.cases.situations`, read the difference"
-        if name.endswith(".ps1"):
-            assert inspect(data, name) == ()
+    for name, text in scripts_of(plan).items() if (plan := made(folder).plan) else ():
+        assert inspect(text, name) == ()
 
 
 @situations
@@ -44,15 +44,21 @@ def test_the_plan_of_a_situation_follows_from_its_changes(folder: Path) -> None:
         assert find_forgery(read_plan(write_plan(plan))) is None
 
 
-@pytest.mark.parametrize("form", ScriptForm, ids=lambda form: form.name.lower())
-@situations
-def test_the_scripts_of_a_situation_do_what_its_plan_says_and_take_it_back(folder: Path, form: ScriptForm) -> None:
+@pytest.mark.parametrize(
+    ("folder", "single"),
+    [
+        pytest.param(folder, single, id=f"{folder.name}-{'single' if single else 'module'}")
+        for folder in FOLDERS
+        for single in (False, True)
+        if not single or folder.name in WITH_SCRIPTS
+    ],
+)
+def test_the_scripts_of_a_situation_do_what_its_plan_says_and_take_it_back(folder: Path, single: bool) -> None:
     plan, host = made(folder).plan, stand_in(folder)
     if plan is None or not plan.hosts[0].steps:
-        assert not list(folder.glob("onboard.ps1"))
         return
     before = host.copy()
-    if form is ScriptForm.SINGLE:
+    if single:
         plan = in_one_file(plan)
 
     ran = apply(host, plan)
