@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.plan import Plan
+from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.system import (
     Component,
     Disruption,
@@ -166,6 +166,14 @@ def alike_changed() -> Prepared:
 def _alike(reserve: str) -> System:
     names = (f"part-{number}" for number in range(4))
     return a_cell_system(*(a_component(name, reserve=reserve, processors=1, memory="256 MiB") for name in names))
+
+
+@cache
+def removal() -> Prepared:
+    """A partition with the disk that rarms made, and the plan that removes both."""
+    made = fresh()
+    cell = made.cell.on(made.after_a_run())
+    return Prepared(cell, cell.plan(purpose=Purpose.DESTROY, remove_disks=True))
 
 
 @cache

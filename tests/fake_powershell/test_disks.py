@@ -8,21 +8,11 @@ import pytest
 
 from rarms_iac.model.plan import Purpose
 from tests.effort import every_few
-from tests.fake_powershell.cell import Cell, apply, apply_script, undo
-from tests.fake_powershell.cells import IMAGE, Prepared, a_stranger, fresh
+from tests.fake_powershell.cell import apply, apply_script, undo
+from tests.fake_powershell.cells import IMAGE, a_stranger, fresh, removal
 from tests.fake_powershell.host import WindowsHost
 from tests.fake_powershell.hyperv import CHILD
 from tests.fake_powershell.run import run
-
-
-def with_a_disk() -> Prepared:
-    """A partition with the disk that rarms made, and the plan that removes both."""
-    made = fresh()
-    host = made.copy()
-    ran = apply(host, made.plan)
-    assert ran.code == 0, ran.says
-    cell = Cell(made.cell.system, host.copy())
-    return Prepared(cell, cell.plan(purpose=Purpose.DESTROY, remove_disks=True))
 
 
 def disk_of(host: WindowsHost) -> str:
@@ -31,7 +21,7 @@ def disk_of(host: WindowsHost) -> str:
 
 
 def test_a_disk_goes_with_its_machine_where_that_was_asked_for_and_its_image_stays() -> None:
-    prepared = with_a_disk()
+    prepared = removal()
     host = prepared.copy()
     path = disk_of(host)
 
@@ -45,7 +35,7 @@ def test_a_disk_goes_with_its_machine_where_that_was_asked_for_and_its_image_sta
 
 
 def test_without_being_asked_for_it_stays_and_is_told_by_its_path() -> None:
-    cell = with_a_disk().cell
+    cell = removal().cell
     host = cell.host.copy()
     plan = cell.plan(purpose=Purpose.DESTROY)
 
@@ -55,24 +45,6 @@ def test_without_being_asked_for_it_stays_and_is_told_by_its_path() -> None:
     assert host.file(disk_of(cell.host)) is not None
     (told,) = [finding for finding in plan.findings if finding.code == "RARMS224"]
     assert disk_of(cell.host) in told.detail
-
-
-@pytest.mark.parametrize("fault", ["kill_before", "kill_after", "fail_at"])
-def test_a_removal_that_was_killed_or_failed_anywhere_is_finished_by_the_next(fault: str) -> None:
-    prepared = with_a_disk()
-    undisturbed = prepared.copy()
-    apply(undisturbed, prepared.plan)
-    for number in every_few(len(undisturbed.effects), 4, first=len(fault)):
-        host = prepared.copy(**{fault: number})
-        apply(host, prepared.plan)
-        where = f"{fault} {number}: {host.effects[-1]}"
-        host = host.copy()
-
-        ran = apply(host, prepared.plan)
-
-        assert ran.code == 0, f"{where}\n{ran.says}"
-        assert host.file(disk_of(prepared.cell.host)) is None, where
-        assert {vm.name for vm in host.vms.values()} == {"backup", "other"}, where
 
 
 def _checkpoint(host: WindowsHost) -> None:
@@ -116,7 +88,7 @@ MOVES: list[Callable[[WindowsHost], None]] = [
 
 @pytest.mark.parametrize("move", MOVES, ids=lambda move: move.__name__.strip("_"))
 def test_a_disk_that_is_no_longer_as_the_plan_knew_it_is_not_deleted(move: Callable[[WindowsHost], None]) -> None:
-    prepared = with_a_disk()
+    prepared = removal()
     host = prepared.copy()
     path = disk_of(host)
     move(host)
@@ -128,7 +100,7 @@ def test_a_disk_that_is_no_longer_as_the_plan_knew_it_is_not_deleted(move: Calla
 
 
 def test_a_disk_whose_name_is_a_pattern_ends_the_search_for_children_in_plain_words() -> None:
-    prepared = with_a_disk()
+    prepared = removal()
     host = prepared.copy()
     path = disk_of(host)
     host.write_file("D:\\lab\\a[1].vhdx", b"a disk")
@@ -148,7 +120,7 @@ SEEN = [move for move in MOVES if move not in (_a_checkpoint_of_another, _anothe
 
 @pytest.mark.parametrize("move", SEEN, ids=lambda move: move.__name__.strip("_"))
 def test_the_next_plan_leaves_such_a_disk_and_says_so(move: Callable[[WindowsHost], None]) -> None:
-    prepared = with_a_disk()
+    prepared = removal()
     host = prepared.copy()
     path = disk_of(host)
     move(host)

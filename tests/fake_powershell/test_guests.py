@@ -11,7 +11,6 @@ from rarms_iac.model.system import System, TaskRequest
 from rarms_iac.providers.hyperv.observation import observation_of
 from rarms_iac.providers.hyperv.parse import tasks_of
 from tests.builders import a_component
-from tests.effort import every_few
 from tests.fake_powershell.cell import Cell, apply, scripts_of, with_module
 from tests.fake_powershell.cells import a_cell_system, a_windows
 from tests.fake_powershell.host import Entry, WindowsHost
@@ -170,51 +169,6 @@ def test_a_machine_that_is_there_is_known_by_its_id_and_a_namesake_elsewhere_is_
 
     assert refused.code == 3, refused.says
     assert machine in refused.says
-
-
-@cache
-def calls() -> int:
-    """How many effects a calm run has before it takes the owner's name away."""
-    guest = a_guest()
-    assert run(guest, SCRIPT).code == 0
-    return len(guest.effects) - 1
-
-
-@pytest.mark.parametrize("fault", ["kill_before", "kill_after", "fail_at"])
-def test_a_run_that_was_killed_anywhere_is_finished_by_the_next(fault: str) -> None:
-    calm = a_guest()
-    before = classes(calm)
-    assert run(calm, SCRIPT).code == 0
-    done = classes(calm)
-    assert calls() > 20
-
-    for number in every_few(calls(), 3, first=len(fault)):
-        guest = a_guest().copy(**{fault: number})
-        assert run(guest, SCRIPT).code != 0, f"{fault} {number}"
-        guest = guest.copy()
-
-        ran = run(guest, SCRIPT)
-
-        assert (ran.code, classes(guest)) == (0, done), f"{fault} {number}\n{ran.says}"
-        undone = run(guest, UNDO)
-        assert (undone.code, classes(guest)) == (0, before), f"{fault} {number}\n{undone.says}"
-
-
-def test_an_undo_that_was_killed_anywhere_is_finished_by_the_next() -> None:
-    done = a_guest()
-    before = classes(done)
-    assert run(done, SCRIPT).code == 0
-    calm = done.copy()
-    assert run(calm, UNDO).code == 0
-
-    for number in every_few(len(calm.effects), 3):
-        guest = done.copy(kill_after=number)
-        run(guest, UNDO)
-        guest = guest.copy()
-
-        ran = run(guest, UNDO)
-
-        assert (ran.code, classes(guest)) == (0, before), f"kill_after {number}\n{ran.says}"
 
 
 @pytest.mark.parametrize("name", ["a*", "PSObject", "psbase", "", "(Default)"])

@@ -12,7 +12,7 @@ from rarms_iac.model.plan import Plan
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.providers.simulated.reserve_packing import reserves_fit
 from tests.builders import a_host
-from tests.effort import Attempt, examples, tried
+from tests.effort import examples
 from tests.fake_powershell.cell import Cell, apply, undo
 from tests.fake_powershell.cells import a_stranger, a_windows
 from tests.fake_powershell.host import Vm, WindowsHost
@@ -98,18 +98,3 @@ def test_a_change_of_mind_is_run_and_then_there_is_nothing_to_do(cell: Cell, dat
     if not any(step.undo.message for step in plan.hosts[0].steps):
         assert undo(host, plan).code == 0
         assert other.observe().partitions == seen.partitions
-
-
-@FEW
-@given(laid_out(), st.integers(0, 120), st.sampled_from(["kill_before", "kill_after", "fail_at"]))
-def test_a_run_that_ends_anywhere_is_finished_by_the_next(cell: Cell, number: int, fault: str) -> None:
-    plan = possible(cell)
-    host = cell.host.copy(**{fault: number}, watch=within)
-    apply(host, plan)
-    tried(Attempt.FAILED_CALL if fault == "fail_at" else Attempt.KILL, len(host.effects) > number)
-    host = host.copy(watch=within)
-
-    ran = apply(host, plan)
-
-    assert ran.code == 0, ran.says
-    assert [str(step.address) for step in cell.on(host).plan().hosts[0].steps] == []

@@ -11,7 +11,6 @@ from rarms_iac.model.plan import Purpose
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.powershell.templates import template_text
-from tests.effort import every_few
 from tests.fake_powershell.cell import apply, apply_script, files_of, scripts_of, undo, undo_script
 from tests.fake_powershell.cells import Prepared, everything, fresh
 from tests.fake_powershell.host import Entry, Killed, WindowsHost
@@ -106,24 +105,6 @@ def test_a_removal_refuses_a_machine_with_what_the_plan_did_not_see(what: str) -
 
     assert ran.code == 3, ran.says
     assert seen(host) == before
-
-
-@pytest.mark.parametrize("cell", [fresh, everything])
-def test_nothing_is_left_in_the_registry_of_a_run_that_was_undone(cell) -> None:  # type: ignore[no-untyped-def]
-    prepared = cell()
-    whole = prepared.copy()
-    apply(whole, prepared.plan)
-    written = [at for at, effect in enumerate(whole.effects) if "HKLM:" in effect]
-    assert written
-    for at in [*(written[number] for number in every_few(len(written), 2)), None]:
-        host = prepared.copy(kill_after=at)
-        apply(host, prepared.plan)
-        host = host.copy()
-
-        ran = undo(host, prepared.plan)
-
-        assert ran.code == 0, ran.says
-        assert host.registry == prepared.copy().registry, whole.effects[at] if at is not None else "not killed"
 
 
 def test_what_a_profile_gives_to_every_call_does_not_reach_into_a_run() -> None:

@@ -9,6 +9,7 @@ import jsonschema
 import pytest
 
 from rarms_iac.model.plan import Purpose
+from tests.effort import every_few
 from tests.fake_powershell.cell import apply, apply_script, files_of, undo
 from tests.fake_powershell.cells import MMCSS, Prepared, everything, fresh
 from tests.fake_powershell.host import Entry, WindowsHost
@@ -63,7 +64,7 @@ def test_a_preview_and_a_test_leave_nothing(at: int | None) -> None:
 def test_a_run_that_was_cut_off_never_shows_an_earlier_verdict() -> None:
     prepared = fresh()
     calls = len(a_run(prepared)[0].effects)
-    for kill_after in range(0, calls - 1, 7):
+    for kill_after in every_few(calls - 1, 3):
         host = prepared.copy(kill_after=kill_after)
         host.write_file(RESULT, b'{"status":"done"}')
         put(host, files_of(prepared.plan))

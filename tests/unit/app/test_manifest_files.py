@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.app.manifest_files import initial_manifest, name_from
+from rarms_iac.app.manifest_files import initial_manifest, name_from, write_first_manifest
 from rarms_iac.manifest.checks import run_checks
 from rarms_iac.manifest.edit.formatting import format_text
 from rarms_iac.manifest.load import load_system
@@ -44,3 +44,14 @@ def test_a_folder_gives_its_name(folder: str, name: str) -> None:
 @given(st.text())
 def test_any_folder_gives_a_name_that_may_be(folder: str) -> None:
     assert is_name(name_from(folder))
+
+
+def test_a_line_is_added_to_git_attributes_once(tmp_path: Path) -> None:
+    attributes = tmp_path / ".gitattributes"
+    attributes.write_bytes(b"*.png binary")
+
+    for _ in range(2):
+        write_first_manifest(str(tmp_path))
+        (tmp_path / "rarms.yaml").unlink()
+
+    assert attributes.read_text().splitlines() == ["*.png binary", "/measurements/**/*.jsonl merge=union"]

@@ -10,8 +10,7 @@ import pytest
 from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.storage import disk
 from rarms_iac.storage.datalog.log import DataLog
-from tests.crashing import Crash, CrashingDisk, When
-from tests.effort import LONG
+from tests.crashing import Crash, CrashingDisk
 from tests.fluid import without_scheduler
 from tests.measuring import the_log as measured_log
 from tests.unit.cli.running import Ran, rarms
@@ -74,41 +73,8 @@ def files_of(folder: Path) -> dict[Path, bytes]:
     return {path.relative_to(folder): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
-def put_back(folder: Path, files: dict[Path, bytes]) -> None:
-    for path in files_of(folder):
-        if path not in files:
-            (folder / path).unlink()
-    for path, data in files.items():
-        (folder / path).write_bytes(data)
-
-
 def code_of(ran: Ran) -> tuple[int, str]:
     return ran.code, ran.err[ran.err.index("RARMS") :][:8]
-
-
-def test_a_pass_that_was_killed_is_gone_on_with_by_the_same_command(here: Path) -> None:
-    """At every effect on files, or in usual runs at some: nothing is run twice, and nothing is left out."""
-    before = files_of(here)
-    counting = CrashingDisk(0)
-    with disk.use(counting):
-        assert rarms(*SWEPT, "--again").code == 0
-    assert recorded("vision") == recorded("speech") == TWICE
-    whole = len(counting.effects)
-    cut_short = 0
-
-    for at in range(1, whole, 1 if LONG else whole // 9):  # the last is a flush of the record that all of it ended
-        put_back(here, before)
-        with disk.use(CrashingDisk(at, When.HALF)), suppress(Crash):
-            rarms(*SWEPT, "--again")
-        cut_short += ONCE != recorded("vision") + recorded("speech") != TWICE
-        with disk.use(CrashingDisk(0)):
-            done = rarms(*SWEPT, "--again")
-
-        assert done.code == 0, (at, done.err)
-        assert recorded("vision") == recorded("speech") == TWICE, at
-        assert [remeasurement.ended for remeasurement in the_log("speech").remeasurements] == [True]
-        assert not list(here.rglob("*.new"))
-    assert cut_short > 3
 
 
 def test_a_pass_that_ended_is_followed_by_another_and_a_plain_measure_runs_nothing(here: Path) -> None:

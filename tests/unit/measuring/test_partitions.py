@@ -16,38 +16,24 @@ from rarms_iac.measuring.partitions import (
     load_share,
     memory_for_load,
     other_running_partitions,
-    remove_test_partitions,
     running_test_partitions,
     set_reserves,
     shapes_of_test_partitions,
 )
 from rarms_iac.model.environment_setup import P1, P2, EnvironmentSetup
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.operations import CreatePartition
-from rarms_iac.model.plan import Scope
 from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.state import RunState, State
 from rarms_iac.providers.cgroups.group_settings import slice_limit
 from rarms_iac.providers.interface import HostRefused
 from rarms_iac.providers.simulated.provider import SimulatedHostProvider
-from rarms_iac.storage import disk
 from tests.builders import a_host, memory
 from tests.builders_plan import facts, partition, settings
-from tests.crashing import Crash, CrashingDisk, When
 
 SETUP = EnvironmentSetup(
     members=("vision",), interference="busy-loop", processors=1, memory=memory("512 MiB"), limit=80, weight=200
 )
 SHAPES = shapes_of_test_partitions(SETUP, 2, memory("256 MiB"))
-
-
-class DeadDisk(CrashingDisk):
-    """Once crashed, it stays so: nothing that a clean-up tries after the end of the process happens."""
-
-    def _effect(self, name: str, do: object, half: object = lambda: None) -> None:
-        if self.at and len(self.effects) >= self.at:
-            raise Crash
-        super()._effect(name, do, half)  # type: ignore[arg-type]  # handed through
 
 
 def the_host(folder: Path) -> SimulatedHostProvider:
@@ -100,30 +86,6 @@ def test_they_go_when_only_one_can_be_made(tmp_path: Path) -> None:
         raise AssertionError("P2 has no room")
 
     assert names(host) == []
-
-
-def test_what_a_kill_left_behind_goes_with_the_next_run_at_whichever_effect_it_struck(tmp_path: Path) -> None:
-    stranger = CreatePartition(partition="theirs", generation=2, memory=2**29)
-    the_host(tmp_path).execute(stranger, Scope(application="somebody", plan="1"))
-
-    def all_of_it() -> None:
-        host = the_host(tmp_path)
-        with running_test_partitions(host, "robot", SHAPES):
-            set_reserves(host, "robot", SHAPES, {P1: 30, P2: 70})
-
-    counting = CrashingDisk(0)
-    with disk.use(counting):
-        all_of_it()
-    left = set()
-    for at in range(1, len(counting.effects) + 1):
-        with disk.use(DeadDisk(at, When.HALF)), pytest.raises(Crash):
-            all_of_it()
-        left.add(len(names(the_host(tmp_path))))
-        with disk.use(CrashingDisk(0)):
-            remove_test_partitions(the_host(tmp_path))
-        assert names(the_host(tmp_path)) == ["theirs.rarms-1"]
-
-    assert left == {1, 2, 3}
 
 
 MIB = 2**20

@@ -29,17 +29,11 @@ components:
 """
 COMMANDS = {
     "apply": [],
-    "destroy": [["apply"]],
     "destroy --target partition/vision": [["apply"]],
-    "undo": [["apply"]],
     "stop": [["apply"]],
-    "stop vision": [["apply"]],
     "start": [["apply"], ["stop"]],
-    "start vision": [["apply"], ["stop"]],
-    "release vision": [["apply"]],
-    "import vision": [["apply"], ["release", "vision"]],
 }
-"""Each command after those that prepare its host; what `import` also needs is the id of the machine."""
+"""Each command after those that prepare its hosts. Other commands on one host are in test_disturbed.py."""
 
 
 def machines(folder: Path) -> dict[str, object]:
@@ -68,9 +62,6 @@ def prepared(folder: Path, before: Sequence[Sequence[str]]) -> Path:
 def test_killed_command_run_again_ends_with_zero(tmp_path: Path, words: str) -> None:
     start = prepared(tmp_path / "start", COMMANDS[words])
     command = [*words.split(), "--auto-approve"]
-    if command[0] == "import":
-        content = json.loads((start / ".rarms" / "hosts" / "left.json").read_text(encoding="utf-8"))["content"]
-        command += ["--id", next(iter(content["machines"]))]
     whole, counting = copy_files(start, tmp_path / "whole"), CrashingDisk(0)
     with chdir(whole), disk.use(counting):
         assert rarms(*command).code == 0
@@ -95,7 +86,7 @@ def test_killed_command_run_again_ends_with_zero(tmp_path: Path, words: str) -> 
 
 
 def test_killed_command_answers_a_program_once(tmp_path: Path) -> None:
-    start = prepared(tmp_path / "start", COMMANDS["destroy"])
+    start = prepared(tmp_path / "start", [["apply"]])
     with chdir(start):
         with disk.use(CrashingDisk(12)), pytest.raises(Crash):
             rarms("destroy", "--auto-approve")
@@ -110,7 +101,7 @@ def test_killed_command_answers_a_program_once(tmp_path: Path) -> None:
 
 
 def test_killed_undo_is_not_applied_again_unasked(tmp_path: Path) -> None:
-    start = prepared(tmp_path / "start", COMMANDS["undo"])
+    start = prepared(tmp_path / "start", [["apply"]])
     with chdir(start):
         with disk.use(CrashingDisk(12)), pytest.raises(Crash):
             rarms("undo", "--auto-approve")
@@ -152,3 +143,21 @@ def test_run_of_another_version_is_closed_only(tmp_path: Path, monkeypatch: pyte
         assert rarms("apply", "--abandon").code == 0
         monkeypatch.undo()
         assert rarms("apply", "--auto-approve").code == 0
+
+
+def test_killed_init_is_run_again(tmp_path: Path) -> None:
+    counting = CrashingDisk(0)
+    with disk.use(counting):
+        assert rarms("init", str(tmp_path / "whole")).code == 0
+
+    for at in range(1, len(counting.effects) + 1):
+        folder = tmp_path / str(at)
+        with disk.use(CrashingDisk(at, When.HALF)), pytest.raises(Crash):
+            rarms("init", str(folder))
+        tried(Attempt.KILL)
+
+        if not (folder / "rarms.yaml").exists():
+            assert rarms("init", str(folder)).code == 0
+
+        left = {file.name for file in folder.iterdir() if not file.name.endswith(".new")}
+        assert left == {".gitattributes", "rarms.yaml", "rarms.schema.json"}, at
