@@ -5,11 +5,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rarms_iac.model.plan import Plan
 from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.state import State
 from rarms_iac.storage.datalog.files import HEADER_FIELD, REMEASUREMENT_FIELD
 from rarms_iac.storage.datalog.log import FORMAT, Header, Provenance, Remeasurement
+from rarms_iac.storage.plan_file import PlanFile
 from rarms_iac.storage.snapshot_file import FORMAT as SNAPSHOT_FORMAT
 from scripts.schema_of_types import Schema, schema_of
 
@@ -118,15 +118,10 @@ def _series() -> Schema:
 
 
 def plan_schema() -> Schema:
-    """The schema that `schemas/plan.json` holds: a plan and its seal."""
-    schema = schema_of(Plan)
-    plan = schema["$defs"].pop("Plan")
-    plan["properties"]["seal"] = {
-        "type": "string",
-        "pattern": "^[0-9a-f]{64}$",
-        "description": "Digest of all the rest: a file that was edited is refused.",
-    }
-    return {"$schema": schema["$schema"], **plan, "required": [*plan["required"], "seal"], "$defs": schema["$defs"]}
+    """The schema that `schemas/plan.json` holds."""
+    schema = schema_of(PlanFile)
+    file = schema["$defs"].pop("PlanFile")
+    return {"$schema": schema["$schema"], **file, "$defs": schema["$defs"]}
 
 
 def snapshot_schema() -> Schema:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from datetime import date
 
 from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Resource, Update
 from rarms_iac.model.claims import Claim
@@ -10,7 +11,18 @@ from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
 from rarms_iac.model.host import Host, ProviderKind, SchedulerType
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.operations import Operation, SetCpu
-from rarms_iac.model.plan import HeldBack, HostPlan, Plan, Purpose, Readings, Step, Undo, UndoLevel, UnusedPartition
+from rarms_iac.model.plan import (
+    HeldBack,
+    HostPlan,
+    Plan,
+    PlanInputs,
+    Purpose,
+    Readings,
+    Step,
+    Undo,
+    UndoLevel,
+    UnusedPartition,
+)
 from rarms_iac.model.state import (
     Checkpoints,
     HostFacts,
@@ -29,6 +41,7 @@ from rarms_iac.model.state import (
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.totals import Totals
 from rarms_iac.storage.mark_digests import set_of_settings
+from rarms_iac.storage.plan_file import versions
 from tests.builders import a_host, memory
 
 
@@ -229,6 +242,16 @@ def plan(
         hosts=hosts or (host_plan(),),
         findings=tuple(findings),
         accepted=tuple(accepted),
+        inputs=PlanInputs(
+            manifest="rarms.yaml",
+            manifest_digest="0" * 64,
+            today=date(2026, 11, 21),
+            versions=versions(),
+            observed={},
+            after_last_run={},
+            reservations=(),
+            layout=None,
+        ),
     )
 
 

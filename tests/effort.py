@@ -26,7 +26,6 @@ class Attempt(StrEnum):
     FAILED_CALL = "full disks and failing calls"
     PAIR = "pairs of faults"
     DOCUMENT = "damaged, planted and hostile documents"
-    FORGERY = "forged plans"
     RACE = "races"
     TERMINAL = "terminals"
     CLOCK = "clocks that jump back"

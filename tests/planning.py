@@ -8,9 +8,9 @@ from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.diff.compare import Difference, compare
 from rarms_iac.diff.hold_back import HeldChanges, hold_back
 from rarms_iac.diff.order import Deadlock, OrderedSteps, order
+from rarms_iac.diff.step_context import HostContext, StepBudget
 from rarms_iac.diff.steps import plan_changes
 from rarms_iac.model.layout import Infeasible, Layout
-from rarms_iac.model.plan_basis import HostContext, StepBudget
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner.desired import Desired

@@ -120,6 +120,9 @@ class _AtLeast:
     def depends_on(self, host: Host) -> Hashable:
         return self.source.depends_on(host)
 
+    def job_ms(self, component: str, members: tuple[Component, ...], host: Host) -> float | None:
+        return self.source.job_ms(component, members, host)
+
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
         return self.source.remarks(members, host)
 

@@ -2,19 +2,15 @@
 
 import stat
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rarms_iac.app.general_findings import conflict_finding, read_finding, write_finding
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.manifest.load import manifest_path
-from rarms_iac.model.commands import PLAN_OUT, RecommendedCommand, prose
+from rarms_iac.model.commands import RecommendedCommand, prose
 from rarms_iac.model.wording import reason_of
 from rarms_iac.storage.disk import make_folders
 from rarms_iac.storage.reading import STANDARD_INPUT, read_input
 from rarms_iac.storage.replace import remove_leftovers_of_ended, replace
-
-if TYPE_CHECKING:
-    from rarms_iac.model.plan import Plan
 
 
 def read_input_file(path: str, limit: int, origin: RecommendedCommand) -> bytes:
@@ -81,21 +77,6 @@ def write_new_file(path: str, data: bytes) -> None:
     write_file(path, data)
 
 
-def write_plan_file(path: str, plan: "Plan") -> None:
-    """Write a sealed plan, for `read_plan_file`.
-
-    Args:
-        path: as the user gave it.
-        plan: as `planning.plan` made it.
-
-    Raises:
-        UseCaseError: it cannot be written (failed).
-    """
-    from rarms_iac.storage.plan_file import write_plan
-
-    write_file(path, write_plan(plan))
-
-
 def make_folder(path: str) -> None:
     """Make a folder and those above it; it may exist.
 
@@ -110,56 +91,6 @@ def make_folder(path: str) -> None:
     except (OSError, ValueError) as error:
         problem = error if isinstance(error, OSError) else OSError(0, "no folder can have this name")
         raise UseCaseError(Outcome.FAILED, [write_finding(path, problem)]) from error
-
-
-def read_plan_file(path: str) -> "Plan":
-    """Read a sealed plan, whose steps are what its changes make, and whose scripts what its steps make.
-
-    Args:
-        path: as the user gave it; `-` is standard input.
-
-    Returns:
-        The plan, as it was sealed.
-
-    Raises:
-        UseCaseError: the file is not there (missing), cannot be read (failed), is no plan of this version or was edited
-            (refused).
-    """
-    from rarms_iac.storage.plan_file import MAX_BYTES
-
-    return plan_in(path, read_input_file(path, MAX_BYTES, PLAN_OUT))
-
-
-def plan_in(path: str, data: bytes) -> "Plan":
-    """Take the plan out of a file that was read (`read_plan_file`).
-
-    Args:
-        path: the file, as it was named.
-        data: all of it.
-
-    Returns:
-        The plan, as it was sealed.
-
-    Raises:
-        UseCaseError: it is no plan of this version or was edited (refused).
-    """
-    from rarms_iac.applying.derivation import find_forgery
-    from rarms_iac.storage.plan_file import PLAN_AGAIN, PlanEdited, PlanFileError, read_plan
-
-    try:
-        plan = read_plan(data)
-        if problem := find_forgery(plan):
-            raise PlanEdited(f"{problem}: it was edited, and sealed anew", PLAN_AGAIN)
-    except PlanFileError as error:
-        raise UseCaseError(
-            Outcome.REFUSED,
-            [
-                error.finding.at(
-                    None, f"{path}: {error.message}.", error.advice, values={"file": path, "reason": error.message}
-                )
-            ],
-        ) from error
-    return plan
 
 
 def folder_of(manifest: str) -> Path:

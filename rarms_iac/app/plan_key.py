@@ -1,4 +1,4 @@
-"""The key that plans are signed with, for those who want more than a seal: `RARMS_PLAN_KEY`, `RARMS_PLAN_KEY_FILE`."""
+"""The key that plans are signed with: `RARMS_PLAN_KEY`, `RARMS_PLAN_KEY_FILE`."""
 
 import os
 import stat

@@ -9,11 +9,10 @@ from rarms_iac.app.plan_key import plan_key
 from rarms_iac.app.requests import PlanLimits
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.applying.make_plan import make_plan
-from rarms_iac.applying.plan_request import PlanRequest
+from rarms_iac.applying.plan_request import PlanRequest, findings_of_manifest
 from rarms_iac.applying.preconditions import NO_RIGHTS
 from rarms_iac.diff.compare_partitions import NOT_AT_REST
 from rarms_iac.diff.drift import partitions_after_last_run
-from rarms_iac.manifest.checks.measurement import TOO_FEW_SAMPLES
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic, Severity
 from rarms_iac.model.host import SimulatedHost
@@ -35,7 +34,7 @@ def plan_request(hosts: Hosts, limits: PlanLimits = NO_LIMITS) -> PlanRequest:
         limits: how far the plan may go.
 
     Returns:
-        The request; nothing is looked at yet. How many samples thresholds need is said by `rarms validate`, not here.
+        The request; nothing is looked at yet.
     """
     return PlanRequest(
         system=hosts.system,
@@ -43,6 +42,7 @@ def plan_request(hosts: Hosts, limits: PlanLimits = NO_LIMITS) -> PlanRequest:
         manifest=hosts.manifest.source.manifest,
         overlays=hosts.manifest.source.overlays,
         manifest_digest=hosts.manifest.loaded.digest,
+        texts=hosts.manifest.loaded.texts,
         today=hosts.manifest.source.today,
         max_disruption=limits.max_disruption,
         hosts=hosts.chosen,
@@ -52,10 +52,8 @@ def plan_request(hosts: Hosts, limits: PlanLimits = NO_LIMITS) -> PlanRequest:
             for name, host in hosts.system.hosts.items()
             if isinstance(host.settings, SimulatedHost)
         },
-        findings=(
-            *(finding for finding in hosts.manifest.loaded.diagnostics if finding.code != TOO_FEW_SAMPLES.code),
-            *hosts.snapshots.findings,
-        ),
+        findings=findings_of_manifest(hosts.manifest.loaded),
+        snapshot_findings=hosts.snapshots.findings,
     )
 
 
@@ -68,7 +66,7 @@ def plan(hosts: Hosts, request: PlanRequest | None = None) -> Plan:
         request: what it is for, and how far it may go, made of `plan_request`; None: all that the manifest asks for.
 
     Returns:
-        A plan that `applying.apply` can do, or that `files.write_plan_file` seals; it may have no changes.
+        A plan that `applying.apply` can do, or that `files.write_plan_file` writes; it may have no changes.
 
     Raises:
         UseCaseError: a host cannot be read (failed), is busy or has an unfinished run (refused), or what the manifest

@@ -195,7 +195,7 @@ class RunOptions:
 class PlanRunOptions(RunOptions):
     """How a run goes, for a command that makes its plan itself."""
 
-    out: str | None = option("--out", metavar="FILE", help="Only write the plan, sealed, for `rarms apply FILE`.")
+    out: str | None = option("--out", metavar="FILE", help="Only write the plan file, for `rarms apply FILE`.")
 
 
 def refuse_unknown(names: Sequence[str], existing: Mapping[str, object], kind: str) -> None:

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from rarms_iac.app.files import make_folder, plan_in, read_input_file, write_file
+from rarms_iac.app.files import make_folder, read_input_file, write_file
+from rarms_iac.app.plan_files import plan_in
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.applying.scripts import scripts_of
 from rarms_iac.model.commands import command, prose
@@ -86,7 +87,7 @@ def plan_scripts(plan: Plan, form: ScriptForm = ScriptForm.MODULE) -> tuple[Plan
     """Make every script of the plan; for simulated hosts, what a Hyper-V host would get of the same steps.
 
     Args:
-        form: of the scripts; a plan file holds those of the module form.
+        form: of the scripts; a plan holds those of the module form.
 
     Returns:
         The scripts by host, then by name; of a Linux host none. They are not inspected yet: `inspect_scripts` does that

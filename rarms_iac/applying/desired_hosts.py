@@ -10,6 +10,7 @@ from rarms_iac.diff.compare_partitions import FOREIGN_AT_NAME, machine_in_the_wa
 from rarms_iac.diff.comparison import ManifestRules
 from rarms_iac.diff.partition_steps import DiskVerdict, judge_disks
 from rarms_iac.diff.readings import count_disks
+from rarms_iac.diff.step_context import HostContext, StepBudget
 from rarms_iac.model.capacity import capacity_of, foreign_claims
 from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import prose
@@ -17,7 +18,6 @@ from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
 from rarms_iac.model.host import HypervHost
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Purpose, ThreadClass
-from rarms_iac.model.plan_basis import HostContext, StepBudget
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.renaming import renaming
 from rarms_iac.model.state import Disk, Partition, State, TaskClass
@@ -45,6 +45,9 @@ def desired_hosts(
 
     Returns:
         By name, none where no layout exists or where a host may have more than can be seen; and what was found.
+
+    Raises:
+        LayoutRefused: as of `plan_layout`.
     """
     system, places = request.system, request.places
     if refused := (
@@ -57,7 +60,13 @@ def desired_hosts(
         return {name: _without_layout(request, state) for name, state in states}, ()
     views = {name: host_view(state, request.application) for name, state in states}
     planning = plan_layout(
-        system, request.reservations, views, places, max_disruption=request.limit, explain=request.explain
+        system,
+        request.reservations,
+        views,
+        places,
+        max_disruption=request.limit,
+        explain=request.explain,
+        chosen=request.layout,
     )
     layout = planning.answer
     if not isinstance(layout, Layout):

@@ -174,7 +174,7 @@ def _begin_or_resume(
         started_by=origin.by,
         started_at=origin.at,
         history=history_of(last_run),
-        host_plan=replace(host_plan, basis=None),  # what is finished is not shown again
+        host_plan=host_plan,
         steps=host_plan.steps,
         serials=raised_serials(host.observe().serials, plan.application),
     )

@@ -4,7 +4,7 @@ Observed states come from live hosts or from snapshots; nothing here knows which
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 from rarms_iac.applying.desired_hosts import (
     budget_of,
@@ -15,30 +15,37 @@ from rarms_iac.applying.desired_hosts import (
     threads_of,
 )
 from rarms_iac.applying.doctor import DOCTOR_ONLY_CODES
-from rarms_iac.applying.plan_request import PlanRequest
+from rarms_iac.applying.plan_request import PlanRequest, findings_of_manifest
 from rarms_iac.applying.requested_changes import requested_changes
 from rarms_iac.applying.review import review_plan
 from rarms_iac.applying.scripts import guest_scripts_by_hand, guest_task, of_the_host_itself, with_scripts
 from rarms_iac.applying.shared_machines import hosts_of_one_machine
-from rarms_iac.applying.state_after import others_after, totals_after
+from rarms_iac.applying.state_after import totals_after
 from rarms_iac.applying.targets import is_below, targeted, unknown_targets
 from rarms_iac.diff.compare import Difference, compare
 from rarms_iac.diff.comparison import ManifestRules
 from rarms_iac.diff.drift import part_digests
 from rarms_iac.diff.hold_back import HeldChanges, hold_back
 from rarms_iac.diff.order import Deadlock, order
+from rarms_iac.diff.step_context import HostContext
 from rarms_iac.diff.steps import plan_changes
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
+from rarms_iac.manifest.load import load_texts
+from rarms_iac.manifest.text.hidden import with_hidden_secrets
 from rarms_iac.model.changes import Address, Change
-from rarms_iac.model.diagnostics import Diagnostic, has_errors, in_order
-from rarms_iac.model.plan import GuestTask, HostPlan, Plan, Purpose, Step, UnusedPartition
-from rarms_iac.model.plan_basis import HostContext, PlanBasis
+from rarms_iac.model.diagnostics import Diagnostic, Severity, has_errors, in_order
+from rarms_iac.model.layout import Layout
+from rarms_iac.model.plan import GuestTask, HostPlan, Plan, PlanInputs, PlanOrder, Purpose, Step, UnusedPartition
+from rarms_iac.model.plan_names import wrong_name
 from rarms_iac.model.state import State, StopAction, StoppedBy
 from rarms_iac.model.version import __version__
+from rarms_iac.model.wording import quoted
 from rarms_iac.planner.desired import Desired
+from rarms_iac.planner.problem import LayoutRefused
+from rarms_iac.planner.reservations import RecordedReservations, look_up
 from rarms_iac.storage.finding_pages import known_codes
-from rarms_iac.storage.plan_file import identified
+from rarms_iac.storage.plan_file import identified, versions
 
 _WHOLE_PLAN_CODES = frozenset(known_codes()) - DOCTOR_ONLY_CODES
 """Codes of the findings that a plan of the whole manifest can have."""
@@ -66,8 +73,17 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
     Returns:
         The plan, or None and the errors that forbid one. The same input gives the same plan, to the byte.
     """
+    asked: dict[str, frozenset[str] | None] = {}
+
+    def after_last_run(host: str) -> frozenset[str] | None:
+        if host not in asked:
+            asked[host] = source.after_last_run(host)
+        return asked[host]
+
+    source, request = request, replace(request, after_last_run=after_last_run)
     hosts, found = desired_hosts(request, observed)
-    findings = [*request.findings, *found, *hosts_of_one_machine(request.system, observed, request.places)]
+    findings = [*request.findings, *request.snapshot_findings, *found]
+    findings += hosts_of_one_machine(request.system, observed, request.places)
     addresses: list[str] = []
     host_plans: list[HostPlan] = []
     present = partitions_present(request, observed)
@@ -101,10 +117,85 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
         findings=remaining,
         accepted=accepted,
         placement=None if layout is None else layout.placement,
+        inputs=_inputs(request, observed, asked, layout),
     )
     plan, script_findings = with_scripts(identified(unidentified))
     return PlanningResult(
         plan=None if script_findings else plan, findings=in_order((*remaining, *script_findings)), accepted=accepted
+    )
+
+
+class NotMadeAgain(ValueError):
+    """The inputs of a plan make none; `message` says why, as the rest of a sentence about the file."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        self.message = message
+
+
+def make_again(inputs: PlanInputs) -> Plan:
+    """Make the plan of these inputs, without solving and without a look at a host.
+
+    Raises:
+        NotMadeAgain: they make no plan, or the layout does not fit.
+    """
+    try:
+        result = _make_again(inputs)
+    except LayoutRefused as error:
+        raise NotMadeAgain("its layout does not fit its hosts") from error
+    except (ArithmeticError, AssertionError, LookupError, ValueError, AttributeError, TypeError) as error:
+        # NOTE: the plan was made when its file was written; what cannot be made was put there since.
+        raise NotMadeAgain("no plan can be made of it") from error
+    if result.plan is None:
+        wrong = next(finding for finding in result.findings if finding.severity is Severity.ERROR)
+        raise NotMadeAgain(f"no plan can be made of it ({wrong.code})")
+    if name := next(filter(None, map(wrong_name, result.plan.hosts)), None):
+        raise NotMadeAgain(f"no manifest can give the name {quoted(name)}")
+    return replace(result.plan, inputs=inputs)
+
+
+def _make_again(inputs: PlanInputs) -> PlanningResult:
+    loaded = load_texts(inputs.texts, today=inputs.today)
+    if loaded.system is None:
+        return PlanningResult(plan=None, findings=loaded.diagnostics)
+    request = PlanRequest(
+        **{each.name: getattr(inputs, each.name) for each in fields(PlanOrder)},
+        system=loaded.system,
+        places=loaded.places,
+        after_last_run=inputs.after_last_run.get,
+        findings=findings_of_manifest(loaded),
+        reservations=RecordedReservations(inputs.reservations),
+        layout=inputs.layout,
+    )
+    return make_plan(request, inputs.observed)
+
+
+def _inputs(
+    request: PlanRequest,
+    observed: Mapping[str, State],
+    after_last_run: Mapping[str, frozenset[str] | None],
+    layout: Layout | None,
+) -> PlanInputs:
+    order = {each.name: getattr(request, each.name) for each in fields(PlanOrder)}
+    return PlanInputs(
+        **{**order, "texts": tuple(map(with_hidden_secrets, request.texts))},
+        versions=versions(),
+        observed={name: _without_notes(state, request) for name, state in sorted(observed.items())},
+        after_last_run=after_last_run,
+        reservations=() if layout is None else look_up(request.system, request.reservations),
+        layout=None if layout is None else layout.chosen(),
+    )
+
+
+def _without_notes(state: State, request: PlanRequest) -> State:
+    """Leave out what people wrote in the notes of machines that the plan is not about."""
+    own = {partition.id.lower() for partition in state.of(request.application).partitions} | {request.machine.lower()}
+    return replace(
+        state,
+        partitions=tuple(
+            partition if partition.id.lower() in own else replace(partition, other_notes="")
+            for partition in state.partitions
+        ),
     )
 
 
@@ -125,15 +216,7 @@ def _plan_host(request: PlanRequest, desired: Desired, present: Mapping[str, fro
     ordered = order(plan_changes(split.allowed, context), budget)
     steps, stuck = ((), (ordered.finding,)) if isinstance(ordered, Deadlock) else (ordered.steps, ())
     guests = _guest_tasks(request, desired, rules)
-    others = others_after(desired.observed, request.application, split.allowed)
-    basis = PlanBasis(
-        context=context,
-        budget=budget,
-        disks=tuple(disk for disk in desired.observed.disks if disk.machine in budget.managed),
-        others=others,
-        named=_manifest_partitions(request, desired),
-    )
-    host_plan = replace(_host_plan(request, desired, difference, split, steps), guest_tasks=guests or None, basis=basis)
+    host_plan = replace(_host_plan(request, desired, difference, split, steps), guest_tasks=guests or None)
     reviewed = (*review_plan(request, desired, host_plan), *guest_scripts_by_hand(host_plan, rules.locate))
     return _PlannedHost(
         host_plan=host_plan,

@@ -14,7 +14,6 @@ from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.literals import NoLiteral
 from rarms_iac.powershell.render import insides, render_guest, render_scripts, script_name
 from rarms_iac.powershell.templates import ScriptForm
-from rarms_iac.storage.script_signature import unsigned_scripts
 
 BY_HAND = Finding.note("RARMS160", "A guest's script is run by hand")
 NO_LITERAL = Finding.error("RARMS162", "A value cannot be written into a script")
@@ -108,25 +107,6 @@ def scripts_of(host_plan: HostPlan, plan: Plan, form: ScriptForm = ScriptForm.MO
     for inside, classes in groupby(host_plan.guest_tasks or (), key=lambda task: task.partition):
         made |= render_guest(host_plan, plan, inside, tuple(classes), form)
     return dict(sorted(made.items()))
-
-
-def edited_script(plan: Plan) -> str | None:
-    """Name the first script of a plan that is not, to the byte, what the plan's operations make; None: all are.
-
-    A seal has no key: who edits a script can seal the file anew.
-    """
-    for part in plan.hosts:
-        try:
-            made = scripts_of(part, plan) if part.facts.provider is ProviderKind.HYPERV else {}
-        except (ArithmeticError, AssertionError, LookupError, ValueError):
-            # NOTE: the plan's own steps were rendered when it was made; what cannot be was put there since.
-            return script_name(part)
-        rendered = {name: text.decode("ascii") for name, text in made.items()}
-        own = unsigned_scripts(part.scripts)
-        for name in sorted(rendered.keys() | own.keys()):
-            if rendered.get(name) != own.get(name):
-                return name
-    return None
 
 
 def _no_literal(part: HostPlan, error: NoLiteral) -> Diagnostic:

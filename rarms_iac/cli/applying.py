@@ -8,9 +8,9 @@ from pathlib import Path
 
 from rarms_iac.app.applying import apply, combine_reports, finish_runs
 from rarms_iac.app.control import Control
-from rarms_iac.app.files import write_plan_file
 from rarms_iac.app.general_findings import declined
 from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.plan_files import write_plan_file
 from rarms_iac.app.plan_key import plan_key
 from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.requests import RunOptions
@@ -39,7 +39,7 @@ def show_plan(session: Session, plan: Plan, sources: Sources) -> None:
 
 
 def write_and_advise(session: Session, path: str, plan: Plan) -> None:
-    """Write the sealed plan and say how to use it, or why it cannot be used."""
+    """Write the plan and say how to use it, or why it cannot be used."""
     write_plan_file(path, plan)
     if plan.needs_key and plan_key() is None:
         advice = (

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 from rarms_iac.diff.comparison import ManagedMachines, ManifestRules, PartialDifference
 from rarms_iac.diff.disruption import can_change_now, changed_facets, disruption_of_update, stops, why_memory_needs_off
+from rarms_iac.diff.step_context import HostContext
 from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Update
 from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
-from rarms_iac.model.plan_basis import HostContext
 from rarms_iac.model.state import Facet, Partition, PartitionSettings, RunState, State, StoppedBy
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import in_a_row, quoted

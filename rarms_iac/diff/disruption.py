@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from math import ceil
 
+from rarms_iac.diff.step_context import HostContext
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.plan_basis import HostContext
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.state import Facet, Partition, PartitionSettings, RunState
 from rarms_iac.model.system import GRACE, Disruption

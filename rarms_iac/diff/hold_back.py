@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rarms_iac.diff.claims import NO_CLAIM, claim_of
+from rarms_iac.diff.step_context import StepBudget
 from rarms_iac.model.changes import Change, Create, Delete, Update
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.plan import HeldBack
-from rarms_iac.model.plan_basis import StepBudget
 from rarms_iac.model.state import Partition
 
 _Held = dict[int, HeldBack]

@@ -27,6 +27,7 @@ from rarms_iac.diff.setting_steps import (
     start_step,
     stop_step,
 )
+from rarms_iac.diff.step_context import HostContext
 from rarms_iac.model.changes import Address, Reason
 from rarms_iac.model.layout import Making
 from rarms_iac.model.operation_effects import mark_operation
@@ -39,7 +40,6 @@ from rarms_iac.model.operations import (
     StopPartition,
 )
 from rarms_iac.model.plan import Step, Undo, UndoLevel
-from rarms_iac.model.plan_basis import HostContext
 from rarms_iac.model.state import Disk, DiskKind, Facet, Partition, PartitionSettings, RunState, State
 from rarms_iac.model.system import Disruption
 

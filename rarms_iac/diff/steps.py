@@ -15,6 +15,7 @@ from rarms_iac.diff.partition_steps import (
     update_partition,
 )
 from rarms_iac.diff.readings import record_readings, values_readings
+from rarms_iac.diff.step_context import HostContext
 from rarms_iac.model.changes import Address, Adopt, Change, Create, Delete, Reason, Release, Update
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.operation_effects import reverse_task, values_operation
@@ -28,7 +29,6 @@ from rarms_iac.model.operations import (
     WriteTaskRecord,
 )
 from rarms_iac.model.plan import Step, Undo, UndoLevel
-from rarms_iac.model.plan_basis import HostContext
 from rarms_iac.model.renaming import BETWEEN
 from rarms_iac.model.state import Partition, RegistryValue, Responsiveness, TaskClass
 

@@ -11,10 +11,11 @@ from rarms_iac.manifest.acceptance import with_acceptances_in_force
 from rarms_iac.manifest.overlays import combine
 from rarms_iac.manifest.text.characters import EMPTY
 from rarms_iac.manifest.text.positions import FirstLine
-from rarms_iac.manifest.text.reading import ParsedText, read_yaml
+from rarms_iac.manifest.text.reading import ParsedText, read_text, read_yaml
 from rarms_iac.model.commands import INIT, prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, has_errors, in_order
 from rarms_iac.model.names import is_name, robot_of
+from rarms_iac.model.plan import InputText
 from rarms_iac.model.system import System
 from rarms_iac.storage.reading import STANDARD_INPUT
 
@@ -32,6 +33,7 @@ class Loaded:
     sources: Mapping[str, Sequence[str]]  # file as messages name it -> its lines
     folder: str  # what the manifest's paths are relative to
     digest: str  # of the texts, in the order in which they were read
+    texts: tuple[InputText, ...]
     is_missing: bool = False  # one of the files is not there
 
     @property
@@ -97,6 +99,18 @@ def load_system(
             wrote never raises.
     """
     texts = [read_yaml(path), *(read_yaml(overlay, overlay=True) for overlay in overlays)]
+    return _load(texts, today, checks)
+
+
+def load_texts(texts: Sequence[InputText], *, today: date) -> Loaded:
+    """Read a manifest and its overlays whose texts are here already; as `load_system`."""
+    read = [read_text("\n".join(text.lines).encode(), text.file, str(Path(text.file).parent)) for text in texts]
+    return _load(read, today, run_checks)
+
+
+def _load(
+    texts: list[ParsedText], today: date, checks: Callable[[System, Places, date], Iterable[Diagnostic]]
+) -> Loaded:
     if any(not text.readable for text in texts):
         return _loaded(texts, None, FirstLine(texts[0].source.file), [])
     empty = [_is_empty(text, overlay=text is not texts[0]) for text in texts if text.value is None]
@@ -115,8 +129,8 @@ def load_system(
         document = validate_document(combined.value, places)
     except NotAManifest as problem:
         return _loaded(texts, None, places, [*combined.diagnostics, *findings_of_structure(problem)])
-    robot = robot_of(overlays)
-    if overlays and not is_name(robot):
+    robot = robot_of([text.source.file for text in texts[1:]])
+    if texts[1:] and not is_name(robot):
         return _loaded(texts, None, places, [not_a_robot(texts[-1].source.file, robot)])
     system = to_system(document, robot)
     found = [*combined.diagnostics, *checks(system, places, today)]
@@ -153,6 +167,11 @@ def _digest(texts: list[ParsedText]) -> str:
     return digest.hexdigest()
 
 
+def _as_text(text: ParsedText) -> InputText:
+    lines = text.source.data.decode("utf-8", "replace").split("\n")
+    return InputText(file=text.source.file, lines=tuple(lines))
+
+
 def _loaded(
     texts: list[ParsedText],
     system: System | None,
@@ -167,5 +186,6 @@ def _loaded(
         sources={text.source.file: text.source.lines for text in texts},
         folder=texts[0].source.folder or os.curdir,
         digest=_digest(texts),
+        texts=tuple(_as_text(text) for text in texts),
         is_missing=any(text.is_missing for text in texts),
     )

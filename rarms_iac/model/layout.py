@@ -1,5 +1,6 @@
 """What the planner answers: a Layout, or why there is none."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
@@ -99,12 +100,30 @@ def describe_placement(placement: Placement) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ChosenLayout:
+    """The hosts that the solver chose, with its word on how good the choice is."""
+
+    hosts: Mapping[str, str]  # by partition
+    reserved_bound: int  # as of `Placement`
+    moves_bound: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
     """Every component in a partition on a host, or on a host itself."""
 
     partitions: tuple[PlacedPartition, ...]  # by host, then name
     on_hosts: tuple[tuple[str, str], ...]  # component, host: those that run outside partitions
     placement: Placement | None = None  # None where there was nothing to choose
+
+    def chosen(self) -> ChosenLayout:
+        """Return what of it was chosen."""
+        placement = self.placement
+        return ChosenLayout(
+            hosts={partition.name: partition.host for partition in self.partitions},
+            reserved_bound=placement.reserved_bound if placement else 0,
+            moves_bound=placement.moves_bound if placement else 0,
+        )
 
     def on(self, host: str) -> tuple[PlacedPartition, ...]:
         """The partitions of a host, by name.
@@ -124,6 +143,18 @@ class Cause:
     code: str = ""  # of the finding that tells it
     advice: Wording = ""  # what to do; empty: as the finding always says
     values: Facts = field(default_factory=dict, hash=False)  # the names and numbers of the message
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LookedUp:
+    """What data logs say of components in one partition, on hosts for which the same logs hold."""
+
+    members: tuple[str, ...]  # by name
+    hosts: tuple[str, ...]  # by name
+    reservation: LogicalProcessors
+    processors: int | None  # as of `ReservationSource`
+    remarks: tuple[Cause, ...]
+    job_ms: Mapping[str, float]  # by member, as of `ReservationSource`
 
 
 class RelaxationKind(Enum):

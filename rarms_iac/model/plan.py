@@ -1,7 +1,8 @@
-"""A Plan: the whole instruction, sealed, used once."""
+"""A Plan: the whole instruction, used once, and what it is made of."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from datetime import date
 from enum import StrEnum
 from typing import Literal
 
@@ -10,11 +11,10 @@ from rarms_iac.model.claims import Claim
 from rarms_iac.model.commands import RecommendedCommand, command
 from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.host import Host
-from rarms_iac.model.layout import Placement
+from rarms_iac.model.layout import ChosenLayout, LookedUp, Placement
 from rarms_iac.model.operations import Operation
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.plan_basis import PlanBasis
-from rarms_iac.model.state import HostFacts, RegistryValue
+from rarms_iac.model.state import HostFacts, RegistryValue, State, StoppedBy
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.totals import HostTotals, Totals, host_totals
 
@@ -51,7 +51,7 @@ class Undo:
     """How a step is taken back, and what stays different afterwards."""
 
     level: UndoLevel
-    operation: Internal[Operation | None]  # None where nothing can be done
+    operation: Operation | None  # None where nothing can be done
     message: str = ""  # what it cannot bring back
 
 
@@ -62,8 +62,8 @@ class Step:
     address: Address
     title: str  # for a person: `reserve 1.4 -> 0.8 LP (70 -> 40 % of each of 2 processors)`
     operation: Operation
-    before: Internal[Readings]
-    after: Internal[Readings]
+    before: Readings
+    after: Readings
     undo: Undo
     disruption: Disruption
     claim_before: Internal[Claim]  # of its partition
@@ -138,15 +138,15 @@ class HostPlan:
 
     host: Internal[Host]
     facts: HostFacts
-    state_path: Internal[str]  # simulated hosts: where their file lies, relative to the manifest's folder
+    state_path: str  # simulated hosts: where their file lies, relative to the manifest's folder
     serial: int  # of the application on this host, when the plan was made
-    digests: Internal[Mapping[str, str]]  # of each part of the observed state that must not have moved
+    digests: Mapping[str, str]  # of each part of the observed state that must not have moved
     changes: tuple[Change, ...]  # by address
     steps: tuple[Step, ...]  # in the order in which they are done
     held_back: tuple[HeldBack, ...]
     unused: tuple[UnusedPartition, ...]  # by name; stopped already
     unchanged: int  # resources that are as wanted
-    scripts: Internal[Mapping[str, str]]  # file name -> text, one an operating system
+    scripts: Mapping[str, str]  # file name -> text, one an operating system
     totals: Totals | None = None  # for the reader; nothing is decided by it
     threads: tuple[ThreadClass, ...] = ()  # by operating system, highest priority first; for the reader, too
     components: Mapping[str, tuple[str, ...]] = field(
@@ -156,9 +156,8 @@ class HostPlan:
     # By partition of a Linux host: how its reservation is kept and why; for the reader.
     mechanisms: Mapping[str, str] | None = None
     # By partition, then name: what the scripts write in guests that could not be looked into.
-    guest_tasks: Internal[tuple[GuestTask, ...] | None] = None
-    signature: Internal[str] = ""  # HMAC-SHA256 of what it does, in hex, where a key was set when it was written
-    basis: Internal[PlanBasis | None] = None  # what its steps are made of again when it is read; journals have none
+    guest_tasks: tuple[GuestTask, ...] | None = None
+    signature: Internal[str] = ""  # HMAC-SHA256 of what it does, in hex, where a key is set
 
     @output
     def name(self) -> str:
@@ -182,20 +181,6 @@ class HostPlan:
         return None if self.totals is None else host_totals(self.host, self.facts, self.totals)
 
 
-_SEEN = ("can_be_asked", "checkpoints", "foreign_mark", "guest_build", "id", "mark", "other_notes", "sharing", "ties")
-FILE_WORDS = (
-    *("accepted", "counts.held_back", "findings", "needs_key", "placement", "today"),
-    *(f"hosts.*.changes.*.{side}.*.{name}" for side in ("after", "before") for name in _SEEN),
-    "hosts.*.changes.*.reason",
-    *(f"hosts.*.{name}" for name in ("components", "held_back", "mechanisms", "serial", "stopped", "threads")),
-    *(f"hosts.*.steps.*.{name}" for name in ("claim_after", "claim_before", "place")),
-    *(f"hosts.*.totals.{name}" for name in ("idle_lp", "idle_memory", "memory", "others_lp", "others_memory")),
-    "hosts.*.totals.reserved_lp",  # without `idle_lp`, as `memory` without `idle_memory`, it is what the changes make
-    *("hosts.*.unchanged", "hosts.*.unused"),
-)
-"""Of `Plan.file_words`."""
-
-
 class Purpose(StrEnum):
     """What a plan is for: the whole manifest, removing everything, taking a partition in or out, stopping some."""
 
@@ -208,15 +193,56 @@ class Purpose(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class InputText:
+    """The text of a manifest or overlay, without what must stay in it."""
+
+    file: str  # as messages name it
+    lines: tuple[str, ...]  # without LF
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanOrder:
+    """What a plan is asked for, as far as a plan file holds it."""
+
+    manifest: str  # path as given
+    manifest_digest: str
+    today: date
+    overlays: tuple[str, ...] = ()  # paths as given
+    texts: tuple[InputText, ...] = ()  # of the manifest and its overlays, in order
+    purpose: Purpose = Purpose.APPLY
+    max_disruption: Disruption | None = None  # None: as the manifest's policy says
+    hosts: tuple[str, ...] = ()  # names; empty: all
+    targets: tuple[str, ...] = ()  # addresses; empty: everything
+    gone: frozenset[str] = frozenset()  # addresses that a target may name although nothing is there any more
+    partitions: tuple[str, ...] = ()  # to import or release (one), to stop or start; empty: all that it applies to
+    machine: str = ""  # id of the machine to import
+    stopped_by: StoppedBy = StoppedBy.USER  # what a stop is marked with; a measurement starts only its own
+    remove_disks: bool = False  # of a destroy: also the disks that rarms made
+    state_paths: Mapping[str, str] = field(default_factory=dict)  # by host: the file of a simulated one
+    snapshot_findings: tuple[Diagnostic, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanInputs(PlanOrder):
+    """All that a plan is made of. The same inputs make the same plan, without solving."""
+
+    versions: Mapping[str, str]  # of rarms and what it solves with
+    observed: Mapping[str, State]  # by host
+    after_last_run: Mapping[str, frozenset[str] | None]  # by host that was asked: as of `PlanRequest`
+    reservations: tuple[LookedUp, ...]
+    layout: ChosenLayout | None  # None: nothing is laid out
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """Everything that `rarms apply PLAN` does. `id`: digest without scripts; `seal`: digest of the whole file."""
+    """Everything that `rarms apply PLAN` does. `id`: digest of it without scripts."""
 
     id: str  # 12 hex digits
     rarms_version: str
     application: str
     purpose: Purpose
     manifest: str  # path as given
-    manifest_digest: Internal[str]
+    manifest_digest: str
     today: str  # ISO date that acceptances were judged by
     max_disruption: Disruption
     hosts: tuple[HostPlan, ...]  # by name
@@ -226,7 +252,8 @@ class Plan:
     robot: str = ""  # of `Application`
     needs_key: bool = False  # `Policy.signed_plans`
     placement: Placement | None = None  # how good the choice of hosts is; None where there was nothing to choose
-    format_version: Internal[Literal["rarms-plan/2"]] = "rarms-plan/2"
+    signature: Internal[str] = ""  # HMAC-SHA256 of its file, in hex, where a key was set when it was made
+    inputs: Internal[PlanInputs]
 
     @output
     def kind(self) -> Literal["plan"]:
@@ -238,14 +265,6 @@ class Plan:
         """How many changes of each kind there are, as the last line of a plan has them, and how many are held back."""
         held_back = sum(len(host.held_back) for host in self.hosts)
         return {**count(change for host in self.hosts for change in host.changes), "held_back": held_back}
-
-    @output
-    def file_words(self) -> tuple[str, ...]:
-        """What is the words of a plan file where the plan was read from one, since no change says it.
-
-        Keys behind points; `*` stands for any host, change, step or type.
-        """
-        return FILE_WORDS
 
     @output
     def has_changes(self) -> bool:

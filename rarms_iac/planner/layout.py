@@ -13,7 +13,7 @@ from typing import assert_never
 from rarms_iac.model.commands import MEASURE, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Place, Places
 from rarms_iac.model.host import Host, Mechanism
-from rarms_iac.model.layout import Cause, Infeasible, Layout, Relaxation, RelaxationKind
+from rarms_iac.model.layout import Cause, ChosenLayout, Infeasible, Layout, Relaxation, RelaxationKind
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts
 from rarms_iac.model.system import Disruption, Measured, System
@@ -21,7 +21,7 @@ from rarms_iac.model.wording import counted, list_names
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.mechanism import deadline_problems, mechanism_of
 from rarms_iac.planner.neighbours import neighbour_findings
-from rarms_iac.planner.problem import HostView, Problem, by_name, problem_of, solve
+from rarms_iac.planner.problem import HostView, Problem, by_name, check_layout, problem_of, solve
 from rarms_iac.planner.reservations import ReservationSource
 
 
@@ -41,6 +41,7 @@ def plan_layout(
     *,
     max_disruption: Disruption | None = None,
     explain: bool = True,
+    chosen: ChosenLayout | None = None,
 ) -> Planning:
     """Place every component in a partition on a host, within what the hosts have, or explain why that is impossible.
 
@@ -52,14 +53,18 @@ def plan_layout(
         places: lines of the manifest, for the findings.
         max_disruption: the most that may be disturbed; `REMOVAL` lets partitions move. None: as the policy says.
         explain: search for the smallest conflict and for ways out, if there is no layout; otherwise sums alone say why.
+        chosen: the layout that is checked instead of a search; None: search.
 
     Returns:
         A layout; or `Infeasible` with the conflict and ways out. Findings come with both. The solver's work is limited
             by nodes, not by time, so the same input gives the same layout.
+
+    Raises:
+        LayoutRefused: the chosen layout does not fit.
     """
     limit = max_disruption or system.policy.max_disruption
     problem = problem_of(system, reservations, hosts, may_move=limit is Disruption.REMOVAL)
-    answer = solve(problem)
+    answer = solve(problem) if chosen is None else check_layout(problem, chosen)
     notes = [
         finding
         for host in by_name(system.hosts)

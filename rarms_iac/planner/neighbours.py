@@ -20,9 +20,8 @@ from rarms_iac.model.system import Component, Threshold, run_of
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group
-from rarms_iac.planner.measured_together import MeasuredTogether
 from rarms_iac.planner.problem import Problem, by_name
-from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log
+from rarms_iac.planner.reservations import depends_on_a_log
 
 
 def neighbour_findings(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:
@@ -137,11 +136,5 @@ def _has_steady_loads(group: Group, around: _Surroundings) -> bool:
 
 def _work_ms(member: Component, group: Group, partition: PlacedPartition, around: _Surroundings) -> float | None:
     """How long a job works by its reservation; None: it was not measured."""
-    reservations = around.problem.reservations
-    if not isinstance(reservations, MeasuredReservations):
-        return None
-    log = reservations.log(group.members, around.host)
-    cpu_ms = log.cpu_ms(member.name) if isinstance(log, MeasuredTogether) else None
-    if cpu_ms is None or not isinstance(log, MeasuredTogether):
-        return None
-    return cpu_ms / (min(log.used or log.processors, log.processors)) / (partition.settings.reserve / 100)
+    job_ms = around.problem.reservations.job_ms(member.name, group.members, around.host)
+    return None if job_ms is None else job_ms / (partition.settings.reserve / 100)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from rarms_iac.model.capacity import CheckedCapacity, capacity_of, core_sharing, foreign_claimants, foreign_claims
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing, DeadlineClaim
 from rarms_iac.model.host import Host, Mechanism, ProviderKind, SimulatedHost
-from rarms_iac.model.layout import Cause, Infeasible, Layout, PlacedPartition, Placement
+from rarms_iac.model.layout import Cause, ChosenLayout, Infeasible, Layout, PlacedPartition, Placement
 from rarms_iac.model.renaming import renaming
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts, RunState, State
 from rarms_iac.model.system import RunsOn, System
@@ -14,7 +14,7 @@ from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.mechanism import deadline_percent, mechanism_of
 from rarms_iac.planner.packing.pack import can_pack, pack
-from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing
+from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing, hosts_can_hold, objective_of
 from rarms_iac.planner.refusals import cannot_be_made, cannot_have_reserve
 from rarms_iac.planner.reservations import ReservationSource, depends_on_a_log
 from rarms_iac.planner.sizes import size
@@ -351,6 +351,39 @@ def solve(problem: Problem) -> Layout | Infeasible:
             packing = pack(unchecked.items, unchecked.bins)
     if isinstance(packing, NoPacking):
         return Infeasible(proven=packing.proven, conflict=(), causes=(), relaxations=())
+    return _layout(problem, packing)
+
+
+class LayoutRefused(ValueError):
+    """A layout that was chosen before does not fit."""
+
+
+def check_layout(problem: Problem, chosen: ChosenLayout) -> Layout:
+    """Make a layout of hosts that were chosen before, without solving.
+
+    Raises:
+        LayoutRefused: a partition is missing or may not be on its host, a host has no room, or a bound is above what
+            the layout reserves or moves.
+    """
+    for each in (problem, problem.without_checks()):
+        items, hosts = each.items, chosen.hosts
+        if hosts.keys() != {item.name for item in items} or any(hosts[item.name] not in item.claims for item in items):
+            continue
+        reserved, moves = objective_of(items, hosts)
+        is_bound = chosen.reserved_bound <= reserved and chosen.moves_bound <= moves
+        if is_bound and hosts_can_hold(items, each.bins, hosts):
+            packing = Packing(
+                host_of=hosts,
+                reserved=reserved,
+                reserved_bound=chosen.reserved_bound,
+                moves=moves,
+                moves_bound=chosen.moves_bound,
+            )
+            return _layout(problem, packing)
+    raise LayoutRefused
+
+
+def _layout(problem: Problem, packing: Packing) -> Layout:
     partitions = [problem.partition_on(name, host) for name, host in packing.host_of.items()]
     return Layout(
         partitions=tuple(sorted(partitions, key=lambda partition: (partition.host, partition.name))),

@@ -7,10 +7,10 @@ from typing import Protocol
 
 from rarms_iac.model.achievement import ReservationVerdict
 from rarms_iac.model.host import Host
-from rarms_iac.model.layout import Cause
+from rarms_iac.model.layout import Cause, LookedUp
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, ProcessorTime, guaranteed, in_processors
-from rarms_iac.model.system import Component, Measured
-from rarms_iac.planner.groups import Group
+from rarms_iac.model.system import Component, Measured, System
+from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, Names, NotMeasured
 from rarms_iac.planner.verdicts import Decision, decide, why_unknown
 
@@ -48,6 +48,13 @@ class ReservationSource(Protocol):
 
         Returns:
             Anything that can be compared and hashed.
+        """
+
+    def job_ms(self, component: str, members: tuple[Component, ...], host: Host) -> float | None:
+        """Return the processor time of a job of a member, on each of the processors that it uses, in ms.
+
+        Returns:
+            None: it was not measured.
         """
 
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
@@ -89,6 +96,10 @@ class FixedReservations:
     def depends_on(self, host: Host) -> Hashable:
         """Logical processors: a share is of these, and nothing else matters."""
         return host.logical_processors
+
+    def job_ms(self, component: str, members: tuple[Component, ...], host: Host) -> None:  # noqa: ARG002 - the protocol's
+        """None: nothing was measured."""
+        return
 
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:  # noqa: ARG002 - the protocol's
         """None: what the manifest fixes needs no remark."""
@@ -185,6 +196,12 @@ class MeasuredReservations:
         """Processors, for what is fixed, and what data logs are compared with."""
         return host.logical_processors, self.kinds.get(host.name)
 
+    def job_ms(self, component: str, members: tuple[Component, ...], host: Host) -> float | None:
+        """As the log has it that decides."""
+        log = self._decision(members, host).log if to_be_measured(members) else None
+        cpu_ms = None if log is None else log.cpu_ms(component)
+        return None if log is None or cpu_ms is None else cpu_ms / min(log.used or log.processors, log.processors)
+
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
         """The remarks of the log of each load."""
         logs = self.log_of_each_load(members, host) if to_be_measured(members) else ()
@@ -236,6 +253,71 @@ class MeasuredReservations:
         if key not in self._known:
             self._known[key] = decide(members, self._logs(members, host))
         return self._known[key]
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedReservations:
+    """Reservations that `look_up` recorded, and what the manifest fixes."""
+
+    recorded: tuple[LookedUp, ...]
+
+    def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
+        """Return the recorded reservation."""
+        if not (names := to_be_measured(members)):
+            return FixedReservations().reservation(members, host)
+        found = self._of(members, host)
+        return NotMeasured(components=names) if found is None else ProcessorTime(found.reservation)
+
+    def processors(self, members: tuple[Component, ...], host: Host) -> int | None:
+        """Those that were recorded."""
+        found = self._of(members, host)
+        return None if found is None else found.processors
+
+    def depends_on(self, host: Host) -> Hashable:
+        """Logical processors, and what was recorded for the host."""
+        own = (number for number, each in enumerate(self.recorded) if host.name in each.hosts)
+        return host.logical_processors, tuple(own)
+
+    def job_ms(self, component: str, members: tuple[Component, ...], host: Host) -> float | None:
+        """The recorded time."""
+        found = self._of(members, host)
+        return None if found is None else found.job_ms.get(component)
+
+    def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
+        """The recorded remarks."""
+        found = self._of(members, host)
+        return () if found is None else found.remarks
+
+    def _of(self, members: tuple[Component, ...], host: Host) -> LookedUp | None:
+        names = names_of(members)
+        return next((each for each in self.recorded if each.members == names and host.name in each.hosts), None)
+
+
+def look_up(system: System, reservations: ReservationSource) -> tuple[LookedUp, ...]:
+    """Look up the measured reservation of each partition on each host that it may be on.
+
+    Returns:
+        By partition, one for the hosts that have the same answers; none where there is no answer.
+    """
+    found = []
+    for group in filter(depends_on_a_log, groups_of(system)):
+        alike: dict[Hashable, list[Host]] = {}
+        for host in (host for host in system.hosts.values() if group.may_run_on(host.name)):
+            alike.setdefault(reservations.depends_on(host), []).append(host)
+        for hosts in alike.values():
+            answer = reservations.reservation(group.members, hosts[0])
+            if isinstance(answer, ProcessorTime):
+                job_ms = {each.name: reservations.job_ms(each.name, group.members, hosts[0]) for each in group.members}
+                looked_up = LookedUp(
+                    members=names_of(group.members),
+                    hosts=tuple(sorted(host.name for host in hosts)),
+                    reservation=answer.processors,
+                    processors=reservations.processors(group.members, hosts[0]),
+                    remarks=reservations.remarks(group.members, hosts[0]),
+                    job_ms={name: ms for name, ms in job_ms.items() if ms is not None},
+                )
+                found.append(looked_up)
+    return tuple(found)
 
 
 def names_of(members: Iterable[Component]) -> Names:

@@ -117,7 +117,7 @@ def render_scripts(
         host_plan: of the host.
         plan: the whole one, which names application and manifest.
         accept_scheduler: whether they run under the root scheduler.
-        form: whether the module lies beside the scripts, as a plan file has them, or in each.
+        form: whether the module lies beside the scripts, as a plan has them, or in each.
 
     Raises:
         NoLiteral: a value cannot be written into a script.

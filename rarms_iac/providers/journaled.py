@@ -1,5 +1,6 @@
 """Lock and journal of a host that rarms changes step by step: two files, the journal as JSON Lines."""
 
+import dataclasses
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -171,7 +172,8 @@ def journal_of(records: list[JournalRecord]) -> Journal:
 
 def _check(run: Journal) -> None:
     started = run.started
-    if (name := wrong_name(started.host_plan, started.steps)) is not None:
+    parts = (started.host_plan, dataclasses.replace(started.host_plan, steps=started.steps))
+    if name := next(filter(None, map(wrong_name, parts)), None):
         raise NotDecodable("record 1", f"no manifest can give the name {quoted(name)}")
     for record in run.steps:
         if not 0 <= record.number < len(started.steps):

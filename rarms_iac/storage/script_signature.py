@@ -27,16 +27,6 @@ def signed_scripts(scripts: Mapping[str, str], key: bytes) -> dict[str, str]:
     return {name: undo[name] if name in undo else _signed(rest[name], key) for name in scripts}
 
 
-def unsigned_scripts(scripts: Mapping[str, str]) -> dict[str, str]:
-    """Return the scripts of a host as they were before they were signed.
-
-    Args:
-        scripts: by file name; those without a signature are returned as they are.
-    """
-    bare = {name: without_key_signature(text) for name, text in scripts.items()}
-    return {name: _naming(name, text, scripts, bare) for name, text in bare.items()}
-
-
 def without_key_signature(text: str) -> str:
     """Return a script as it was before it was signed.
 

@@ -4,12 +4,11 @@
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, assert_never
 
 from rarms_iac.applying.undo import is_removal
-from rarms_iac.model.changes import Change, Create, Delete, Reason, Update
+from rarms_iac.model.changes import Change, Create, Delete, Update
 from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Place, Sources
 from rarms_iac.model.host import Connect, LinuxHost, Receiver, WinRmConnect
@@ -48,39 +47,28 @@ TITLES = {
 }
 
 
-FILE_WORDS = "Said by the plan file alone, and not checked against its changes:"
-
-
-def plan_text(
-    plan: Plan, *, sources: Sources | None = None, verbose: bool = False, is_read: bool = False
-) -> "RenderableType":
+def plan_text(plan: Plan, *, sources: Sources | None = None, verbose: bool = False) -> "RenderableType":
     """Show the plan, a line a partition.
 
     Args:
         plan: what is shown.
         sources: texts of the files that findings point into.
         verbose: show every attribute, reason and manifest line, the thread priorities and the order of the steps, too.
-        is_read: it comes from a file: what was not made again of its changes stands below a line that says so.
     """
     changed = [
         part for part in plan.hosts if part.changes or part.steps or part.held_back or part.unused or part.stopped
     ]
     parts: list[RenderableType] = []
     if changed:
-        planned = _read_host if is_read else _planned_host
-        parts += [
-            paragraph(plan_title(plan)),
-            *(piece for part in changed for piece in planned(part, verbose=verbose)),
-        ]
+        parts.append(paragraph(plan_title(plan)))
+        for part in changed:
+            parts += _planned_host(part, verbose=verbose)
         quiet = [part.host.name for part in plan.hosts if part not in changed]
         if quiet:
             parts.append(paragraph(f"No changes on {counted(len(quiet), 'more host')}: {', '.join(quiet)}."))
-        if not is_read and verbose and plan.placement is not None:
+        if verbose and plan.placement is not None:
             parts.append(paragraph(describe_placement(plan.placement)))
         parts.append("")
-    if is_read:
-        parts += [paragraph(styled((_counts(plan), STRONG))), *_words_of_file(plan, sources or {}, verbose=verbose)]
-        return stack(*parts)
     return stack(
         *parts, *_findings(plan, sources or {}, verbose=verbose), paragraph(styled((plan_summary(plan), STRONG)))
     )
@@ -100,36 +88,6 @@ def _findings(plan: Plan, sources: Sources, *, verbose: bool) -> "Iterator[Rende
     if plan.accepted:
         yield f"{counted(len(plan.accepted), 'finding')} accepted by the policy."
         yield ""
-
-
-def _words_of_file(plan: Plan, sources: Sources, *, verbose: bool) -> "Iterator[RenderableType]":
-    """What a plan file says beside its changes, below the line that says so."""
-    words: list[RenderableType] = []
-    for part in plan.hosts:
-        own = [*_members(part), *_stated(part, verbose=verbose)]
-        own += _reasons(part) if verbose else []
-        own += _details(part) if verbose else []
-        if part.host_totals is not None:
-            own.append(paragraph(_afterwards([*_idle(part.host_totals), *_other_totals(part.host_totals)]), indent=2))
-        words += [f"Host {part.host.name}:", *own] if own else []
-    if verbose and plan.placement is not None:
-        words.append(paragraph(describe_placement(plan.placement)))
-    words += _findings(plan, sources, verbose=verbose)
-    if words:
-        yield from ("", paragraph(styled((FILE_WORDS, STRONG))), *words)
-
-
-def _members(part: HostPlan) -> "Iterator[RenderableType]":
-    for name in sorted(part.components, key=natural_order):
-        if members := members_of(name, part.components):
-            yield paragraph(f"{name}{members}", indent=2)
-
-
-def _reasons(part: HostPlan) -> "Iterator[RenderableType]":
-    for change in part.changes:
-        yield paragraph(
-            styled(f"{change.address}: {visible(change.reason.message, keep='')}", _at(change.reason.place)), indent=2
-        )
 
 
 def plan_summary(plan: Plan) -> str:
@@ -167,6 +125,7 @@ def _planned_host(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]
     yield from _stated(part, verbose=verbose)
     yield from _not_undone(part)
     if verbose:
+        yield from (paragraph(visible(text, keep=""), indent=2) for text in _whereabouts(part))
         yield from _details(part)
         yield from _steps(part)
     if part.host_totals is not None:
@@ -175,28 +134,11 @@ def _planned_host(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]
 
 def afterwards(totals: HostTotals, host: str) -> str:
     """Say what a host has promised after the plan, and what is free."""
-    own = _reserved(totals, totals.reserved_lp, totals.promised.memory, host)
+    reserved, memory = totals.reserved_lp, show_bytes(totals.promised.memory)
+    of_host = f"{show_processors(reserved)} of {show_processors(totals.host_lp)}"
+    own = f"{of_host} ({share_of_host(reserved, totals.host_lp, host)}) and {memory} reserved"
     idle = [f"of these, {text}" for text in _idle(totals)]
-    return _afterwards([own, *idle, *_other_totals(totals)])
-
-
-def _read_host(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]":
-    """As `_planned_host`, without what only the file says."""
-    changes = tuple(replace(change, reason=Reason(message="")) for change in part.changes)
-    steps = tuple(replace(step, place=None) for step in part.steps)
-    part = replace(part, changes=changes, steps=steps, components={})
-    yield from _changed_host(part, verbose=verbose)
-    yield from (paragraph(visible(text, keep=""), indent=2) for text in _whereabouts(part))
-    yield from _not_undone(part)
-    if verbose:
-        yield from _steps(part)
-    if part.host_totals is not None:
-        # NOTE: whether one that does not run counts, the manifest says, and no change.
-        totals, promised = part.host_totals, part.host_totals.promised
-        running, memory = totals.reserved_lp - promised.idle_lp, promised.memory - promised.idle_memory
-        yield paragraph(
-            _afterwards([f"{_reserved(totals, running, memory, part.name)} by partitions that run"]), indent=2
-        )
+    return f"Afterwards: {'; '.join([own, *idle, *_other_totals(totals)])}."
 
 
 def _receiver(connect: Connect | WinRmConnect) -> str | None:
@@ -443,16 +385,6 @@ def _steps(part: HostPlan) -> "Iterator[RenderableType]":
         start = f"  {number:>{len(str(len(part.steps)))}}. "
         yield paragraph(f"{step.address}: {visible(step.title, keep='')}{_at(step.place)}", start=start)
         yield paragraph(step.comment, indent=len(start))
-
-
-def _afterwards(parts: Sequence[str]) -> str:
-    return f"Afterwards: {'; '.join(parts)}."
-
-
-def _reserved(totals: HostTotals, processors: Fraction, memory: int, host: str) -> str:
-    """What partitions of the application reserve of the host: `1.4 LP of 2 LP (70 % of onboard) and 2 GiB reserved`."""
-    of_host = f"{show_processors(processors)} of {show_processors(totals.host_lp)}"
-    return f"{of_host} ({share_of_host(processors, totals.host_lp, host)}) and {show_bytes(memory)} reserved"
 
 
 def _idle(totals: HostTotals) -> list[str]:

@@ -17,12 +17,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
+from rarms_iac.app.plan_files import read_plan_file
 from rarms_iac.applying.make_plan import make_plan
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.manifest.load import load_system
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.hyperv.parse import to_state
-from rarms_iac.storage.plan_file import read_plan
 from rarms_iac.views.console import render
 from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.plan import plan_text
@@ -86,7 +86,7 @@ def made(folder: Path, seen: bytes | None = None) -> Made:
 def _by_command(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
     with patch.dict(os.environ, {"COLUMNS": "80"}):  # a reviewer reads what was made beside the situation
         ran = rarms(*words, "--snapshot", "host.json", "--out", "made.plan", "--today", TODAY.isoformat())
-    plan = read_plan(Path("made.plan").read_bytes()) if Path("made.plan").exists() else None
+    plan = read_plan_file("made.plan") if Path("made.plan").exists() else None
     return plan, {"plan.txt": ran.out, "findings.txt": f"{ran.err}exit {ran.code}\n"}
 
 
@@ -101,6 +101,7 @@ def _by_library(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
         places=loaded.places,
         manifest="rarms.yaml",
         manifest_digest=loaded.digest,
+        texts=loaded.texts,
         today=TODAY,
         purpose=Purpose(words[0]),
         targets=(options["--target"],) if "--target" in options else (),

@@ -9,13 +9,13 @@ from rarms_iac.diff.claims import claim_of
 from rarms_iac.diff.compare import compare
 from rarms_iac.diff.drift import DriftKind, drift
 from rarms_iac.diff.order import OrderedSteps
+from rarms_iac.diff.step_context import StepBudget
 from rarms_iac.model.capacity import foreign_claims, packs
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.plan import Step, UndoLevel
-from rarms_iac.model.plan_basis import StepBudget
 from rarms_iac.model.quantities import Bytes
 from rarms_iac.model.state import RegistryValue, Responsiveness, State
 from rarms_iac.model.system import System

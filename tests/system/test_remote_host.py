@@ -129,7 +129,7 @@ def test_an_installed_module_takes_the_scripts_and_another_version_is_refused_by
 
 def test_the_host_runs_the_very_bytes_of_the_plan_and_keeps_no_copy(remote: Remote) -> None:
     assert remote.rarms("plan", "--out", "plan.json").code == 0
-    scripts = json.loads((remote.folder / "plan.json").read_text(encoding="utf-8"))["hosts"][0]["scripts"]
+    scripts = json.loads(remote.rarms("show", "plan.json", "--json").out)["hosts"][0]["scripts"]
 
     applied = remote.rarms("apply", "plan.json")
 

@@ -21,10 +21,11 @@ from rarms_iac.app.applying import (
     undo_applies,
 )
 from rarms_iac.app.control import Control
-from rarms_iac.app.files import folder_of, read_plan_file
+from rarms_iac.app.files import folder_of
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import argument, flag, load_host_option
+from rarms_iac.app.plan_files import read_plan_file
 from rarms_iac.app.planning import plan_request
 from rarms_iac.app.requests import (
     DEFAULT_MANIFEST,

@@ -26,7 +26,7 @@ from rarms_iac.views.pull_request import is_for_findings, no_plan_as, plan_as
 class PlanOptions(OutputOptions):
     """Where the plan goes, and how it is shown."""
 
-    out: str | None = option("--out", metavar="FILE", help="Write the plan, sealed, for `rarms apply FILE`.")
+    out: str | None = option("--out", metavar="FILE", help="Write the plan file, for `rarms apply FILE`.")
     verbose: bool = verbose_option()
     detailed_exitcode: bool = flag(
         "--detailed-exitcode", help="End with exit code 2 where there are changes; those that are held back count."

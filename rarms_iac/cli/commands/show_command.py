@@ -2,8 +2,11 @@
 
 from dataclasses import dataclass
 
-from rarms_iac.app.files import read_plan_file
+from rarms_iac.app.hosts import select_hosts
+from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import argument, flag, option, verbose_option
+from rarms_iac.app.plan_files import read_plan_file
+from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.requests import ManifestSource, SnapshotSelection
 from rarms_iac.app.scripts import (
     RECEIVE_NAME,
@@ -29,6 +32,7 @@ from rarms_iac.powershell.templates import ScriptForm
 from rarms_iac.views.console import paragraph
 from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.json_output import json_of
+from rarms_iac.views.plan import plan_text
 from rarms_iac.views.scripts import difference_text, left_out, script_text
 
 
@@ -66,7 +70,7 @@ def show_command(
 ) -> ExitCode:
     """Show a plan that `rarms plan --out` wrote, or with --script what runs on its hosts.
 
-    A PLAN needs neither manifest nor host; a file that was edited is refused, as `rarms apply` refuses it. With
+    A PLAN needs neither manifest nor host. A file that makes another plan than it was written for is refused. With
     --script and without a PLAN, the plan is made first, as `rarms plan` makes it. A pipe or file gets the exact
     bytes of one script, without numbers. --against shows a difference and judges nothing: the exit code is 0 whether
     there is one or not.
@@ -81,10 +85,8 @@ def show_command(
             raise RequestError("That is asked of scripts: add --script.")
         if options.plan_file is None:
             raise RequestError("Missing argument '[PLAN]'.")
-        from rarms_iac.views.plan import plan_text
-
         plan = read_plan_file(options.plan_file)
-        session.answer(lambda: json_of(plan), lambda: plan_text(plan, verbose=options.verbose, is_read=True))
+        session.answer(lambda: json_of(plan), lambda: plan_text(plan, verbose=options.verbose))
         return ExitCode.DONE
     return _show_scripts(session, _plan(options.plan_file, source, host_selection), host_selection.hosts, options)
 
@@ -94,11 +96,6 @@ def _plan(plan_file: str | None, source: ManifestSource, host_selection: Snapsho
         if host_selection.snapshots:
             raise RequestError("A PLAN takes no --snapshot: it was made already.")
         return read_plan_file(plan_file)
-    # Imported here, since a plan file needs none of it: that would take a third of the time of `rarms show --script`.
-    from rarms_iac.app.hosts import select_hosts
-    from rarms_iac.app.manifests import load_manifest
-    from rarms_iac.app.planning import plan as make_plan
-
     return make_plan(select_hosts(load_manifest(source), host_selection))
 
 

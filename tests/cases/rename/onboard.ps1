@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f0eac300dd84 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 7029542050f3 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     voice  name speech -> voice
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 99bc47caa5e2, rarms 0.1.0. SHA-256: the undo 03138c6229aaba0613b9b8589a09def779416eb655e75ba48c24803056f022a9, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
+    Manifest 99bc47caa5e2, rarms 0.1.0. SHA-256: the undo ab0644de82c60684e8bb28e2cde1253fc9c012ca6bd90911d1506f9670d1235a, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f0eac300dd84'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '03138c6229aaba0613b9b8589a09def779416eb655e75ba48c24803056f022a9'
+        Run = 'apply'; Plan = '7029542050f3'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'ab0644de82c60684e8bb28e2cde1253fc9c012ca6bd90911d1506f9670d1235a'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

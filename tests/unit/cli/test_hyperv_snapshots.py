@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.storage.plan_file import read_plan
+from rarms_iac.app.plan_files import read_plan_file
 from rarms_iac.storage.shipped import shipped
 from tests.files import copy_files
 from tests.recorded_hosts import document, recorded_bytes
@@ -42,7 +42,7 @@ def test_the_example_is_planned_from_its_recorded_host(cell: Path) -> None:
     assert "+ torch-motion" in ran.out
     assert "31 GiB of its 31.9 GiB)" in " ".join(ran.out.split())
     assert "state file" not in rarms("show", str(cell / "plan")).out, "only a simulated host has one"
-    (part,) = read_plan((cell / "plan").read_bytes()).hosts
+    (part,) = read_plan_file(str(cell / "plan")).hosts
     assert sorted(part.scripts) == [
         "cell.guest.seam-tracking.ps1",
         "cell.guest.seam-tracking.undo.ps1",
@@ -141,7 +141,7 @@ def test_a_guest_that_was_looked_into_takes_part(cell: Path) -> None:
 
     assert ran.code == 0
     assert "+ torch-motion/task/MotionControl" in ran.out
-    (part,) = read_plan((cell / "plan").read_bytes()).hosts
+    (part,) = read_plan_file(str(cell / "plan")).hosts
     assert "Get-TaskClassReading" in part.scripts["cell.guest.torch-motion.ps1"].partition("# --- runtime")[0]
     assert "Get-GuestTaskClassReading" in part.scripts["cell.guest.seam-tracking.ps1"].partition("# --- runtime")[0]
     assert not any("torch-motion/task" in name for name in part.digests), "the host's script does not see it"

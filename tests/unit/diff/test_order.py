@@ -3,13 +3,13 @@ from fractions import Fraction
 
 from rarms_iac.diff.hold_back import hold_back
 from rarms_iac.diff.order import Deadlock, OrderedSteps, order
+from rarms_iac.diff.step_context import StepBudget
 from rarms_iac.diff.steps import PlannedChange
 from rarms_iac.model.capacity import Capacity
 from rarms_iac.model.changes import Address, Reason, Update
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.operations import SetCpu, SetMemory
 from rarms_iac.model.plan import Step, Undo, UndoLevel
-from rarms_iac.model.plan_basis import StepBudget
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, Percent, ShareOfHost
 from rarms_iac.model.state import Partition, RunState, State
 from rarms_iac.model.system import CpuRequest, Disruption, System

@@ -3,11 +3,11 @@
 from collections.abc import Iterable
 from dataclasses import replace
 
+from rarms_iac.diff.step_context import HostContext
 from rarms_iac.diff.steps import steps_for
 from rarms_iac.model.changes import Adopt, Change, Create, Release
 from rarms_iac.model.layout import Making
 from rarms_iac.model.plan import HostPlan, Plan
-from rarms_iac.model.plan_basis import HostContext
 from rarms_iac.model.state import Mark, Partition, TaskClass, TaskRecord
 from rarms_iac.powershell.tree import NotParsed, ShapeNode, parse_strictly, shape_of
 from tests import builders_plan as build

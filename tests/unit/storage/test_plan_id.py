@@ -7,7 +7,7 @@ import pytest
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
 from rarms_iac.model.plan import Plan
-from rarms_iac.storage.plan_file import plan_id, read_plan, write_plan
+from rarms_iac.storage.plan_file import plan_id
 from tests.builders_plan import because, create, host_plan, partition, plan, settings
 
 
@@ -35,10 +35,3 @@ def test_another_line_of_the_manifest_is_another_plan() -> None:
     moved = create(partition(settings()), because(line=32))
 
     assert plan_id(plan(host_plan(changes=[moved]))) != plan_id(made_from(""))
-
-
-def test_the_file_keeps_where_it_was_made() -> None:
-    made = made_from("robot/")
-    identified = replace(made, id=plan_id(made))
-
-    assert read_plan(write_plan(identified)) == identified

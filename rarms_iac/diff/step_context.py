@@ -1,4 +1,4 @@
-"""What the steps of a plan depend on beside its changes: with both, the steps can be made again and compared."""
+"""What the steps of a host depend on besides its changes."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -66,14 +66,3 @@ class StepBudget:
             Criticality and name.
         """
         return self.criticality.get(partition, 0), partition
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanBasis:
-    """What steps and totals of a host's part of a plan are made of, beside its changes."""
-
-    context: HostContext
-    budget: StepBudget
-    disks: tuple[Disk, ...]  # of the application's machines before the first step
-    others: tuple[Claim, ...]  # of machines that are not the application's once the plan is done
-    named: frozenset[str]  # the partitions that the manifest names
