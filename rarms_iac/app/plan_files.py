@@ -68,8 +68,7 @@ def plan_in(path: str, data: bytes) -> Plan:
         if plan.id != file.id:
             raise another_plan(file, f"it makes plan {plan.id} here, and was written for plan {quoted(file.id)}")
     except PlanFileError as error:
-        values = {"file": path, "reason": error.message}
-        finding = error.finding.at(None, f"{path}: {error.message}.", error.advice, values=values)
+        finding = error.finding.at(None, "{file}: {reason}.", error.advice, file=path, reason=error.message)
         raise UseCaseError(Outcome.REFUSED, [finding]) from error
     plan, key = replace(plan, signature=file.signature), plan_key()
     return signed(plan, key) if key is not None and has_signed_file(plan, key) else plan

@@ -80,7 +80,9 @@ class Bench:
     def hosts(self) -> Hosts:
         system = a_system(hosts=[self.experiment.host], components=list(self.experiment.members))
         folder = str(self.folder)
-        loaded = Loaded(system=system, places=FirstLine(file=""), diagnostics=(), sources={}, folder=folder, digest="")
+        loaded = Loaded(
+            system=system, places=FirstLine(file=""), diagnostics=(), sources={}, folder=folder, texts=(), digest=""
+        )
         manifest = Manifest(source=ManifestSource(), system=system, loaded=loaded)
         return Hosts(manifest=manifest, selection=HostSelection(), snapshots=Snapshots(hosts={}))
 

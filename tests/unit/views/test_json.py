@@ -46,7 +46,7 @@ def test_a_plan_says_the_same_as_its_text() -> None:
     assert document["counts"] == {"add": 2, "change": 2, "remove": 1, "adopt": 0, "release": 0, "held_back": 1}
     assert speech["attributes"] == [{"name": "processors", "before": 1, "after": 2, "forces": "restart"}]
     assert speech["reason"]["place"]["line"] == 31
-    assert onboard["steps"][1]["undo"] == {"level": "none", "message": "it is not made again"}
+    assert onboard["steps"][1]["undo"] == {"level": "none", "operation": None, "message": "it is not made again"}
 
 
 def test_registry_values_say_their_type() -> None:
