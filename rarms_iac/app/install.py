@@ -269,12 +269,13 @@ def _install(host: "_RobotSetup", wheels: _Wheels, control: Control) -> HostInst
             machine=python.machine,
         )
     has_build = look.versions.get(__version__) == build
+    tell = control.reporter.message
+    if not has_build:
+        tell(f"{host.name}: Python {look.python}, {python.machine}. Collecting its wheels.")
     sent = () if has_build else wheels.of(python)
     size = sum(len(wheel.content) for wheel in sent)
     if sent:
-        control.reporter.message(
-            f"{host.name}: Python {look.python}, {python.machine}. Sending {len(sent)} wheels, {size / 1e6:.0f} MB."
-        )
+        tell(f"{host.name}: sending {len(sent)} wheels, {size / 1e6:.0f} MB, and installing them there.")
     done = host.ask(
         {
             "action": "install",

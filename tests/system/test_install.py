@@ -2,7 +2,9 @@
 
 import json
 import os
+import re
 import subprocess
+import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,9 +14,10 @@ import pytest
 
 from rarms_iac.app import install
 from rarms_iac.app.install_there import RobotPlaces
-from rarms_iac.app.install_wheels import own_wheel
+from rarms_iac.app.install_wheels import LOCK, RobotPython, own_wheel, pins_for, wheels_for
 from rarms_iac.model.version import __version__
 from rarms_iac.providers import robot as providers_robot
+from rarms_iac.storage.shipped import shipped_text
 from tests.remote import a_server
 from tests.unit.cli.running import Ran, rarms
 
@@ -94,6 +97,7 @@ def test_a_robot_without_rarms_gets_it_over_ssh(robot: Robot) -> None:
     installed = robot.install("--host", "onboard", "--json")
 
     assert installed.code == 0, installed.err
+    assert re.search(r"onboard: sending \d+ wheels, \d+ MB, and installing them there\.", installed.err)
     (host,) = json.loads(installed.out)["hosts"]
     assert (host["before"], host["version"], host["changed"]) == ("", __version__, True)
     assert host["sent_bytes"] > 10_000_000
@@ -157,3 +161,18 @@ def test_a_simulated_host_needs_no_rarms(robot: Robot) -> None:
 
     assert refused.code == 64
     assert "model: not a Linux host" in refused.err
+
+
+def test_pip_finds_every_wheel_for_another_processor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    jetson = RobotPython(version="3.12.3", machine="aarch64", glibc=(2, 39))
+    downloaded = wheels_for(jetson, tmp_path)
+    monkeypatch.setattr(sys, "executable", "/bin/false")  # there is no pip, and no internet
+
+    from_folder = wheels_for(jetson, tmp_path)
+
+    assert from_folder == downloaded
+    known = {digest for pin in pins_for(shipped_text(LOCK), jetson) for digest in pin.digests}
+    assert {wheel.digest for wheel in downloaded} - {own_wheel().digest} <= known
+    built = {wheel.name.partition("-")[0] for wheel in downloaded if wheel.name.endswith("_aarch64.whl")}
+    assert {"highspy", "pydantic_core", "pyyaml"} <= built
+    assert all(wheel.name.endswith(("-any.whl", "_aarch64.whl")) for wheel in downloaded)
