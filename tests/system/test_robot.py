@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import signal
+import subprocess
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +21,7 @@ from rarms_iac.app.planning import plan
 from rarms_iac.applying.run_report import ReportedStep, RunEnding, RunReporter
 from rarms_iac.model.version import __version__
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER
-from rarms_iac.providers.robot import INSTALLED
+from rarms_iac.providers.robot import INSTALLED, LINE_LIMIT, READY, entry_command
 from tests.contracts.benches import forget_host, groups_of, slice_of
 from tests.needs import CHECKOUT
 from tests.remote import Remote, a_server, descendants
@@ -107,6 +108,11 @@ def test_plan_apply_drift_undo_and_destroy(folder: Path) -> None:
     assert tree.read("").quota_percent == 180
 
     assert run(folder, "doctor").code == 0
+    for command, is_running in (("stop", False), ("start", True)):
+        assert run(folder, command, "speech", "--auto-approve").code == 0
+        (status,) = json.loads(run(folder, "status", "--json").out)["hosts"]
+        assert {each["name"]: each["running"] for each in status["partitions"]}["speech"] is is_running
+    assert run(folder, "history").out.count("done") >= 3
     assert run(folder, "release", "speech", "--auto-approve").code == 0
     (released,) = (found for found in partitions(folder) if found["mark"] is None)
     assert run(folder, "import", "speech", "--id", released["id"], "--auto-approve").code == 0
@@ -145,12 +151,46 @@ def test_writable_code_and_other_versions_are_refused(folder: Path, robot_rarms:
     assert f"others than root may write to {INSTALLED}/{__version__}" in " ".join(writable.err.split())
 
     place.rename(robot_rarms / "0.0.9")
-    other = run(folder, "plan")
+    others = [run(folder, command) for command in ("plan", "doctor")]
     (robot_rarms / "0.0.9").rename(place)
-    assert other.code == 1
-    assert "RARMS410" in other.err
-    assert f"it has rarms 0.0.9; this is rarms {__version__}" in " ".join(other.err.split())
-    assert "rarms install --host onboard" in " ".join(other.err.split())
+    for other in others:
+        said = " ".join((other.out + other.err).split())
+        assert other.code == 1
+        assert "RARMS410" in said
+        assert f"it has rarms 0.0.9; this is rarms {__version__}" in said
+        assert "rarms install --host onboard" in said
+
+
+def test_garbage_over_ssh_is_not_a_request(server: Remote) -> None:
+    words = [str(server.folder / "here" / "ssh"), "cell", entry_command()]
+    for sent in (b"", b"GET / HTTP/1.1\n", b"\xff" * 100, b"x" * (LINE_LIMIT + 1)):
+        ended = subprocess.run(words, input=sent + b"\n", capture_output=True, timeout=60)
+
+        ready, answer = ended.stdout.decode("ascii").splitlines()
+        assert (ended.returncode, ready) == (1, READY)
+        assert "the request cannot be read" in json.loads(answer)["failure"]["findings"][0]["detail"]
+
+
+def test_a_robot_with_a_key_refuses_unsigned_plans(
+    folder: Path, robot_rarms: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    key = "0123456789abcdef"
+    (folder / "etc").mkdir()
+    (folder / "etc" / "environment").write_text("RARMS_PLAN_KEY_FILE=/etc/rarms/key\n", encoding="ascii")
+    (folder / "etc" / "key").write_text(key, encoding="ascii")
+    (folder / "etc" / "key").chmod(0o600)
+    (folder / "keyed").mkdir()
+    mount = f"mkdir -p /etc/rarms && mount --bind {folder / 'etc'} /etc/rarms"
+    with a_server(folder / "keyed", lambda words: on_robot(robot_rarms, words, mount)) as keyed:
+        monkeypatch.setenv("PATH", keyed.environment["PATH"])
+
+        refused = apply(folder)
+        monkeypatch.setenv("RARMS_PLAN_KEY", key)
+        signed = apply(folder)
+
+    assert refused.code == 3
+    assert "sign" in refused.err
+    assert signed.code == 0
 
 
 def test_a_full_disk_there_is_reported(folder: Path, robot_rarms: Path, monkeypatch: pytest.MonkeyPatch) -> None:
