@@ -8,9 +8,10 @@ end. Begin at `COMMANDS`.
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
+from shutil import rmtree
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -45,8 +46,14 @@ from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.datalog.merging import is_log
 from rarms_iac.storage.datalog.named_files import Files
 from rarms_iac.storage.disk import MEASUREMENTS, make_folder_for
+from rarms_iac.storage.lock import Locked, hold, owner
 from rarms_iac.storage.replace import replace as write
 
+WORK = Path("/run/rarms")
+"""The folder of this machine that has a folder for each request while it is done."""
+
+LOCK = "lock"
+_WAIT_MS = 10_000  # for another request that makes its folder
 _PAUSE_S = 1.0  # least time between two reports of samples
 _PAUSES = 20  # least time between two reports, in multiples of the time for sending one
 
@@ -217,8 +224,7 @@ def _workspace(host: Host, job: Json, caller: Caller) -> Iterator[tuple[_Workspa
     if not isinstance(job, dict) or set(job) != {"job", "request"}:
         raise NotDecodable("job", "it does not have a job and a request")
     asked = decode(ExperimentJob, job["job"])
-    with TemporaryDirectory(prefix="rarms-") as folder:
-        os.chdir(folder)
+    with _own_folder():
         try:
             files = _write_texts(asked)
             for path, text in asked.logs.items():
@@ -233,6 +239,21 @@ def _workspace(host: Host, job: Json, caller: Caller) -> Iterator[tuple[_Workspa
                 raise UseCaseError(error.outcome, workspace.named(error.findings)) from error
         finally:
             os.chdir("/")
+
+
+@contextmanager
+def _own_folder() -> Iterator[None]:
+    """Make a new current folder, remove it at the end, and remove now what killed processes left."""
+    WORK.mkdir(mode=0o700, exist_ok=True)
+    with ExitStack() as stack:
+        with hold(WORK / LOCK, owner(), _WAIT_MS):
+            for left in WORK.glob("*/"):
+                with suppress(Locked), hold(left / LOCK, owner()):
+                    rmtree(left)
+            folder = Path(stack.enter_context(TemporaryDirectory(dir=WORK)))
+            stack.enter_context(hold(folder / LOCK, owner()))
+        os.chdir(folder)
+        yield
 
 
 def _write_texts(job: ExperimentJob) -> Mapping[str, str]:
