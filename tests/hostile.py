@@ -30,54 +30,54 @@ def _aliases() -> bytes:
 
 
 HOSTILE = (
-    Hostile(name="alias bomb", make=_aliases, code="RARMS008", column=5),
+    Hostile(name="alias bomb", make=_aliases, code="RARMS007", column=5),
     Hostile(
-        name="merge-key bomb", make=_bomb(b"a: &a {x: 1}\nb:\n  <<: [*a, *a]\n"), code="RARMS008", line=2, column=4
+        name="merge-key bomb", make=_bomb(b"a: &a {x: 1}\nb:\n  <<: [*a, *a]\n"), code="RARMS007", line=2, column=4
     ),
-    Hostile(name="duplicate keys", make=_bomb(b"a: 1\na: 2\n"), code="RARMS009", line=3),
-    Hostile(name="duplicate keys, one quoted", make=_bomb(b"a: 1\n'a': 2\n"), code="RARMS009", line=3),
-    Hostile(name="tag", make=_bomb(b"a: !!python/object/apply:os.system [ls]\n"), code="RARMS008", line=2, column=4),
-    Hostile(name="50,000 brackets", make=lambda: b"[" * 50_000, code="RARMS010", column=33),
-    Hostile(name="50,000 braces", make=lambda: b"{a: " * 50_000, code="RARMS010", column=129),
+    Hostile(name="duplicate keys", make=_bomb(b"a: 1\na: 2\n"), code="RARMS007", line=3),
+    Hostile(name="duplicate keys, one quoted", make=_bomb(b"a: 1\n'a': 2\n"), code="RARMS007", line=3),
+    Hostile(name="tag", make=_bomb(b"a: !!python/object/apply:os.system [ls]\n"), code="RARMS007", line=2, column=4),
+    Hostile(name="50,000 brackets", make=lambda: b"[" * 50_000, code="RARMS007", column=33),
+    Hostile(name="50,000 braces", make=lambda: b"{a: " * 50_000, code="RARMS007", column=129),
     Hostile(
         name="deep indentation",
         make=lambda: b"".join(b" " * n + b"a:\n" for n in range(2000)),
-        code="RARMS010",
+        code="RARMS007",
         line=33,
         column=33,
     ),
-    Hostile(name="huge integer", make=_bomb(b"a: " + b"9" * 60_000 + b"\n"), code="RARMS011", line=2, column=4),
-    Hostile(name="NaN", make=_bomb(b"a: .nan\n"), code="RARMS011", line=2, column=4),
-    Hostile(name="infinity", make=_bomb(b"a: -.inf\n"), code="RARMS011", line=2, column=4),
-    Hostile(name="infinity by size", make=_bomb(b"a: 1e999\n"), code="RARMS011", line=2, column=4),
+    Hostile(name="huge integer", make=_bomb(b"a: " + b"9" * 60_000 + b"\n"), code="RARMS007", line=2, column=4),
+    Hostile(name="NaN", make=_bomb(b"a: .nan\n"), code="RARMS007", line=2, column=4),
+    Hostile(name="infinity", make=_bomb(b"a: -.inf\n"), code="RARMS007", line=2, column=4),
+    Hostile(name="infinity by size", make=_bomb(b"a: 1e999\n"), code="RARMS007", line=2, column=4),
     Hostile(name="NUL", make=_bomb(b"a: x\0y\n"), code="RARMS005", line=2, column=5),
     Hostile(name="NUL by escape", make=_bomb(b'a: "x\\0y"\n'), code="RARMS005", line=2, column=4),
     Hostile(name="bidirectional control", make=_bomb("a: é\u202e\n".encode()), code="RARMS005", line=2, column=5),
     Hostile(name="bidirectional control by escape", make=_bomb(b'a: "\\u2066"\n'), code="RARMS005", line=2, column=4),
-    Hostile(name="lone surrogate", make=_bomb(b"a: \xed\xa0\x80\n"), code="RARMS004", line=2, column=4),
+    Hostile(name="lone surrogate", make=_bomb(b"a: \xed\xa0\x80\n"), code="RARMS001", line=2, column=4),
     Hostile(name="lone surrogate by escape", make=_bomb(b'a: "\\ud800"\n'), code="RARMS007", line=2, column=7),
-    Hostile(name="several documents", make=_bomb(b"---\na: 1\n"), code="RARMS008", line=2),
-    Hostile(name="invalid UTF-8", make=_bomb(b"a: \xff\n"), code="RARMS004", line=2, column=4),
-    Hostile(name="UTF-16", make=lambda: "schema: rarms/v1\n".encode("utf-16"), code="RARMS004"),
+    Hostile(name="several documents", make=_bomb(b"---\na: 1\n"), code="RARMS007", line=2),
+    Hostile(name="invalid UTF-8", make=_bomb(b"a: \xff\n"), code="RARMS001", line=2, column=4),
+    Hostile(name="UTF-16", make=lambda: "schema: rarms/v1\n".encode("utf-16"), code="RARMS001"),
     Hostile(
         name="UTF-16 without a mark", make=lambda: "schema: rarms/v1\n".encode("utf-16-le"), code="RARMS005", column=2
     ),
-    Hostile(name="empty", make=lambda: b"", code="RARMS012"),
-    Hostile(name="blank", make=lambda: b" \n\n", code="RARMS012"),
-    Hostile(name="only comments", make=lambda: b"# nothing\n", code="RARMS012"),
-    Hostile(name="long scalar", make=lambda: b"a: " + b"x" * 2**20, code="RARMS010", column=4),
+    Hostile(name="empty", make=lambda: b"", code="RARMS001"),
+    Hostile(name="blank", make=lambda: b" \n\n", code="RARMS001"),
+    Hostile(name="only comments", make=lambda: b"# nothing\n", code="RARMS001"),
+    Hostile(name="long scalar", make=lambda: b"a: " + b"x" * 2**20, code="RARMS007", column=4),
     Hostile(
         name="many comments",
         make=lambda: b"a: 1\n" + b"#\n" * 400_001,
-        code="RARMS010",
+        code="RARMS007",
         line=400_002,
         column=1,
         large=True,
     ),
     Hostile(
-        name="many nodes", make=lambda: b"- {a: b}\n" * 400_000, code="RARMS010", line=133_334, column=3, large=True
+        name="many nodes", make=lambda: b"- {a: b}\n" * 400_000, code="RARMS007", line=133_334, column=3, large=True
     ),
-    Hostile(name="8 MiB and a byte", make=lambda: b"#" * (8 * 2**20 + 1), code="RARMS003", large=True),
+    Hostile(name="8 MiB and a byte", make=lambda: b"#" * (8 * 2**20 + 1), code="RARMS001", large=True),
     Hostile(
         name="8 MiB of line ends",
         make=lambda: b"\n" * (8 * 2**20 - 1) + b"[",
@@ -115,18 +115,18 @@ def manifest(*, processors: str = "2", memory: str = "4 GiB", pattern: str = "(?
 
 HOSTILE_VALUES = (
     Hostile(name="full-width digits", make=lambda: manifest(processors="２"), code="RARMS017", line=3, column=36),
-    Hostile(name="Arabic digits", make=lambda: manifest(memory="٤ GiB"), code="RARMS019", line=3, column=47),
+    Hostile(name="Arabic digits", make=lambda: manifest(memory="٤ GiB"), code="RARMS017", line=3, column=47),
     Hostile(
         name="pattern with a backreference",
         make=lambda: manifest(pattern=r"(?P<ok>1)\1"),
-        code="RARMS072",
+        code="RARMS017",
         line=8,
         column=59,
     ),
     Hostile(
         name="pattern with lookahead",
         make=lambda: manifest(pattern=r"(?P<ok>1)(?=(a+)+$)"),
-        code="RARMS072",
+        code="RARMS017",
         line=8,
         column=59,
     ),

@@ -16,6 +16,7 @@ from rarms_iac.app.wiring import open_host, unfinished_simulated_hosts
 from rarms_iac.applying import refusals
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.preconditions import marked_resources
+from rarms_iac.applying.refusals import MOVED, OTHERS_RUN
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.applying.run_steps import RunControl
@@ -35,7 +36,7 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted, run_to_undo
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.step_titles import reversal
-from rarms_iac.model.wording import in_a_row, quoted
+from rarms_iac.model.wording import in_a_row
 from rarms_iac.powershell.templates import without_signature
 from rarms_iac.providers.channel import CommandChannel
 from rarms_iac.providers.interface import NO_WAITING, LiveHost, RobotHost, WaitLimits
@@ -43,8 +44,6 @@ from rarms_iac.storage.plan_file import is_signed
 from rarms_iac.storage.reading import STANDARD_INPUT
 from rarms_iac.storage.script_signature import is_signed_script
 
-RENAMED = Finding.error("RARMS331", "The plan is of another application than the manifest")
-ELSEWHERE = Finding.error("RARMS213", "The plan's simulated host is not in this folder")
 MANIFEST_CHANGED = Finding.note("RARMS371", "The manifest has changed since the plan was made")
 
 
@@ -155,8 +154,7 @@ def _refuse_elsewhere(plan: Plan) -> None:
     """A simulated host lies beside its manifest: in a folder without it, a new and empty host would be changed."""
     simulated = [part.host.name for part in plan.hosts if part.host.provider is ProviderKind.SIMULATED]
     if simulated and plan.manifest != STANDARD_INPUT and not Path(plan.manifest).exists():
-        names = ", ".join(sorted(simulated))
-        message = f"The plan was made from {plan.manifest}, which is not here, and {names} is simulated beside it."
+        template = "The plan was made from {manifest}, which is not here, and {hosts:each} is simulated next to it."
         advice = prose(
             "Apply the plan in the folder where it was made, or name the manifest: ",
             command("apply", "PLAN", f="MANIFEST"),
@@ -164,11 +162,7 @@ def _refuse_elsewhere(plan: Plan) -> None:
         )
         raise UseCaseError(
             Outcome.REFUSED,
-            [
-                ELSEWHERE.at(
-                    None, message, advice, values={"manifest": plan.manifest, "hosts": tuple(sorted(simulated))}
-                )
-            ],
+            [MOVED.at(None, template, advice, manifest=plan.manifest, hosts=tuple(sorted(simulated)))],
         )
 
 
@@ -277,16 +271,16 @@ def refuse_contradiction(plan: Plan, source: ManifestSource) -> None:
     name = declared_application(source)
     if name is None or name == plan.application:
         return
-    message = (
-        f"Plan {plan.id} is of the application {quoted(plan.application)}; {source.manifest} is that of {quoted(name)}."
+    refusal = OTHERS_RUN.at(
+        None,
+        "Plan {plan} is of the application {application:quoted}; {manifest} is that of {manifest_application:quoted}.",
+        prose("Nothing was changed. Make a new plan: ", PLAN_OUT, "."),
+        plan=plan.id,
+        application=plan.application,
+        manifest=source.manifest,
+        manifest_application=name,
     )
-    advice = prose(
-        "Nothing was changed. Make a new plan: ",
-        PLAN_OUT,
-        ".",
-    )
-    values = {"application": plan.application, "manifest_application": name}
-    raise UseCaseError(Outcome.REFUSED, [RENAMED.at(None, message, advice, values=values)])
+    raise UseCaseError(Outcome.REFUSED, [refusal])
 
 
 def changed_manifest(plan: Plan, source: ManifestSource) -> tuple[Diagnostic, ...]:
@@ -306,9 +300,12 @@ def changed_manifest(plan: Plan, source: ManifestSource) -> tuple[Diagnostic, ..
     files = in_a_row((source.manifest, *source.overlays), "or")
     note = MANIFEST_CHANGED.at(
         None,
-        f"{files} has changed since plan {plan.id} was made. The plan is applied as it was reviewed.",
+        "{_files} has changed since plan {plan} was made. The plan is applied as it was reviewed.",
         prose("To see what the manifest asks for now, run ", PLAN, "."),
-        values={"manifest": source.manifest, "overlays": source.overlays, "plan": plan.id},
+        manifest=source.manifest,
+        overlays=source.overlays,
+        plan=plan.id,
+        _files=files,
     )
     return (note,)
 

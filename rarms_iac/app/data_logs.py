@@ -28,6 +28,7 @@ from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, Names, NotMeasured
+from rarms_iac.planner.planning_findings import NOT_VERIFIED
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of, to_be_measured
 from rarms_iac.statistics.curves import Curve, curve_of, highest_missed
 from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
@@ -317,7 +318,7 @@ def _left_idle(system: System, group: Group, host: Host, logs: Sequence[Measured
         address=f"component/{to_be_measured(group.members)[0]}",
         message=f"{in_a_row(paths)}: the load left more than {100 * SHORT:.0f} % of the processors idle. What is "
         "enough there need not be enough beside others.",
-        code=planning_findings.WEAK_LOG.code,
+        code=planning_findings.DIFFERENT.code,
         values={"logs": tuple(paths)},
         advice=advice_on_weak_loads(system, host, names_of(group.members), loads, measure),
     )
@@ -453,12 +454,12 @@ def _remarks(log: DataLog, found: Present, group: Group, path: str, cut: str) ->
     if found.others:
         message = f"{path} has {counted(found.others, 'setting')} from other conditions."
         advice = "Nothing has to be done. They count again when the conditions are the same again."
-        yield remark(planning_findings.OTHER_CONDITIONS, message, advice, settings=found.others)
+        yield remark(NOT_VERIFIED, message, advice, settings=found.others)
     if running := tuple(sorted({name for recorded in log.counting for name in recorded.provenance.beside})):
         message = f"{path} was measured while {_list_some(running)} ran on the host."
         again = _measuring(names_of(group.members)).also(again=True)
         alone = prose("Measure it once more with the host to itself, and this no longer counts: ", again, ".")
-        yield remark(planning_findings.BUSY, message, alone, partitions=running)
+        yield remark(planning_findings.DIFFERENT, message, alone, partitions=running)
 
 
 def _list_some(things: tuple[object, ...]) -> str:

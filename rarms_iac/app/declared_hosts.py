@@ -11,15 +11,14 @@ from fractions import Fraction
 
 from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.manifests import Manifest
-from rarms_iac.manifest.checks import partitions, processors
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.commands import MEASURE, PLAN, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import Cause, Infeasible
 from rarms_iac.model.quantities import CpuAmount, ProcessorTime, in_processors
+from rarms_iac.model.shared_findings import OVER_HOST, UNUSABLE_RESERVE
 from rarms_iac.model.system import Component, Measured, RunsOn, System
-from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.infeasibility.causes import evident_causes
@@ -34,15 +33,7 @@ NOT_YET_MEASURED = Finding.note("RARMS101", "The reserve has not been measured y
 LOOKED_AT = 2_000
 """Components times hosts that are looked at closely; of more, only where their sum exceeds all hosts together."""
 
-_TOO_LARGE = frozenset(
-    finding.code
-    for finding in (
-        processors.RESERVE_OVER_HOST,
-        processors.RESERVE_OVER_PROCESSORS,
-        processors.MORE_PROCESSORS_THAN_HOST,
-        partitions.MEMORY_OVER_HOST,
-    )
-)
+_TOO_LARGE = frozenset({OVER_HOST.code, UNUSABLE_RESERVE.code})
 _ADVICE = prose(
     "Lower one of them, or let components share a partition; ", PLAN, " tries which change would be enough."
 )
@@ -147,16 +138,16 @@ def _about_logs(
                 yield from _as_findings([cause], problem.system, places)
                 continue
             place = places.value("components", answer.components[0], "cpu", "reserve")
-            message = f"There is no data log of {in_a_row(answer.components)} on {host.platform} yet."
             advice = prose(MEASURE, " finds what it needs.")
             if host.provider is ProviderKind.SIMULATED and any(each.simulation is None for each in group.members):
                 advice = prose("Give it `simulation: { work: 20 ms }`, as its host is simulated; then ", advice)
             yield NOT_YET_MEASURED.at(
                 place,
-                message,
+                "There is no data log of {components:all} on {platform} yet.",
                 advice,
                 address=cause.address,
-                values={"components": tuple(answer.components), "platform": host.platform},
+                components=tuple(answer.components),
+                platform=host.platform,
             )
 
 

@@ -2,15 +2,13 @@
 
 from rarms_iac.model.commands import PLAN, Wording, command, prose, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.shared_findings import NOT_DONE, NOT_READ, NOTHING_CHANGED
 from rarms_iac.model.wording import reason_of
 from rarms_iac.storage.disk import advice_on
 
-IN_THE_WAY = Finding.error("RARMS176", "A file is in the way")
-DECLINED = Finding.note("RARMS174", "Nothing was changed")
-NOT_READ = Finding.error("RARMS173", "A file could not be read")
 NOT_WRITTEN = Finding.error("RARMS177", "A file could not be written")
+
 SYSTEM_REFUSED = Finding.error("RARMS178", "The operating system refused something")
-USAGE = Finding.error("RARMS179", "The command cannot be done as it is given")
 BUG = Finding.error("RARMS199", "This is a bug in rarms")
 
 
@@ -26,9 +24,10 @@ def bug_finding(error: BaseException) -> Diagnostic:
     reason, name = reason_of(error)[:300], type(error).__name__
     return BUG.at(
         None,
-        name if reason == name else f"{name}: {reason}",
+        "{exception}" if reason == name else "{exception}: {reason}",
         "Run the same command with --debug: the trace it shows is what a report of the bug needs.",
-        values={"exception": name, "reason": reason},
+        exception=name,
+        reason=reason,
     )
 
 
@@ -45,9 +44,7 @@ def usage_finding(message: str, advice: Wording, verb: str) -> Diagnostic:
     """
     takes = prose(command(verb, help=True), " lists what it takes.")
     commands = prose(command("", help=True), " lists the commands.")
-    return USAGE.at(
-        None, message, sentences(advice, takes if verb else commands), values={"command": verb, "reason": message}
-    )
+    return NOT_DONE.at(None, "{reason}", sentences(advice, takes if verb else commands), command=verb, reason=message)
 
 
 def system_finding(error: OSError) -> Diagnostic:
@@ -62,9 +59,11 @@ def system_finding(error: OSError) -> Diagnostic:
     path = f"{error.filename}: " if error.filename else ""
     return SYSTEM_REFUSED.at(
         None,
-        f"{path}{reason_of(error)}.",
+        "{_path}{reason}.",
         advice_on(error, "Look at the path, its rights and the space on its disk; --debug shows where it happened."),
-        values={"file": str(error.filename or ""), "reason": reason_of(error)},
+        file=str(error.filename or ""),
+        reason=reason_of(error),
+        _path=path,
     )
 
 
@@ -77,11 +76,8 @@ def conflict_finding(path: str) -> Diagnostic:
     Returns:
         A finding that tells to name another file or folder.
     """
-    return IN_THE_WAY.at(
-        None,
-        f"{path} exists already, and stays as it is.",
-        "Name another one, or move that file away first.",
-        values={"file": path},
+    return NOT_WRITTEN.at(
+        None, "{file} exists already, and stays as it is.", "Name another one, or move that file away first.", file=path
     )
 
 
@@ -96,12 +92,7 @@ def write_finding(path: str, error: OSError) -> Diagnostic:
         A finding with the system's own words.
     """
     advice = "Name a regular file, no link, in a folder that exists and that you may write to."
-    return NOT_WRITTEN.at(
-        None,
-        f"{path}: {reason_of(error)}.",
-        advice,
-        values={"file": path, "reason": reason_of(error)},
-    )
+    return NOT_WRITTEN.at(None, "{file}: {reason}.", advice, file=path, reason=reason_of(error))
 
 
 def read_finding(path: str, message: str, advice: Wording) -> Diagnostic:
@@ -115,7 +106,7 @@ def read_finding(path: str, message: str, advice: Wording) -> Diagnostic:
     Returns:
         A finding with this message and advice.
     """
-    return NOT_READ.at(None, f"{path}: {message}.", advice, values={"file": path, "reason": message})
+    return NOT_READ.at(None, "{file}: {reason}.", advice, file=path, reason=message)
 
 
 def declined() -> Diagnostic:
@@ -124,9 +115,8 @@ def declined() -> Diagnostic:
     Returns:
         A finding without a place, as no line of the manifest is at fault.
     """
-    return DECLINED.at(
+    return NOTHING_CHANGED.at(
         None,
         "The answer was not `yes`.",
         prose("Run it again to be asked again; ", PLAN, " shows the changes and asks nothing."),
-        values={},
     )

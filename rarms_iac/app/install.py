@@ -222,7 +222,7 @@ def _still_open(host: str, run: BegunRun) -> Diagnostic:
     reason = _last_line(run.said) if run.said else f"rarms {run.version} is not installed there."
     return STILL_OPEN.of_host(
         host,
-        f"{host}: rarms {run.version} began the run of plan {run.plan} and did not finish it. {reason}",
+        "{host}: rarms {began} began the run of plan {plan} and did not finish it. {reason}",
         prose(
             f"Remove the reason, or install rarms {run.version} there, then run ",
             command("install", host=host),

@@ -246,7 +246,7 @@ def _described(robot: RobotPython) -> str:
 
 
 def _incomplete(message: str, advice: Wording) -> UseCaseError:
-    return UseCaseError(Outcome.FAILED, [INCOMPLETE.at(None, message, advice, values={})])
+    return UseCaseError(Outcome.FAILED, [INCOMPLETE.at(None, "{reason}", advice, reason=message)])
 
 
 @cache

@@ -10,15 +10,13 @@ from pathlib import Path
 from typing import Literal
 
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
+from rarms_iac.applying.refusals import LOCKED
 from rarms_iac.model.commands import Prose, Wording, prose
-from rarms_iac.model.diagnostics import Facts, Finding
 from rarms_iac.planner.planning_findings import UNREADABLE
 from rarms_iac.storage.datalog.files import LogUnreadable
 from rarms_iac.storage.disk import MEASUREMENTS, PRIVATE, make_folder_for
 from rarms_iac.storage.lock import Locked, hold, owner
 from rarms_iac.storage.replace import remove_leftovers
-
-MEASURED_ELSEWHERE = Finding.error("RARMS265", "Another run measures the same")
 
 LOCKS = "locks"
 CHOICES = "configuration"
@@ -39,7 +37,7 @@ def hold_data_log(folder: Path, path: Path, timeout_ms: int) -> Iterator[None]:
         Once, with the log held.
 
     Raises:
-        UseCaseError: Another run measures the same (refused).
+        UseCaseError: The host is held by another run (refused).
     """
     with _held(folder, path.relative_to(folder / MEASUREMENTS).as_posix(), timeout_ms):
         remove_leftovers(path)
@@ -71,10 +69,10 @@ def _held(folder: Path, name: str, timeout_ms: int) -> Iterator[None]:
         try:
             held.enter_context(hold(lock, owner(), timeout_ms))
         except Locked as problem:
-            message = f"{MEASUREMENTS}/{name} is written to by {problem.owner}."
             advice = "Wait for that run to end, or let rarms wait: `--lock-timeout 60s`. What is recorded stays."
-            values = {"log": f"{MEASUREMENTS}/{name}", "owner": problem.owner}
-            raise UseCaseError(Outcome.REFUSED, [MEASURED_ELSEWHERE.at(None, message, advice, values=values)]) from None
+            log = f"{MEASUREMENTS}/{name}"
+            refusal = LOCKED.at(None, "{owner} writes to {log}.", advice, log=log, owner=problem.owner)
+            raise UseCaseError(Outcome.REFUSED, [refusal]) from None
         yield
 
 
@@ -115,7 +113,9 @@ def log_errors() -> Iterator[None]:
     try:
         yield
     except LogUnreadable as problem:
-        message = f"{problem.path.as_posix()}, line {problem.line}: {problem.message}."
         advice = unreadable_advice(problem, "remove it: its records are then measured or written again")
-        values: Facts = {"file": problem.path.as_posix(), "line": problem.line, "reason": problem.message}
-        raise UseCaseError(Outcome.NEGATIVE, [UNREADABLE.at(None, message, advice, values=values)]) from None
+        file = problem.path.as_posix()
+        refusal = UNREADABLE.at(
+            None, "{file}, line {line}: {reason}.", advice, file=file, line=problem.line, reason=problem.message
+        )
+        raise UseCaseError(Outcome.NEGATIVE, [refusal]) from None

@@ -20,7 +20,7 @@ from rarms_iac.app.totals import totals_at_hand
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.diff.drift import DriftKind
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, first_of_each_kind, has_errors, in_order
+from rarms_iac.model.diagnostics import Diagnostic, first_of_each_kind, has_errors, in_order
 from rarms_iac.model.environment_setup import EnvironmentSetup
 from rarms_iac.model.experiment import experiment_of
 from rarms_iac.model.host import ProviderKind
@@ -28,6 +28,7 @@ from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.journal import history_of
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.quantities import show_reserve
+from rarms_iac.model.shared_findings import NOT_DONE
 from rarms_iac.model.system import System
 from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.combining.candidates import Node
@@ -49,8 +50,6 @@ DRIFTS = {
     DriftKind.REMOVED: "removed from the host",
 }
 """What a report says of a difference between the manifest and a host."""
-
-NOTHING_MEASURED = Finding.error("RARMS290", "There is nothing to report")
 
 
 def report_of_manifest(manifest: Manifest, components: Sequence[str] = (), *, with_candidates: bool = False) -> Report:
@@ -145,12 +144,13 @@ def _candidates(manifest: Manifest) -> tuple[Node, ...]:
 
 def _nothing(components: Sequence[str]) -> Diagnostic:
     of = f" of {', '.join(components)}" if components else ""
-    message = f"Below {MEASUREMENTS}/ beside the manifest there is no data log{of}."
-    return NOTHING_MEASURED.at(
+    return NOT_DONE.at(
         None,
-        message,
+        "Below {measurements}/ beside the manifest there is no data log{of}.",
         prose("Measure first: ", command("measure", *components), "."),
-        values={"components": tuple(components)},
+        components=tuple(components),
+        measurements=MEASUREMENTS,
+        of=of,
     )
 
 

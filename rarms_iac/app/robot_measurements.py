@@ -10,7 +10,6 @@ from pathlib import Path
 
 from rarms_iac.app.measurement_files import MOMENT_MS, hold_configuration_logs, hold_data_log, log_errors
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
-from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.wording import quoted
 from rarms_iac.planner.planning_findings import UNREADABLE
 from rarms_iac.storage.datalog.files import LogUnreadable
@@ -69,8 +68,8 @@ def _held(folder: Path, name: str) -> AbstractContextManager[None]:
 
 
 def _refused(file: str, reason: str, line: int | None = None) -> UseCaseError:
-    place = f"{file}, line {line}" if line else file
-    values: Facts = {"file": file, "reason": reason, **({"line": line} if line else {})}
-    message = f"The robot's {place}: {reason}."
+    template = "The robot's {file}, line {line}: {reason}." if line else "The robot's {file}: {reason}."
     advice = "No record was added here. Repair or remove the file on the robot."
-    return UseCaseError(Outcome.NEGATIVE, [UNREADABLE.at(None, message, advice, values=values)])
+    return UseCaseError(
+        Outcome.NEGATIVE, [UNREADABLE.at(None, template, advice, file=file, reason=reason, line=line or 0)]
+    )

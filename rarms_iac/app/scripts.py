@@ -392,13 +392,13 @@ def _of_host(part: HostPlan, texts: Mapping[str, str]) -> list[PlanScript]:
 
 def _edited_observe(path: str) -> Diagnostic:
     place = Place(file=path, line=1, column=1)
-    return RUNTIME.at(place, "it is not the observe script that rarms ships", "write it again", values={"file": path})
+    return RUNTIME.at(place, "it is not the observe script that rarms ships", "write it again", file=path)
 
 
 def _no_script(path: str) -> Diagnostic:
     return NO_SCRIPT.at(
         None,
-        f"{path} does not say in its head that it is an apply, undo or observe script of rarms.",
+        "{file} does not say in its head that it is an apply, undo or observe script of rarms.",
         prose(
             "Give a script that ",
             command("show", script=True, out="FOLDER"),
@@ -406,5 +406,5 @@ def _no_script(path: str) -> Diagnostic:
             command("snapshot", script=True),
             " wrote.",
         ),
-        values={"file": path},
+        file=path,
     )

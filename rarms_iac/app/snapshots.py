@@ -145,7 +145,7 @@ def snapshot_error(file: str, reason: str) -> UseCaseError:
     """
     finding = SnapshotUnreadable.finding.at(
         None,
-        f"{file}: {reason}.",
+        "{file}: {reason}.",
         prose(
             "Make one with ",
             command("snapshot", host="NAME", out="FILE"),
@@ -153,6 +153,7 @@ def snapshot_error(file: str, reason: str) -> UseCaseError:
             command("snapshot", script=True),
             " there, and name its host where there are several: `--snapshot NAME=FILE`.",
         ),
-        values={"file": file, "reason": reason},
+        file=file,
+        reason=reason,
     )
     return UseCaseError(Outcome.FAILED, [finding])

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.preconditions import ignored_reserves, marks_of_other_robots, unproven_rights
-from rarms_iac.diff.compare_partitions import FOREIGN_AT_NAME, machine_in_the_way
+from rarms_iac.diff.compare_partitions import machine_in_the_way
 from rarms_iac.diff.comparison import ManifestRules
 from rarms_iac.diff.partition_steps import DiskVerdict, judge_disks
 from rarms_iac.diff.readings import count_disks
@@ -20,6 +20,7 @@ from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Purpose, ThreadClass
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.renaming import renaming
+from rarms_iac.model.shared_findings import FOREIGN_AT_NAME
 from rarms_iac.model.state import Disk, Partition, State, TaskClass
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.model.wording import natural_order
@@ -37,7 +38,7 @@ def desired_hosts(
     """Work out what each observed host is to be.
 
     The manifest is laid out on the hosts. Where everything of the application goes, or a command brings its own
-    changes (import, release, stop, start), nothing is laid out, and nothing of the application is desired.
+    changes (import  release, stop, start), nothing is laid out, and nothing of the application is desired.
 
     Args:
         request: of which manifest, and for what.

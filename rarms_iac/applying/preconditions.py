@@ -2,7 +2,9 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from typing import Any
 
+from rarms_iac.applying.refusals import OTHERS_RUN
 from rarms_iac.model.changes import RESPONSIVENESS, Address
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places
 from rarms_iac.model.environment_setup import TEST_PARTITIONS
@@ -12,7 +14,6 @@ from rarms_iac.model.system import Application
 from rarms_iac.model.wording import natural_order, quoted
 from rarms_iac.planner.refusals import IGNORED_RESERVES, asks_for_processors, ignores_reserves
 
-OTHER_ROBOT = Finding.error("RARMS342", "A partition or a task class is another robot's")
 NO_RIGHTS = Finding.error("RARMS158", "Without rights, nothing seen proves nothing")
 SCHEDULER = Finding.error(IGNORED_RESERVES, "The host's scheduler does not honour reserves")
 
@@ -58,17 +59,22 @@ def marks_of_other_robots(observed: Iterable[State], application: Application) -
 
 
 def _other_robot(
-    subject: str, robot: str, address: str, host: str, application: Application, **values: str
+    subject: str, robot: str, address: str, host: str, application: Application, **values: Any
 ) -> Iterator[Diagnostic]:
     if robot in {"", application.robot}:
         return
     own = f"the robot {quoted(application.robot)}" if application.robot else "no robot, as it has no overlay"
-    yield OTHER_ROBOT.at(
+    yield OTHERS_RUN.at(
         None,
-        f"{subject} the robot {quoted(robot)}, and this manifest is that of {own}.",
+        "{_subject} the robot {robot:quoted}, and this manifest is that of {_own}.",
         f"Nothing was changed. Check the host's address, or give that robot's overlay, {robot}.yaml, last.",
         address=address,
-        values={"host": host, **values, "robot": robot, "own_robot": application.robot},
+        host=host,
+        robot=robot,
+        own_robot=application.robot,
+        _subject=subject,
+        _own=own,
+        **values,
     )
 
 
@@ -94,10 +100,11 @@ def no_rights(facts: HostFacts, place: Place | None = None) -> Diagnostic:
     lack = "has no right to" if facts.rights is Rights.MISSING else "could not prove that it may"
     return NO_RIGHTS.of_host(
         facts.name,
-        f"On {facts.name}, rarms {lack} manage machines: those that are there cannot be seen, let alone changed.",
+        "On {host}, rarms {lack} manage machines: those that are there cannot be seen, let alone changed.",
         "Run as an administrator of the host; on a simulated one, say `administrator: true`.",
         place=place,
         rights=facts.rights.value,
+        lack=lack,
     )
 
 
@@ -115,20 +122,23 @@ def scheduler_findings(facts: HostFacts, whose: str, place: Place | None) -> Ite
     if why:
         yield SCHEDULER.of_host(
             facts.name,
-            f"{facts.name} {why}: reserve, limit and weight of {whose} would be stored without effect.",
+            "{host} {why}: reserve, limit and weight of {_whose} would be stored without effect.",
             f"{_scheduler_advice(facts)}, take another host, or accept RARMS159 at host/{facts.name}.",
             place=place,
             scheduler=facts.scheduler.value,
+            why=why,
+            _whose=whose,
         )
     elif facts.scheduler is SchedulerType.UNKNOWN:
         yield UNKNOWN_SCHEDULER.of_host(
             facts.name,
-            f"{facts.name} does not tell which scheduler it runs: whether reserve, limit and weight of {whose} have an "
-            "effect is not known.",
+            "{host} does not tell which scheduler it runs: whether reserve, limit and weight of {_whose} "
+            "have an effect is not known.",
             "Restart the host, which writes its event 2 of Microsoft-Windows-Hyper-V-Hypervisor anew; or run `bcdedit "
             "/enum {current}` there: only where hypervisorschedulertype says Root, they have none.",
             place=place,
             scheduler=facts.scheduler.value,
+            _whose=whose,
         )
 
 

@@ -1,12 +1,14 @@
 """Why a run was not begun, or ended early: the findings of applying."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from rarms_iac.diff.readings import VALUE
 from rarms_iac.model.commands import APPLY, APPLY_ABANDON, DRIFT, PLAN, PLAN_OUT, UNDO, command, prose, sentences
-from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Readings, Step
+from rarms_iac.model.shared_findings import DAMAGED, NOTHING_CHANGED, OTHER_VERSION, SCRIPT_REFUSED
 from rarms_iac.model.system import Application
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import in_a_row, quoted
@@ -14,25 +16,22 @@ from rarms_iac.providers.interface import HostDamaged, HostError, HostLocked, Ho
 from rarms_iac.providers.robot import OtherVersion
 from rarms_iac.storage.foreign_values import ForeignValue
 
-USED = Finding.error("RARMS181", "The plan was used, or another run came after it was made")
+HOST_FAILED = Finding.error("RARMS189", "The host cannot be reached, read or changed")
+
 MOVED = Finding.error("RARMS182", "The host has moved since the plan was made")
-UNFINISHED = Finding.error("RARMS183", "Another run is unfinished on the host")
+
+OTHERS_RUN = Finding.error("RARMS340", "This belongs to another application or robot")
+
 LOCKED = Finding.error("RARMS184", "The host is held by another run")
-STEP_MOVED = Finding.error("RARMS185", "A setting changed since the plan was made")
+
+UNFINISHED = Finding.error("RARMS183", "Another run is unfinished on the host")
+
 STEP_FAILED = Finding.error("RARMS186", "A step failed")
-STEP_MISSED = Finding.error("RARMS187", "A step did not take effect")
-HOST_FAILED = Finding.error("RARMS189", "The host could not be read or changed")
-OTHER_VERSION = Finding.error("RARMS410", "The host has another version of rarms")
-OTHERS_UNFINISHED = Finding.error("RARMS416", "The unfinished run was begun by another version of rarms")
-HOST_UNREACHABLE = Finding.error("RARMS232", "The host cannot be reached")
-DAMAGED = Finding.error("RARMS190", "What the host keeps for rarms is damaged")
-NOT_REACHED = Finding.error("RARMS191", "The host is not as the plan left it")
-NOTHING_TO_UNDO = Finding.note("RARMS192", "There is nothing to undo")
+
+
 UNDO_PARTIAL = Finding.warning("RARMS193", "Not everything can be taken back")
 UNDO_FOREIGN = Finding.warning("RARMS402", "An undo sets a value that rarms had not set")
 UNSIGNED = Finding.error("RARMS341", "What is to be run is not signed with the key")
-OTHERS_RUN = Finding.error("RARMS340", "The last run is another application's or robot's")
-SCRIPT_REFUSED = Finding.error("RARMS251", "The script would not run on the host")
 
 _LEAVE = prose(APPLY_ABANDON, " to leave the host as it is.")
 GO_ON = prose("Run the same command again to finish it, ", UNDO, " to take it back, or ", _LEAVE)
@@ -42,9 +41,9 @@ _LOST = prose("rarms cannot bring that back. Afterwards ", PLAN, " says what dif
 
 def used(host: str, plan: str) -> Diagnostic:
     """The plan's serial has passed on this host."""
-    return USED.of_host(
+    return MOVED.of_host(
         host,
-        f"Plan {plan} was applied to {host}, or another apply or undo has run there since it was made.",
+        "Plan {plan} was applied to {host}, or another apply or undo has run there since it was made.",
         _NEW_PLAN,
         plan=plan,
     )
@@ -54,7 +53,7 @@ def moved(host: str, parts: Sequence[str]) -> Diagnostic:
     """Parts of the observed state differ from those that the plan rests on."""
     return MOVED.of_host(
         host,
-        f"On {host} this is no longer as the plan saw it: {'; '.join(parts)}.",
+        "On {host} this is no longer as the plan saw it: {differences:;}.",
         prose("Nothing was changed. Look with ", DRIFT, ", then make a new plan."),
         differences=tuple(parts),
     )
@@ -64,8 +63,8 @@ def different_host(host: str, serial: int, planned: int) -> Diagnostic:
     """A host never forgets a run: one that knows of fewer than the plan is not the one that the plan saw."""
     return MOVED.of_host(
         host,
-        f"{host} is not the host that the plan saw, or was set back since: it knows of {serial} applies and undos, and "
-        f"the plan of {planned}.",
+        "{host} is not the host that the plan saw, or was set back since: it knows of {serial} applies "
+        "and undos, and the plan of {planned_serial}.",
         "Nothing was changed. Look whether the plan is applied in the right folder and to the right machine, then make "
         "a new plan.",
         serial=serial,
@@ -83,11 +82,12 @@ def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
         either = prose(UNDO, " to finish it")
     return UNFINISHED.of_host(
         host,
-        f"{_run(started)} on {host} was begun by {started.started_by} and not finished.",
+        "{_run} on {host} was begun by {owner} and not finished.",
         prose("Wait while that process still works. Otherwise run ", either, ", or ", _LEAVE),
         run=started.run.value,
         plan=started.plan,
         owner=started.started_by,
+        _run=_run(started),
     )
 
 
@@ -104,14 +104,15 @@ def begun_by_another_version(host: str, journal: Journal) -> Diagnostic | None:
         f" of rarms {started.rarms}. Or run ",
         _LEAVE,
     )
-    return OTHERS_UNFINISHED.of_host(
+    return UNFINISHED.of_host(
         host,
-        f"{_run(started)} on {host} was begun by rarms {started.rarms} and not finished; this is rarms {__version__}.",
+        "{_run} on {host} was begun by rarms {began} and not finished; this is rarms {version}.",
         advice,
         plan=started.plan,
         began=started.rarms,
         version=__version__,
         owner=started.started_by,
+        _run=_run(started),
     )
 
 
@@ -125,9 +126,10 @@ def unsigned(host: str, plan: str, *, is_begun: bool) -> Diagnostic:
     )
     return UNSIGNED.of_host(
         host,
-        f"{subject} of plan {plan} on {host} has no signature that fits the key of this environment.",
+        "{_subject} of plan {plan} on {host} has no signature that fits the key of this environment.",
         advice,
         plan=plan,
+        _subject=subject,
     )
 
 
@@ -135,9 +137,9 @@ def without_key(plan: str) -> Diagnostic:
     """The policy of the plan's manifest demands signed plans, and no key is set that a signature could fit."""
     return UNSIGNED.at(
         None,
-        f"The manifest of plan {plan} says `signed_plans: true`, and no key is set in this environment.",
+        "The manifest of plan {plan} says `signed_plans: true`, and no key is set in this environment.",
         "Set RARMS_PLAN_KEY or RARMS_PLAN_KEY_FILE, where plans are made and where they are applied.",
-        values={"plan": plan},
+        plan=plan,
     )
 
 
@@ -159,8 +161,7 @@ def run_of_another(host: str, journal: Journal | ScriptRun, application: Applica
         advice = prose(f"Give that robot's overlay, {started.robot}.yaml, last.")
     return OTHERS_RUN.of_host(
         host,
-        f"{_run(started)} on {host} is a run of the application {begun_for}, begun by "
-        f"{started.started_by}; this manifest is that of {own}.",
+        "{_run} on {host} is a run of the application {_begun_for}, begun by {owner}; this manifest is that of {_own}.",
         sentences("Nothing was changed.", advice),
         plan=started.plan,
         application=started.application,
@@ -168,6 +169,9 @@ def run_of_another(host: str, journal: Journal | ScriptRun, application: Applica
         robot=started.robot,
         own_robot=application.robot,
         owner=started.started_by,
+        _run=_run(started),
+        _begun_for=begun_for,
+        _own=own,
     )
 
 
@@ -179,17 +183,19 @@ def locked(error: HostLocked) -> Diagnostic:
 def lock_held(host: str, detail: str) -> Diagnostic:
     """Another run holds the host, as `detail` says."""
     advice = "Wait for that run to end, or let rarms wait: `--lock-timeout 60s`."
-    return LOCKED.of_host(host, f"{host}: {detail}.", advice, reason=detail)
+    return LOCKED.of_host(host, "{host}: {reason}.", advice, reason=detail)
 
 
 def step_moved(host: str, step: Step, live: Readings) -> Diagnostic:
     """A step found neither what the plan saw nor what it wants."""
-    return STEP_MOVED.at(
+    return MOVED.at(
         step.place,
-        f"{step.address} on {host}, before `{step.title}`: {differences(live, step.before)}.",
+        "{resource} on {host}, before `{step}`: {_differences}.",
         prose("Nothing more was changed. Look with ", DRIFT, ". ", GO_ON),
         address=str(step.address),
-        values={**_step_facts(host, step), **_reading_facts(live, step.before)},
+        _differences=differences(live, step.before),
+        **_step_facts(host, step),
+        **_reading_facts(live, step.before),
     )
 
 
@@ -197,29 +203,32 @@ def step_failed(host: str, step: Step, error: HostError) -> Diagnostic:
     """The host refused a step or failed in it."""
     return STEP_FAILED.at(
         step.place,
-        f"{step.address} on {host}, `{step.title}`: {error.message}.",
+        "{resource} on {host}, `{step}`: {reason}.",
         sentences(error.advice, GO_ON),
         address=str(step.address),
-        values={**_step_facts(host, step), "reason": error.message},
+        reason=error.message,
+        **_step_facts(host, step),
     )
 
 
 def step_missed(host: str, step: Step, live: Readings) -> Diagnostic:
     """The call went through, and the host still shows something else."""
-    return STEP_MISSED.at(
+    return STEP_FAILED.at(
         step.place,
-        f"{step.address} on {host}, after `{step.title}`: {differences(live, step.after)}.",
+        "{resource} on {host}, after `{step}`: {_differences}.",
         GO_ON,
         address=str(step.address),
-        values={**_step_facts(host, step), **_reading_facts(live, step.after)},
+        _differences=differences(live, step.after),
+        **_step_facts(host, step),
+        **_reading_facts(live, step.after),
     )
 
 
-def _step_facts(host: str, step: Step) -> Facts:
+def _step_facts(host: str, step: Step) -> dict[str, Any]:
     return {"host": host, "step": step.title, "resource": str(step.address)}
 
 
-def _reading_facts(live: Readings, expected: Readings) -> Facts:
+def _reading_facts(live: Readings, expected: Readings) -> dict[str, Any]:
     """What each setting that differs is, and what it should be: `is_reserve` 50, `expected_reserve` 70."""
     names = [name for name in expected if live.get(name) != expected[name]]
     return {f"expected_{_label(name)}": expected[name] for name in names} | {
@@ -228,13 +237,15 @@ def _reading_facts(live: Readings, expected: Readings) -> Facts:
 
 
 def host_failed(error: HostError) -> Diagnostic:
-    """The host cannot be reached or read, or what it keeps for us is damaged."""
-    detail, reason = f"{error.host}: {error.message}.", error.message
+    """The host cannot be reached, read or changed or read, or what it keeps for us is damaged."""
+    detail, reason = "{host}: {reason}.", error.message
     if isinstance(error, HostUnreachable):
-        return HOST_UNREACHABLE.of_host(error.host, detail, error.advice, reason=reason, unreachable=True)
+        return HOST_FAILED.of_host(error.host, detail, error.advice, reason=reason, unreachable=True)
     if isinstance(error, OtherVersion):
         installed = error.installed
-        return OTHER_VERSION.of_host(error.host, detail, error.advice, installed=installed, version=__version__)
+        return OTHER_VERSION.of_host(
+            error.host, detail, error.advice, reason=reason, installed=installed, version=__version__
+        )
     finding = DAMAGED if isinstance(error, HostDamaged) else HOST_FAILED
     return finding.of_host(error.host, detail, error.advice, reason=reason)
 
@@ -243,9 +254,10 @@ def journal_missing(host: str, marked: Sequence[str]) -> Diagnostic:
     """Something bears a mark of rarms, and no run is recorded that made it."""
     return DAMAGED.of_host(
         host,
-        f"{describe_missing_journal(host, marked)} Nothing can be undone there.",
+        "{_describe_missing_journal} Nothing can be undone there.",
         "Nothing was changed. Restore the journal from a copy, or undo the other hosts with --host.",
         marked=tuple(marked),
+        _describe_missing_journal=describe_missing_journal(host, marked),
     )
 
 
@@ -257,35 +269,37 @@ def describe_missing_journal(host: str, marked: Sequence[str]) -> str:
 
 def not_reached(host: str, address: str, difference: str) -> Diagnostic:
     """All steps went through, and looking again shows a difference."""
-    return NOT_REACHED.at(
+    return STEP_FAILED.at(
         None,
-        f"{address} on {host}: {difference}.",
+        "{resource} on {host}: {difference}.",
         prose("Something else changes it too. Look with ", DRIFT, "."),
         address=address,
-        values={"host": host, "resource": address, "difference": difference},
+        host=host,
+        resource=address,
+        difference=difference,
     )
 
 
 def nothing_to_undo(host: str, why: str) -> Diagnostic:
     """There is no apply to take back."""
-    return NOTHING_TO_UNDO.of_host(host, f"{host}: {why}.", "Nothing was changed.", reason=why)
+    return NOTHING_CHANGED.of_host(host, "{host}: {reason}.", "Nothing was changed.", reason=why)
 
 
 def undo_partial(host: str, step: Step) -> Diagnostic:
     """A step of the run cannot be taken back, or not wholly."""
     return UNDO_PARTIAL.at(
         None,  # the step's line is of the manifest that was applied, which may name another component by now
-        f"{step.address} on {host}, `{step.title}`: {step.undo.message}.",
+        "{resource} on {host}, `{step}`: {reason}.",
         _LOST,
         address=str(step.address),
-        values={**_step_facts(host, step), "reason": step.undo.message},
+        reason=step.undo.message,
+        **_step_facts(host, step),
     )
 
 
 def undo_script_partial(host: str, lost: str) -> Diagnostic:
     """What an undo script could not take back, as it says of itself."""
-    detail = f"{host}: {lost.rstrip('.')}."
-    return UNDO_PARTIAL.of_host(host, detail, _LOST, reason=lost)
+    return UNDO_PARTIAL.of_host(host, "{host}: {reason}.", _LOST, reason=lost.rstrip("."))
 
 
 def undo_foreign(host: str, value: ForeignValue, *, can_keep: bool) -> Diagnostic:
@@ -294,22 +308,26 @@ def undo_foreign(host: str, value: ForeignValue, *, can_keep: bool) -> Diagnosti
     keep = prose(f"To keep {value.applied}, run ", command("undo", keep=True), " instead.") if can_keep else ""
     return UNDO_FOREIGN.at(
         None,
-        f"{value.address} on {host}: {value.name} {value.foreign} was not set by rarms; the apply set {value.applied}.",
+        "{resource} on {host}: {setting} {foreign} was not set by rarms; the apply set {applied}.",
         sentences(keep, set_again),
         address=str(value.address),
-        values={"host": host, "setting": value.name, "foreign": value.foreign, "applied": value.applied},
+        host=host,
+        setting=value.name,
+        foreign=value.foreign,
+        applied=value.applied,
+        resource=str(value.address),
     )
 
 
 def undo_script_foreign(host: str, line: str) -> Diagnostic:
     """What an undo script sets again although rarms had not set it, as it says of itself."""
     advice = prose("After the undo, ", APPLY, " sets the manifest's value again.")
-    return UNDO_FOREIGN.of_host(host, f"{host}, not set by rarms: {line}.", advice, value=line)
+    return UNDO_FOREIGN.of_host(host, "{host}, not set by rarms: {value}.", advice, value=line)
 
 
 def no_script(host: str, plan: str) -> Diagnostic:
     """The plan was made for a host that walks steps, or by a version that wrote no scripts."""
-    return SCRIPT_REFUSED.of_host(host, f"Plan {plan} holds no script for {host}.", _NEW_PLAN, plan=plan)
+    return SCRIPT_REFUSED.of_host(host, "Plan {plan} holds no script for {host}.", _NEW_PLAN, plan=plan)
 
 
 def differences(live: Readings, expected: Readings) -> str:

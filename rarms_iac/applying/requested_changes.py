@@ -12,19 +12,16 @@ from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.diff.compare_partitions import not_at_rest
 from rarms_iac.model.changes import Address, Adopt, Change, Delete, Reason, Release, Update
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
+from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.environment_setup import TEST_PARTITIONS
 from rarms_iac.model.plan import Purpose
+from rarms_iac.model.shared_findings import NO_TARGET
 from rarms_iac.model.state import Mark, Partition, RunState, StartAction, State, StoppedBy
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import natural_order, quoted, suggestion
 from rarms_iac.storage.mark_digests import set_of_settings
 
 Locator = Callable[[Address], Place | None]
-
-NO_SUCH_MACHINE = Finding.error("RARMS195", "No machine on the host has this id")
-TAKEN = Finding.error("RARMS196", "The machine or the partition is taken already")
-NOT_MANAGED = Finding.error("RARMS197", "This partition is not managed by this application")
 
 
 def requested_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Change | Diagnostic]:
@@ -148,12 +145,14 @@ def _import_changes(state: State, request: PlanRequest, locate: Locator) -> Iter
             ", ".join(f"{partition.settings.name} {partition.id}" for partition in state.partitions)
             or "it has no machines"
         )
-        yield NO_SUCH_MACHINE.at(
+        yield NO_TARGET.at(
             place,
-            f"{state.facts.name} has no machine {machine}: {known}.",
+            "{host} has no machine {machine}: {_known}.",
             "Give one of these ids.",
             address=address,
-            values={"host": state.facts.name, "machine": machine},
+            host=state.facts.name,
+            machine=machine,
+            _known=known,
         )
         return
     if before.mark is not None and (before.mark.application, before.mark.name) == (application, name):
@@ -179,18 +178,19 @@ def _import_changes(state: State, request: PlanRequest, locate: Locator) -> Iter
 def _taken(state: State, application: str, name: str, machine: Partition) -> Diagnostic | None:
     """Why the machine cannot be adopted as this partition: it is another's, or the partition has a machine."""
     if mark := machine.mark:
-        problem = f"Machine {machine.id} is partition {quoted(mark.name)} of application {quoted(mark.application)}."
+        problem = "Machine {machine} is partition {partition:quoted} of application {application:quoted}."
         manifest = "" if mark.application == application else f", with the manifest of {mark.application}"
         advice = prose("Release it first: ", command("release", mark.name), f"{manifest}.")
-        values = {"machine": machine.id, "partition": mark.name, "application": mark.application}
-        return TAKEN.at(None, problem, advice, values=values)
+        return NO_TARGET.at(
+            None, problem, advice, machine=machine.id, partition=mark.name, application=mark.application
+        )
     managed = (partition for partition in state.of(application).partitions if partition.mark)
     holder = next((partition for partition in managed if partition.mark and partition.mark.name == name), None)
     if holder is None:
         return None
-    problem = f"Partition {quoted(name)} is machine {holder.id} already."
+    problem = "Partition {partition:quoted} is machine {machine} already."
     advice = prose("Release that one first: ", command("release", name), ".")
-    return TAKEN.at(None, problem, advice, values={"partition": name, "machine": holder.id})
+    return NO_TARGET.at(None, problem, advice, partition=name, machine=holder.id)
 
 
 def _release_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Release | Diagnostic]:
@@ -206,7 +206,7 @@ def _release_changes(state: State, request: PlanRequest, locate: Locator) -> Ite
         return  # also where a run was killed after its last step, and its user gives the command again
     if before is None:
         known = ", ".join(sorted(managed, key=natural_order))
-        yield NOT_MANAGED.at(
+        yield NO_TARGET.at(
             place,
             f"On {state.facts.name} no partition {quoted(name)} carries a mark of {quoted(application)}; "
             + (f"these do: {known}.{suggestion(name, managed)}" if managed else "no partition does."),

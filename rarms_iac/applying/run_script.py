@@ -7,13 +7,14 @@ its end was not heard, nothing is guessed: the host's journal knows, and the nex
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from rarms_iac.applying.refusals import GO_ON, SCRIPT_REFUSED, STEP_FAILED, STEP_MOVED, lock_held
+from rarms_iac.applying.refusals import GO_ON, MOVED, STEP_FAILED, lock_held
 from rarms_iac.applying.run_report import HostReport, RunBegun, RunEnding, RunReport, TitledStep
 from rarms_iac.applying.run_steps import UNATTENDED_RUN, RunControl
 from rarms_iac.model.commands import APPLY, DRIFT, prose, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.journal import RunKind, ScriptRun, StepStatus
 from rarms_iac.model.plan import HostPlan, UndoLevel
+from rarms_iac.model.shared_findings import SCRIPT_REFUSED
 from rarms_iac.model.wording import last_words
 from rarms_iac.powershell.inspection.inspect import inspect_recorded
 from rarms_iac.powershell.render import script_name
@@ -31,7 +32,6 @@ from rarms_iac.providers.interface import (
 )
 
 UNKNOWN_ENDING = Finding.error("RARMS250", "It is unknown how the run ended")
-SCRIPT_FAILED = Finding.error("RARMS252", "The script failed on the host")
 
 REFUSED_CODE = 3
 """A script's exit code where it would not go on (docs/scripts.md)."""
@@ -262,7 +262,7 @@ def _unknown_ending(host: str, plan: str, why: str) -> Diagnostic:
     """The script was started, and the way to it was lost before it said how it ended."""
     return UNKNOWN_ENDING.of_host(
         host,
-        f"Plan {plan} on {host}: {why}. What was done until then, and whether it goes on, is not known here.",
+        "Plan {plan} on {host}: {reason}. What was done until then, and whether it goes on, is not known here.",
         prose("Run ", APPLY, ": it asks the host's own journal, and finishes what is unfinished."),
         plan=plan,
         reason=why,
@@ -276,26 +276,32 @@ def _script_refused(host: str, event: RunEvent) -> Diagnostic:
     if event.address == "host":
         return SCRIPT_REFUSED.of_host(
             host,
-            f"{host}: {event.reason}.",
+            "{host}: {reason}.",
             prose("No step was done. Look with ", DRIFT, ", then make a new plan."),
             reason=event.reason,
         )
-    return STEP_MOVED.at(
+    return MOVED.at(
         None,
-        f"{event.address} on {host}: {event.reason}.",
+        "{resource} on {host}: {reason}.",
         prose("Nothing more was changed. Look with ", DRIFT, ". ", GO_ON),
         address=event.address,
-        values={"host": host, "resource": event.address, "reason": event.reason},
+        host=host,
+        resource=event.address,
+        reason=event.reason,
     )
 
 
 def _script_failed(host: str, at: str, printed: str, code: int) -> Diagnostic:
     """The script ended with another exit code, in the middle of a step or outside of all."""
     location, reason = f"{at} on {host}" if at else host, last_words(printed)
-    return (STEP_FAILED if at else SCRIPT_FAILED).at(
+    return STEP_FAILED.at(
         None,
-        f"{location}: {reason} (exit code {code}).",
+        "{_location}: {reason} (exit code {exit_code}).",
         sentences("Mend that on the host.", GO_ON),
         address=at or f"host/{host}",
-        values={"host": host, "resource": at, "exit_code": code, "reason": reason},
+        host=host,
+        resource=at,
+        exit_code=code,
+        reason=reason,
+        _location=location,
     )

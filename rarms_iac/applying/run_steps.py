@@ -76,7 +76,7 @@ def run_steps(host: StepwiseHost, journal: Journal, control: RunControl) -> RunR
         reporter.step_started(host.name, number + 1, total, step)
         outcome = _perform(host, scope, number, step, was_begun=number in begun)
         if isinstance(outcome, Diagnostic):
-            refused = outcome.code in {refusals.STEP_MOVED.code, refusals.LOCKED.code}
+            refused = outcome.code in {refusals.MOVED.code, refusals.LOCKED.code}
             return report(RunEnding.REFUSED if refused else RunEnding.FAILED, outcome)
         done[number] = outcome
         reporter.step_ended(host.name, number + 1, total, step, outcome)

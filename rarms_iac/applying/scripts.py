@@ -9,6 +9,7 @@ from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.plan import GuestTask, HostPlan, Plan
+from rarms_iac.model.shared_findings import SCRIPT_REFUSED
 from rarms_iac.model.state import State, TaskClass
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.literals import NoLiteral
@@ -16,7 +17,6 @@ from rarms_iac.powershell.render import insides, render_guest, render_scripts, s
 from rarms_iac.powershell.templates import ScriptForm
 
 BY_HAND = Finding.note("RARMS160", "A guest's script is run by hand")
-NO_LITERAL = Finding.error("RARMS162", "A value cannot be written into a script")
 
 Locate = Callable[[Address], Place | None]
 
@@ -54,8 +54,8 @@ def guest_scripts_by_hand(host_plan: HostPlan, locate: Locate) -> Iterator[Diagn
         )
         yield BY_HAND.at(
             locate(Address(partition=inside)),
-            f"The task classes of {inside} lie in its guest, which {how}. The plan holds the script that writes them, "
-            f"{name}; applying the plan does not run it.",
+            "The task classes of {partition} lie in its guest, which {_how}. The plan holds the script that "
+            "writes them, {script}; applying the plan does not run it.",
             prose(
                 "Write it out (",
                 command("show", "PLAN", script=True, guest=inside, out="FOLDER"),
@@ -64,7 +64,9 @@ def guest_scripts_by_hand(host_plan: HostPlan, locate: Locate) -> Iterator[Diagn
                 "=FILE`.",
             ),
             address=f"partition/{inside}",
-            values={"partition": inside, "script": name},
+            partition=inside,
+            script=name,
+            _how=how,
         )
 
 
@@ -110,9 +112,9 @@ def scripts_of(host_plan: HostPlan, plan: Plan, form: ScriptForm = ScriptForm.MO
 
 
 def _no_literal(part: HostPlan, error: NoLiteral) -> Diagnostic:
-    return NO_LITERAL.of_host(
+    return SCRIPT_REFUSED.of_host(
         part.host.name,
-        f"{part.host.name}: {error}.",
+        "{host}: {reason}.",
         "Take the character out of the name or path where the manifest or the host says it.",
         reason=str(error),
     )

@@ -7,10 +7,8 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
 from rarms_iac.model.host import LinuxHost
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
-from rarms_iac.model.wording import in_a_row
 
-ONE_IDENTITY = Finding.warning("RARMS343", "Several hosts have one identity")
-SLICES_OF_ONE_MACHINE = Finding.warning("RARMS344", "Several slices of one machine reserve as if alone")
+ONE_MACHINE = Finding.warning("RARMS343", "Several hosts are one machine")
 
 
 def hosts_of_one_machine(system: System, observed: Mapping[str, State], places: Places) -> Iterator[Diagnostic]:
@@ -38,22 +36,22 @@ def hosts_of_one_machine(system: System, observed: Mapping[str, State], places: 
 
 
 def _clones(names: list[str], places: Places) -> Diagnostic:
-    return ONE_IDENTITY.at(
+    return ONE_MACHINE.at(
         places.key("hosts", names[0]),
-        f"The hosts {in_a_row(names)} have the same machine id: either their addresses lead to one machine, or the "
-        "machines were cloned from one image.",
+        "The hosts {hosts:all} have the same machine id: either their addresses lead to one machine, or "
+        "the machines were cloned from one image.",
         "Check the addresses under `connect`. Give each clone a machine id of its own, else proofs and journals of one "
         "count for the other.",
         address=f"host/{names[0]}",
-        values={"hosts": tuple(names)},
+        hosts=tuple(names),
     )
 
 
 def _slices(names: list[str], places: Places) -> Diagnostic:
-    return SLICES_OF_ONE_MACHINE.at(
+    return ONE_MACHINE.at(
         places.key("hosts", names[0]),
-        f"The hosts {in_a_row(names)} are slices of one machine, and each reserves as if it had all processors.",
+        "The hosts {hosts:all} are slices of one machine, and each reserves as if it had all processors.",
         "Make them one host, or let each keep the others' part free with `keep_for_host`.",
         address=f"host/{names[0]}",
-        values={"hosts": tuple(names)},
+        hosts=tuple(names),
     )

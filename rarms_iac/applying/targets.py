@@ -4,10 +4,9 @@ from collections.abc import Sequence
 
 from rarms_iac.model.changes import Change
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.shared_findings import NO_TARGET
 from rarms_iac.model.wording import suggestion
-
-NO_SUCH_TARGET = Finding.error("RARMS194", "There is nothing at this target")
 
 
 def is_below(address: str, targets: Sequence[str]) -> bool:
@@ -23,16 +22,17 @@ def targeted(changes: Sequence[Change], targets: Sequence[str]) -> tuple[Change,
 def unknown_targets(addresses: Sequence[str], targets: Sequence[str]) -> tuple[Diagnostic, ...]:
     """Return a finding for each target at and below which there is none of the addresses: a slip of the pen."""
     return tuple(
-        NO_SUCH_TARGET.at(
+        NO_TARGET.at(
             None,
-            f"`--target {target}`: nothing has this address or lies below it.{_suggestion(target, addresses)}",
+            "`--target {target}`: nothing has this address or lies below it.{_suggestion}",
             prose(
                 "Give an address such as partition/vision (",
                 command("plan", verbose=True),
                 " lists those that change), or leave the option out.",
             ),
             address=target,
-            values={"target": target},
+            target=target,
+            _suggestion=_suggestion(target, addresses),
         )
         for target in targets
         if not any(is_below(address, [target]) for address in addresses)

@@ -22,11 +22,11 @@ from rarms_iac.cli.command import overlay_words
 from rarms_iac.cli.ending import ExitCode, Interrupted
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.session import Session
-from rarms_iac.manifest.checks.names import UNUSED_INTERFERENCE
-from rarms_iac.manifest.checks.processors import RESERVE_ROUNDED_UP
+from rarms_iac.manifest.checks.names import NOT_USED
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.plan import Plan, Purpose
+from rarms_iac.model.shared_findings import ROUNDED
 from rarms_iac.providers.interface import LiveHost
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.plan import plan_text
@@ -100,7 +100,7 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
             ),
         )
     # `validate` and `plan` tell what the manifest does not use, and where no reservation is made none is rounded.
-    left_out = {UNUSED_INTERFERENCE.code} | ({RESERVE_ROUNDED_UP.code} if plan.purpose is not Purpose.APPLY else set())
+    left_out = {NOT_USED.code} | ({ROUNDED.code} if plan.purpose is not Purpose.APPLY else set())
     findings = tuple(each for each in plan.findings if each.code not in left_out)
     text = plan_text(replace(plan, findings=findings), sources=hosts.manifest.sources)
     if session.as_json:

@@ -10,11 +10,11 @@ from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Upd
 from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
+from rarms_iac.model.shared_findings import FOREIGN_AT_NAME
 from rarms_iac.model.state import Facet, Partition, PartitionSettings, RunState, State, StoppedBy
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import in_a_row, quoted
 
-FOREIGN_AT_NAME = Finding.error("RARMS150", "A machine that rarms did not make has a wanted name")
 FOREIGN_MARK = Finding.warning("RARMS151", "A mark that does not count")
 PROTECTED = Finding.error("RARMS152", "A protected partition would be removed")
 NOT_AT_REST = Finding.error("RARMS155", "A partition is in a state that it cannot be changed in")
@@ -168,16 +168,18 @@ def foreign_marks(observed: State) -> Iterator[Diagnostic]:
         if partition.foreign_mark:
             yield FOREIGN_MARK.at(
                 None,
-                f"Machine {quoted(partition.settings.name)} ({partition.id}) carries a line that looks "
-                "like a mark of rarms, but "
-                f"{partition.foreign_mark}. It counts as unmanaged.",
+                "Machine {name:quoted} ({machine}) carries a line that looks like a mark of rarms, but "
+                "{foreign_mark}. It counts as unmanaged.",
                 prose(
                     "Take the line out of its notes, or adopt the right machine with ",
                     command("import", "PARTITION", id="ID"),
                     ".",
                 ),
                 address=f"machine/{partition.id}",
-                values={"host": observed.facts.name, "name": partition.settings.name, "machine": partition.id},
+                host=observed.facts.name,
+                name=partition.settings.name,
+                machine=partition.id,
+                foreign_mark=partition.foreign_mark,
             )
 
 
@@ -210,38 +212,39 @@ def machine_in_the_way(machine: Partition, place: Place | None) -> Diagnostic:
     owner = f"belongs to application {quoted(machine.mark.application)}" if machine.mark else "carries no mark of rarms"
     return FOREIGN_AT_NAME.at(
         place,
-        f"The host has a machine {quoted(name)} (id {machine.id}) that {owner}.",
+        "The host has a machine {partition:quoted} (id {machine}) that {owner}.",
         prose("Run ", command("import", name, id=machine.id), " to take it over, or give the partition another name."),
         address=f"partition/{name}",
-        values={
-            "partition": name,
-            "machine": machine.id,
-            "application": machine.mark.application if machine.mark else "",
-        },
+        partition=name,
+        machine=machine.id,
+        application=machine.mark.application if machine.mark else "",
+        owner=owner,
     )
 
 
 def _protected(name: str, why: str, place: Place | None) -> Diagnostic:
     return PROTECTED.at(
         place,
-        f"Partition {quoted(name)} says `protect: true`, and {why}.",
+        "Partition {partition:quoted} says `protect: true`, and {reason}.",
         "Take `protect` out first, in a change of its own, or keep the partition.",
         address=f"partition/{name}",
-        values={"partition": name, "reason": why},
+        partition=name,
+        reason=why,
     )
 
 
 def _protected_before(name: str) -> Diagnostic:
     return PROTECTED.at(
         None,
-        f"Partition {quoted(name)} said `protect: true` when it was last applied, and the manifest no longer names it.",
+        "Partition {partition:quoted} said `protect: true` when it was last applied, and the manifest no "
+        "longer names it.",
         prose(
             "Name it again without `protect` and apply, and take it out then; or let it go on without rarms: ",
             command("release", name),
             ".",
         ),
         address=f"partition/{name}",
-        values={"partition": name},
+        partition=name,
     )
 
 
@@ -260,6 +263,11 @@ def not_at_rest(address: Address, state: RunState, place: Place | None) -> Diagn
         RunState.PAUSED: "Resume it or turn it off, and plan again.",
         RunState.CRITICAL: "Give it its storage back, or remove it in Hyper-V itself, and plan again.",
     }.get(state, "Wait until it is off or running, and plan again.")
-    message = f"Partition {quoted(address.partition)} is {state.value}; what has to change needs it off or running."
-    values = {"partition": address.partition, "state": state.value}
-    return NOT_AT_REST.at(place, message, advice, address=str(address), values=values)
+    return NOT_AT_REST.at(
+        place,
+        "Partition {partition:quoted} is {state}; what has to change needs it off or running.",
+        advice,
+        address=str(address),
+        partition=address.partition,
+        state=state.value,
+    )

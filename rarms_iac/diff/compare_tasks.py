@@ -7,17 +7,13 @@ from rarms_iac.diff.disruption import disruption_of_task
 from rarms_iac.model.changes import RESPONSIVENESS, Address, Create, Delete, Reason, Update
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.names import POWERSHELL_MEMBERS
+from rarms_iac.model.shared_findings import FOREIGN_AT_NAME, NO_RESPONSIVENESS
 from rarms_iac.model.state import RegistryValue, Responsiveness, State, TaskClass
 from rarms_iac.model.task_names import is_shipped_task
 from rarms_iac.model.wording import quoted
 
-FOREIGN_TASK = Finding.error("RARMS153", "A task class that rarms did not write has a wanted name")
-
 GUEST_FIRST = Finding.note("RARMS157", "A shipped task class of a new guest waits for the next plan")
 
-NOT_RESTORABLE = Finding.error("RARMS165", "A registry value is in the way that could not be brought back")
-
-RESPONSIVENESS_UNDECIDED = Finding.error("RARMS228", "SystemResponsiveness of this host cannot be decided here")
 
 _PATTERN = re.compile(r"[*?\[\]`]")
 
@@ -115,12 +111,14 @@ def not_restorable(address: Address, before: TaskClass | Responsiveness, place: 
     if not problems:
         return None
     names = ", ".join(f"{quoted(name or '(Default)')} ({why})" for name, why in sorted(problems.items()))
-    return NOT_RESTORABLE.at(
+    return FOREIGN_AT_NAME.at(
         place,
-        f"{address} would be changed, and what it holds could not be brought back: {names}. MMCSS knows nothing such.",
+        "{resource} would be changed, and what it holds could not be brought back: {_names}. MMCSS knows nothing such.",
         "Find out who wrote that, note it down, and take the value away by hand; then plan again.",
         address=str(address),
-        values={"resource": str(address), "values": tuple(sorted(problems))},
+        resource=str(address),
+        value_names=tuple(sorted(problems)),
+        _names=names,
     )
 
 
@@ -144,10 +142,11 @@ def _guest_first(task: TaskClass, rules: ManifestRules) -> Diagnostic:
     address = Address(partition=task.inside, task=task.name)
     return GUEST_FIRST.at(
         rules.locate(address),
-        f"{task.inside} is made by this plan, and what {task.name} is there can only be read afterwards.",
+        "{partition} is made by this plan, and what {task} is there can only be read afterwards.",
         "Apply this plan, then plan again: the next plan replaces the class.",
         address=str(address),
-        values={"partition": task.inside, "task": task.name},
+        partition=task.inside,
+        task=task.name,
     )
 
 
@@ -160,8 +159,14 @@ def _foreign_task(address: Address, before: TaskClass, place: Place | None) -> D
     else:
         owner = "it was there before and carries no record of rarms"
         advice = "Name another class, or remove this one by hand if nothing else uses it."
-    message = f"Task class {quoted(before.name)} is wanted, but {owner}."
-    return FOREIGN_TASK.at(place, message, advice, address=str(address), values={"task": before.name, "reason": owner})
+    return FOREIGN_AT_NAME.at(
+        place,
+        "Task class {task:quoted} is wanted, but {reason}.",
+        advice,
+        address=str(address),
+        task=before.name,
+        reason=owner,
+    )
 
 
 def responsiveness_changes(
@@ -226,10 +231,11 @@ def _undecided(application: str, place: Place | None) -> Diagnostic:
     else:
         why = "what it is now could not be read, so it could not be brought back"
         advice = "Look at the host again with the rights of an administrator."
-    return RESPONSIVENESS_UNDECIDED.at(
+    return NO_RESPONSIVENESS.at(
         place,
-        f"`system_responsiveness` is wanted, but {why}.",
+        "`system_responsiveness` is wanted, but {_why}.",
         advice,
         address=str(RESPONSIVENESS),
-        values={"application": application},
+        application=application,
+        _why=why,
     )

@@ -8,7 +8,6 @@ from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.renaming import renaming
 from rarms_iac.model.state import Partition, State
-from rarms_iac.model.wording import quoted
 
 NOTHING_TO_MOVE = Finding.warning("RARMS156", "Both names of a move exist on the host")
 
@@ -80,15 +79,15 @@ def managed_machines(
         findings=tuple(
             NOTHING_TO_MOVE.at(
                 rules.locate(Address(partition=old)),
-                f"`moved` calls {quoted(old)} now {quoted(rules.moved[old])}, "
-                "but the host has a partition of each name.",
+                "`moved` calls {old:quoted} now {new:quoted}, but the host has a partition of each name.",
                 prose(
                     "Remove one of them (",
                     command("destroy", target=f"partition/{old}"),
                     "), or take the line out of `moved`.",
                 ),
                 address=f"partition/{old}",
-                values={"old": old, "new": rules.moved[old]},
+                old=old,
+                new=rules.moved[old],
             )
             for old in names.impossible
             if old in rules.moved

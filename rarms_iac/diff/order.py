@@ -11,14 +11,13 @@ from rarms_iac.diff.steps import PlannedChange, mark_moves
 from rarms_iac.model.capacity import packs
 from rarms_iac.model.changes import Change, Create, Delete
 from rarms_iac.model.claims import Claim, Load, load_of
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.operations import StartPartition, StopPartition
 from rarms_iac.model.plan import Step, Undo, UndoLevel
+from rarms_iac.model.shared_findings import NO_ORDER
 from rarms_iac.model.state import RunState
 from rarms_iac.model.step_titles import describe_stop
 from rarms_iac.model.system import Disruption
-
-NO_ORDER = Finding.error("RARMS154", "No order of steps keeps within the host")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -216,10 +215,13 @@ def _deadlock(names: tuple[str, ...], limit: Disruption, *, may_stop: bool) -> D
         advice = "Lower what they are to have, or what other machines on the host hold."
     finding = NO_ORDER.at(
         None,
-        f"The changes of {', '.join(names)} wait for each other: {why}. Nothing is planned for this host.",
+        "The changes of {_join} wait for each other: {why}. Nothing is planned for this host.",
         advice,
         address=f"partition/{names[0]}" if names else "",
-        values={"partitions": names, "max_disruption": limit.value},
+        partitions=names,
+        max_disruption=limit.value,
+        _join=", ".join(names),
+        why=why,
     )
     return Deadlock(partitions=names, finding=finding)
 

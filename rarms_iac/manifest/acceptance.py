@@ -6,15 +6,15 @@ from datetime import date
 
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, first_of_each_kind, in_order
+from rarms_iac.model.shared_findings import UNKNOWN_NAME
 from rarms_iac.model.system import Acceptance, Policy, System
 from rarms_iac.model.wording import Suggestions
 from rarms_iac.storage.finding_pages import finding_page, known_codes, may_be_accepted, severity_line
 
-EXPIRED = Finding.warning("RARMS095", "An acceptance has expired")
-UNUSED = Finding.warning("RARMS096", "An acceptance is not used")
-UNKNOWN = Finding.error("RARMS097", "An acceptance of a finding that does not exist")
+NOT_IN_EFFECT = Finding.warning("RARMS096", "An acceptance has no effect")
+
 REFUSED = Finding.error("RARMS098", "An acceptance names a finding that cannot be accepted")
-FINDINGS = (EXPIRED, UNUSED, UNKNOWN, REFUSED)
+FINDINGS = (NOT_IN_EFFECT, NOT_IN_EFFECT, UNKNOWN_NAME, REFUSED)
 
 
 def check_acceptances(policy: Policy, places: Places, today: date) -> Iterator[Diagnostic]:
@@ -25,29 +25,32 @@ def check_acceptances(policy: Policy, places: Places, today: date) -> Iterator[D
         path = ("policy", "accept", acceptance.code)
         if page is None:
             similar, suggestion = suggestions.find(acceptance.code, known_codes())
-            yield UNKNOWN.at(
+            yield UNKNOWN_NAME.at(
                 places.key(*path),
-                f"There is no finding {acceptance.code}.{suggestion}",
+                "There is no finding {code}.{_suggestion}",
                 "Correct the id, or remove the acceptance; docs/diagnostics.md lists every finding.",
-                values={"code": acceptance.code, "similar": similar},
+                code=acceptance.code,
+                similar=similar,
+                _suggestion=suggestion,
             )
         elif not may_be_accepted(page):
             yield REFUSED.at(
                 places.key(*path),
-                f"{acceptance.code} has the severity {severity_line(page)}: only warnings can be accepted, "
-                "and errors whose page says so.",
+                "{code} has the severity {severity}: only warnings can be accepted, and errors whose page says so.",
                 prose(
                     "Remove the acceptance; ", command("explain", acceptance.code), " shows how to correct its cause."
                 ),
-                values={"code": acceptance.code, "severity": severity_line(page)},
+                code=acceptance.code,
+                severity=severity_line(page),
             )
         elif has_expired(acceptance, today):
-            yield EXPIRED.at(
+            yield NOT_IN_EFFECT.at(
                 places.value(*path, "until"),
-                f"{acceptance.code} was accepted until {acceptance.until}, but today is {today} (UTC). "
-                "The finding is shown again.",
+                "{code} was accepted until {until}, but today is {today} (UTC). The finding is shown again.",
                 "Correct its cause, or check the reason again and set a later day.",
-                values={"code": acceptance.code, "until": str(acceptance.until), "today": str(today)},
+                code=acceptance.code,
+                until=str(acceptance.until),
+                today=str(today),
             )
 
 
@@ -111,9 +114,10 @@ def _covers(acceptance: Acceptance | None, diagnostic: Diagnostic) -> bool:
 def _unused(acceptance: Acceptance, used: Collection[tuple[str, str]], places: Places) -> Iterator[Diagnostic]:
     for number, address in enumerate(acceptance.at):
         if (acceptance.code, address) not in used:
-            yield UNUSED.at(
+            yield NOT_IN_EFFECT.at(
                 places.value("policy", "accept", acceptance.code, "at", number),
-                f"{acceptance.code} does not occur at {address}.",
+                "{code} does not occur at {resource}.",
                 "Remove it, so that you see the finding if it comes back, or correct the address.",
-                values={"code": acceptance.code, "address": address},
+                code=acceptance.code,
+                resource=address,
             )

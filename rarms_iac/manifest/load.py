@@ -9,13 +9,13 @@ from pathlib import Path
 
 from rarms_iac.manifest.acceptance import with_acceptances_in_force
 from rarms_iac.manifest.overlays import combine
-from rarms_iac.manifest.text.characters import EMPTY
 from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.manifest.text.reading import ParsedText, read_text, read_yaml
 from rarms_iac.model.commands import INIT, prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, has_errors, in_order
 from rarms_iac.model.names import is_name, robot_of
 from rarms_iac.model.plan import InputText
+from rarms_iac.model.shared_findings import NOT_READ
 from rarms_iac.model.system import System
 from rarms_iac.storage.reading import STANDARD_INPUT
 
@@ -141,11 +141,8 @@ def _is_empty(text: ParsedText, *, overlay: bool) -> Diagnostic:
     advice = prose("Write a manifest, or move the file away and let ", INIT, " write one.")
     if overlay:
         advice = prose("Write the keys that differ from the manifest, or do not use the overlay.")
-    return EMPTY.at(
-        Place(file=text.source.file, line=1, column=1),
-        "The file has only comments.",
-        advice,
-        values={"file": text.source.file},
+    return NOT_READ.at(
+        Place(file=text.source.file, line=1, column=1), "The file has only comments.", advice, file=text.source.file
     )
 
 

@@ -14,9 +14,9 @@ from rarms_iac.manifest.text.positions import ManifestPlaces
 from rarms_iac.manifest.text.reading import ParsedText
 from rarms_iac.manifest.text.tree import Collection, Entry, Node, entries_by_key, is_null, place_of_node, plain
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
+from rarms_iac.model.shared_findings import WRONG_VALUE
 from rarms_iac.model.wording import Suggestions, quoted
 
-NOT_A_MAP = Finding.error("RARMS013", "The overlay is not a map")
 UNKNOWN_NAME = Finding.warning("RARMS400", "A name in an overlay is not in the manifest")
 
 _NAMED = {"components": "component", "hosts": "host", "partitions": "partition"}
@@ -65,11 +65,8 @@ def combine(texts: Sequence[ParsedText]) -> Combined:
         if not _is_mapping(node):
             advice = "Write the keys that differ, as in the manifest."
             wrong.append(
-                NOT_A_MAP.at(
-                    place_of_node(node),
-                    "An overlay is a map, like the manifest.",
-                    advice,
-                    values={"file": overlay.source.file},
+                WRONG_VALUE.at(
+                    place_of_node(node), "An overlay is a map, like the manifest.", advice, file=overlay.source.file
                 )
             )
         elif _is_mapping(merged):

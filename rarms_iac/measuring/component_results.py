@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from rarms_iac.app.manifests import Manifest
-from rarms_iac.measuring.findings import MORE_MEMORY, memory_kills
+from rarms_iac.measuring.findings import FAILURES, MORE_MEMORY, memory_kills
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Verdict
 from rarms_iac.model.output import Internal, output
@@ -19,11 +19,9 @@ from rarms_iac.statistics.error_probability import ERROR
 from rarms_iac.statistics.estimates import estimate_steady
 from rarms_iac.statistics.verdicts import judge_each
 
-CANNOT_START = Finding.error("RARMS285", "A component cannot be run")
-TOO_MANY_FAILURES = Finding.error("RARMS286", "More failed samples than allowed")
-LOAD_NOT_RUNNING = Finding.error("RARMS287", "An interfering load does not run")
+CANNOT_RUN = Finding.error("RARMS285", "A component or a load cannot be run")
+
 MISSED_UNRESERVED = Finding.warning("RARMS288", "An APT is missed without any reservation")
-NOTHING_TO_RUN = Finding.error("RARMS289", "Nothing says how a component is run")
 
 FAILURES_SHOWN = 3
 
@@ -90,7 +88,7 @@ def findings_of_run(result: ComponentRunResult, manifest: Manifest, *, reserved:
     if result.ending is SamplingEnd.FAILURES:
         reasons = list(dict.fromkeys(sample.failure for sample in result.series.samples if sample.failure))
         count = counted(result.failed, "failed sample")
-        yield TOO_MANY_FAILURES.at(
+        yield FAILURES.at(
             places.key("components", name, "run"),
             f'"{name}" had {count} and may have {result.run.failures}: '
             f"{'; '.join(reasons[:FAILURES_SHOWN])}. Such a setting gets no verdict.",
@@ -123,7 +121,7 @@ def findings_of_run(result: ComponentRunResult, manifest: Manifest, *, reserved:
 def cannot_start(manifest: Manifest, problem: CannotStart) -> Diagnostic:
     """Make the finding of a component that cannot be started."""
     name = problem.component
-    return CANNOT_START.at(
+    return CANNOT_RUN.at(
         manifest.places.key("components", name, "run"),
         f'"{name}" cannot be started: {problem.message}.',
         problem.advice
@@ -140,7 +138,7 @@ def load_problem(name: str, message: str) -> Diagnostic:
     Args:
         message: why, as the end of a sentence.
     """
-    return LOAD_NOT_RUNNING.at(
+    return CANNOT_RUN.at(
         None,
         f'The interference "{name}" does not run: {message}.',
         "Try its program by hand. Browsers need chromium or a relative of it on the PATH.",
@@ -151,7 +149,7 @@ def load_problem(name: str, message: str) -> Diagnostic:
 
 def nothing_to_run(manifest: Manifest, name: str) -> Diagnostic:
     """Make the finding of a component that does not say how it is run."""
-    return NOTHING_TO_RUN.at(
+    return CANNOT_RUN.at(
         manifest.places.key("components", name),
         f'"{name}" has no `run`.',
         "Add `run` with a `command` or a `call`.",

@@ -63,26 +63,24 @@ from rarms_iac.statistics.error_probability import LOOK_ERROR, describe_extreme
 from rarms_iac.statistics.overload import describe_overload, find_overload, more_processors_help
 from rarms_iac.statistics.verdicts import LONG
 
+VPS_USED = Finding.note("RARMS380", "The component uses another number of processors")
+
+FAILURES = Finding.error("RARMS113", "Too many samples failed")
+
+UNABLE = Finding.error("RARMS114", "This host cannot measure the component")
+
+OCCUPIED = Finding.error("RARMS115", "The host is not free to measure")
+
 NOT_ACHIEVABLE = Finding.error("RARMS110", "Threshold performance is not achievable on this platform.")
 NOT_RESOLVED = Finding.error("RARMS111", "It is not shown yet whether a threshold is met")
 NO_STEADY_STATE = Finding.error("RARMS112", "A component reaches no steady state")
-FAILED_SAMPLES = Finding.error("RARMS113", "Too many samples failed")
-NOTHING_TO_RUN = Finding.error("RARMS114", "This host cannot run the component")
-BUSY_HOST = Finding.error("RARMS115", "Something runs on the host")
-RESERVED_HOST = Finding.error("RARMS116", "The paper's procedure needs a host without other reservations")
-NO_ROOM = Finding.error("RARMS117", "There is no room for the test partitions")
 MISSED = Finding.error("RARMS118", "A component misses its threshold in the layout")
 NOT_APPLIED = Finding.error("RARMS119", "The layout is not on the host")
-LEFT_BEHIND = Finding.note("RARMS261", "Test partitions of an earlier run were removed")
 STILL_STOPPED = Finding.error("RARMS269", "Partitions that were stopped to measure do not run again")
-CANNOT_MEASURE = Finding.error("RARMS262", "This version cannot measure on this host")
 MEASURED_BUSY = Finding.warning("RARMS263", "Measured while something else ran")
-NO_THRESHOLD = Finding.error("RARMS264", "There is no threshold to search for")
-WEAK_ANSWER = Finding.error("RARMS326", "What was measured beside weak loads is no answer")
+WEAK_ANSWER = Finding.error("RARMS326", "What was measured under weak loads is no answer")
 FIXED_ANYWAY = Finding.note("RARMS266", "The manifest fixes a reservation that was measured")
 LESS_UNKNOWN = Finding.warning("RARMS267", "Less may be enough: settings below have no steady state")
-WASTED_PROCESSORS = Finding.note("RARMS380", "Fixed virtual processors are not used")
-MORE_PROCESSORS = Finding.note("RARMS381", "More processors are used at once than was seen before")
 
 
 NO_MORE_CPU = (
@@ -134,7 +132,7 @@ def failed_samples(failed: TooManyFailures, setting: str, places: Places, **valu
     reasons = "; ".join(dict.fromkeys(failed.failures[:SHOWN_FAILURES]))
     run_alone = prose("Run it alone and correct it: ", command("run", component), ". ")
     allow = f"Or allow that: `run: {{ failures: {count} }}`."
-    return FAILED_SAMPLES.at(
+    return FAILURES.at(
         places.key("components", component),
         f"{component} {setting}: {counted(count, 'sample')} failed, and `run.failures` allows {failed.allowed}: "
         f"{reasons}.{why_out_of_memory(failed)}",
@@ -374,7 +372,7 @@ def _wasted_processors(
         return
     names = in_a_row(experiment.setup.members)
     now, then = (show_processors(guaranteed(reserve, count)) for count in (processors, used))
-    yield WASTED_PROCESSORS.at(
+    yield VPS_USED.at(
         places.key("components", experiment.members[0].name),
         f"{names} used at most {used} of the {processors} virtual processors that the manifest fixes at once. A CR of "
         f"{reserve} % of its VPs is {now}, and would be {then} with {used}.",
@@ -397,7 +395,7 @@ def more_processors(experiment: Experiment, used: int, places: Places) -> Diagno
         used: The number from here on.
     """
     processors = experiment.setup.processors
-    return MORE_PROCESSORS.at(
+    return VPS_USED.at(
         places.key("components", experiment.members[0].name),
         f"{in_a_row(experiment.setup.members)} used {used} processors at once, and at most {processors} when its "
         f"number of virtual processors was chosen. It is measured with {used} from here on; settings with {processors} "

@@ -10,7 +10,7 @@ from rarms_iac.app.options import argument, busy_host_option, flag, lock_timeout
 from rarms_iac.app.requests import refuse_unknown
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring import findings
-from rarms_iac.measuring.findings import describe_idle, idle_facts
+from rarms_iac.measuring.findings import UNABLE, describe_idle, idle_facts
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
 from rarms_iac.measuring.strategies import PAPER, USUAL_STEP, Method, Search, Sweep
 from rarms_iac.model.commands import command, prose
@@ -33,6 +33,7 @@ from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import ReservePercent, guaranteed
 from rarms_iac.model.series import SkippedLines
 from rarms_iac.model.setting import Setting, SettingEvidence, join_skipped
+from rarms_iac.model.shared_findings import MISSING
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.model.wording import in_a_row
@@ -371,7 +372,7 @@ def _nothing_to_measure(hosts: Hosts) -> UseCaseError:
     message = "No component has an `apt`, so there is nothing to measure for."
     return UseCaseError(
         Outcome.NEGATIVE,
-        [findings.NO_THRESHOLD.at(place, message, advice, values={})],
+        [MISSING.at(place, message, advice, values={})],
         hosts.manifest.sources,
     )
 
@@ -400,7 +401,7 @@ def _hosts_to_measure_on(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Hos
         raise UseCaseError(
             Outcome.FAILED,
             [
-                findings.CANNOT_MEASURE.at(
+                UNABLE.at(
                     None,
                     f"{', '.join(members)} may run on: {names}. None of them is simulated, this Linux machine, "
                     "or a Hyper-V host whose `hyperv.credential` is named.",

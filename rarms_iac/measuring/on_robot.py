@@ -16,7 +16,7 @@ from rarms_iac.app.hosts import Hosts, host_errors, observe_host
 from rarms_iac.app.manifest_edits import text_of
 from rarms_iac.app.robot_measurements import add_measurements
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
-from rarms_iac.measuring.findings import CANNOT_MEASURE
+from rarms_iac.measuring.findings import UNABLE
 from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import Connect
@@ -204,7 +204,7 @@ def _folder_there(hosts: Hosts, host: str) -> str:
     template = "The manifest does not say where {host} has the files of its components."
     advice = "Copy the manifest's folder there, and name the copy: `connect: { folder: /opt/robot }`."
     place = hosts.manifest.places.value("hosts", host, "connect")
-    finding = CANNOT_MEASURE.of_host(host, template, advice, place=place)
+    finding = UNABLE.of_host(host, template, advice, place=place)
     raise UseCaseError(Outcome.FAILED, [finding], hosts.manifest.sources)
 
 

@@ -14,7 +14,7 @@ from rarms_iac.app.requests import refuse_unknown
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.applied_layout import applied_layouts, observe_others, refuse_unapplied
-from rarms_iac.measuring.findings import proof_findings, work_of_evidence
+from rarms_iac.measuring.findings import OCCUPIED, UNABLE, proof_findings, work_of_evidence
 from rarms_iac.measuring.measure_request import USUAL_SEED
 from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot, readable_answer
 from rarms_iac.measuring.partitions import MeasuringResources, host_resources
@@ -319,7 +319,7 @@ def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:
         advice = "Run the components there by hand, and compare what they show with their thresholds."
         raise UseCaseError(
             Outcome.FAILED,
-            [findings.CANNOT_MEASURE.at(None, message, advice, values={"hosts": tuple(hosts.chosen)})],
+            [UNABLE.at(None, message, advice, values={"hosts": tuple(hosts.chosen)})],
         )
     return measurable
 
@@ -367,7 +367,7 @@ def _make_load(load: Interference, room: MeasuringResources, name: str, host: st
         message = f"{host} has no memory left for a partition that holds {name}."
         values: Facts = {"host": host, "interference": name}
         advice = prose("Free some, or prove what it is without a load: ", command("prove", without_load=True), ".")
-        finding = findings.NO_ROOM.at(None, message, advice, values=values)
+        finding = OCCUPIED.at(None, message, advice, values=values)
         raise UseCaseError(Outcome.NEGATIVE, [finding])
     return partition
 

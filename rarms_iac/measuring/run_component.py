@@ -21,7 +21,7 @@ from rarms_iac.app.process_place import find_place
 from rarms_iac.app.requests import refuse_unknown
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring.component_results import (
-    CANNOT_START,
+    CANNOT_RUN,
     ComponentRunResult,
     RunOutcome,
     cannot_start,
@@ -134,10 +134,10 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
     except UnreadableFile as problem:
         advice = "Compare it with what the kernel documents; a tool may have put a file over it."
-        finding = CANNOT_START.at(None, f"{problem}.", advice, values={"reason": str(problem)})
+        finding = CANNOT_RUN.at(None, f"{problem}.", advice, values={"reason": str(problem)})
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
     except RunningError as problem:
-        finding = CANNOT_START.at(
+        finding = CANNOT_RUN.at(
             None, f"{problem}.", "It was ended from outside: run it again.", values={"reason": str(problem)}
         )
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem

@@ -14,6 +14,7 @@ from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.duration import forecast, settings_to_run, with_part_of_budget
 from rarms_iac.measuring.experiment_log import ExperimentLog, data_log_path, read_experiment_log
+from rarms_iac.measuring.findings import OCCUPIED
 from rarms_iac.measuring.measure_request import USUAL_SEED, ExperimentResult
 from rarms_iac.measuring.partitions import MeasuringResources, highest_reserve, host_resources, other_running_partitions
 from rarms_iac.measuring.search.trials import conclude
@@ -42,6 +43,7 @@ from rarms_iac.model.outcomes import Conclusion, Measure, Stopped
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource, processor_number
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting, most_used
+from rarms_iac.model.shared_findings import MISSING
 from rarms_iac.model.state import Partition
 from rarms_iac.model.wording import counted
 from rarms_iac.planner.groups import groups_of
@@ -304,7 +306,7 @@ def _refuse_without_threshold(hosts: Hosts, experiment: Experiment, method: Meth
             raise UseCaseError(
                 Outcome.NEGATIVE,
                 [
-                    findings.NO_THRESHOLD.at(
+                    MISSING.at(
                         place,
                         "{component} has no `apt`.",
                         advice,
@@ -342,7 +344,7 @@ def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Meth
     """Refuse a host that is busy, has reservations that the paper does not know, or has no room.
 
     Raises:
-        UseCaseError: Something runs on the host, or it has reservations that the paper does not know (refused);
+        UseCaseError: The host is not free to measure, or it has reservations that the paper does not know (refused);
             there is no room (negative).
     """
     host = experiment.host.name
@@ -350,18 +352,18 @@ def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Meth
         running = tuple(partition.shown_name for partition in available.running)
         template = "On {host} these run, and would change what is measured: {_names}."
         advice = "Stop them on the host. Or give --on-busy-host: the log says so."
-        finding = findings.BUSY_HOST.of_host(host, template, advice, partitions=running, _names=", ".join(running))
+        finding = OCCUPIED.of_host(host, template, advice, partitions=running, _names=", ".join(running))
         raise UseCaseError(Outcome.REFUSED, [finding])
     if is_of_paper(method) and not available.resources.unreserved:
         template = "On {host} a part of the processors is kept for the host or reserved by other machines."
         advice = "Use the default strategy, or free the host: `keep_for_host: { processor: 0 % }`."
-        raise UseCaseError(Outcome.REFUSED, [findings.RESERVED_HOST.of_host(host, template, advice)])
+        raise UseCaseError(Outcome.REFUSED, [OCCUPIED.of_host(host, template, advice)])
     asked_reserve = max(method.reserves, default=0) if isinstance(method, Sweep) else 0
     if available.highest_reserve == 0 or asked_reserve > available.highest_reserve:
         advice = "Stop other machines, lower keep_for_host, or give the component less memory."
         if available.highest_reserve:
             advice = f"End there: `--to {available.highest_reserve}%`. Or stop other machines, or lower keep_for_host."
-        finding = findings.NO_ROOM.of_host(
+        finding = OCCUPIED.of_host(
             host,
             "{host} can give P1, the partition of {_experiment}, at most {highest_reserve_percent} % of each of "
             "its {processors} processors, and P2, that of the load, some memory beside it.",

@@ -20,6 +20,7 @@ from rarms_iac.applying.requested_changes import stopped_partition
 from rarms_iac.applying.run_report import RunEnding
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.duration import WallTimes
+from rarms_iac.measuring.findings import OCCUPIED, UNABLE
 from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.model.commands import START, command, prose
 from rarms_iac.model.diagnostics import Diagnostic
@@ -90,10 +91,7 @@ def hold_measuring_hosts(session: MeasuringSession, names: Iterable[str]) -> Ite
             locks.enter_context(host.lock(owner(), session.lock_timeout_ms))
             finish_stop_or_start(host, session.control.reporter)
             if removed := remove_test_partitions(host):
-                template = "{host}: {_names}. What the earlier run recorded is kept and used."
-                names_ = " and ".join(removed)
-                finding = findings.LEFT_BEHIND.of_host(name, template, "Nothing.", removed=removed, _names=names_)
-                session.control.reporter.findings([finding])
+                session.control.reporter.message(f"{name}: {' and '.join(removed)}. Earlier results are kept and used.")
             held[name] = host
             settings = session.hosts.system.hosts[name].settings
             if isinstance(settings, SimulatedHost) and settings.smt:
@@ -125,7 +123,7 @@ def refuse_what_cannot_run(
     for section, name, subject in [*named, *(("interference", name, load) for name, load in loads.items())]:
         in_its_partition = in_their_partitions and section == "components"
         if obstacle := host.obstacle(subject, in_its_partition=in_its_partition):
-            finding = findings.NOTHING_TO_RUN.at(
+            finding = UNABLE.at(
                 manifest.places.key(section, name),
                 "{host} cannot run {name}: {reason}.",
                 obstacle.advice,
@@ -150,7 +148,7 @@ def stop_own_partitions(session: MeasuringSession, host: MeasuringHost) -> None:
         raise UseCaseError(
             Outcome.REFUSED,
             [
-                findings.BUSY_HOST.of_host(
+                OCCUPIED.of_host(
                     host.name,
                     "On {host} these run, and would change what is measured: {_names}.",
                     prose(

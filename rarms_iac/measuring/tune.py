@@ -324,7 +324,7 @@ def _doubtful_compounds(end: TuningConclusion) -> Iterator[Diagnostic]:
         separate = total(end.parts_of(compound))
         if compound.cost > separate:
             together = show_lp_percent(compound.cost)
-            yield planning_findings.ABOVE_THE_SUM.at(
+            yield planning_findings.CONTRADICTION.at(
                 None,
                 f"{', '.join(compound.members)} reserve {together} together, and {show_lp_percent(separate)} apart.",
                 "The paper's procedure counts this as successful; the default strategy drops such compounds.",
@@ -342,7 +342,7 @@ def _still_too_much(hosts: Hosts, end: TuningConclusion) -> Iterator[Diagnostic]
     if isinstance(solve(problem_around(hosts.reloaded(), observe_hosts(hosts))), Layout):
         return
     now, capacity = map(show_lp_percent, (end.after, end.subject.capacity))
-    yield planning_findings.STILL_TOO_MUCH.at(
+    yield planning_findings.RESERVATIONS.at(
         None,
         f"{now} are reserved now; the capacity is {capacity}.",
         prose(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
-from rarms_iac.measuring.findings import CANNOT_MEASURE, why_out_of_memory, work_of_settings
+from rarms_iac.measuring.findings import UNABLE, why_out_of_memory, work_of_settings
 from rarms_iac.measuring.measure_request import ExperimentResult, loads_for
 from rarms_iac.measuring.partitions import highest_reserve, host_resources
 from rarms_iac.measuring.run_experiment import run_experiment
@@ -277,7 +277,7 @@ def tuning_host(hosts: Hosts) -> Host:
     raise UseCaseError(
         Outcome.FAILED,
         [
-            CANNOT_MEASURE.at(
+            UNABLE.at(
                 None,
                 message,
                 "Tune on a Linux host, or on a simulated host of the same platform: --host.",

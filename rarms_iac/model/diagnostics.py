@@ -132,6 +132,8 @@ UNITS: Mapping[str, tuple[str, Callable[[Any], str]]] = {
     "": ("", lambda fact: list_names(fact) if isinstance(fact, tuple) else _text_of(fact)),
     "or": ("", lambda fact: in_a_row(fact, "or")),
     "all": ("", in_a_row),
+    "each": ("", ", ".join),
+    ";": ("", "; ".join),
     "quoted": ("", quoted),
     ",": ("", "{:,}".format),
     "ms": ("_ms", show_milliseconds),

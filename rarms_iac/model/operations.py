@@ -6,7 +6,7 @@ where the plan knew it (always for one that existed), otherwise our mark or the 
 operation says what it does, for a person, without the address that stands before it.
 
 SystemResponsiveness of the host itself is written, removed and recorded by the operations of task classes: its value
-has the name of the class, and no task class of the manifest may have that name (RARMS229).
+has the name of the class, and no task class of the manifest may have that name (RARMS043).
 """
 
 from collections.abc import Mapping

@@ -8,10 +8,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import takewhile
-from typing import assert_never
+from typing import Any, assert_never
 
 from rarms_iac.model.commands import MEASURE, Wording, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Facts, Place, Places
+from rarms_iac.model.diagnostics import Diagnostic, Place, Places
 from rarms_iac.model.host import Host, Mechanism
 from rarms_iac.model.layout import Cause, ChosenLayout, Infeasible, Layout, Relaxation, RelaxationKind
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
@@ -21,6 +21,7 @@ from rarms_iac.model.wording import counted, list_names
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.mechanism import deadline_problems, mechanism_of
 from rarms_iac.planner.neighbours import neighbour_findings
+from rarms_iac.planner.planning_findings import NOT_PROVEN
 from rarms_iac.planner.problem import HostView, Problem, by_name, check_layout, problem_of, solve
 from rarms_iac.planner.reservations import ReservationSource
 
@@ -104,17 +105,18 @@ def causes_as_findings(answer: Infeasible, system: System, places: Places) -> It
     """
     for cause in answer.causes:
         unproven = "" if answer.proven else " It is not proven that there is none: the search ended at its limit."
+        values: dict[str, Any] = {**cause.values, **relaxed_levels(answer.relaxations)}
+        if answer.unfinished:
+            values |= {"not_searched": answer.unfinished, "node_limit": answer.node_limit}
         yield planning_findings.KINDS[cause.code].at(
             _place(cause, system, places),
-            f"{cause.message}{unproven}",
+            "{_message}{_unproven}",
             cause.advice or prose(describe_ways_out(answer.relaxations), _limit_of_search(answer)),
             address=cause.address,
-            values={
-                **cause.values,
-                **relaxed_levels(answer.relaxations),
-                "proven": answer.proven,
-                **({"not_searched": answer.unfinished, "node_limit": answer.node_limit} if answer.unfinished else {}),
-            },
+            proven=answer.proven,
+            _message=cause.message,
+            _unproven=unproven,
+            **values,
         )
 
 
@@ -125,7 +127,7 @@ def _limit_of_search(answer: Infeasible) -> str:
     return f"\n{limit}. Not searched to the end: {list_names(answer.unfinished)}."
 
 
-def relaxed_levels(ways: Sequence[Relaxation]) -> Facts:
+def relaxed_levels(ways: Sequence[Relaxation]) -> dict[str, Any]:
     """Return the APTs that ways out relax, each as its way, component, index and level, in four rows of equal length.
 
     Args:
@@ -238,22 +240,22 @@ def smaller_host_findings(host: Host, facts: HostFacts | None, places: Places) -
     if facts.logical_processors < host.logical_processors:
         yield planning_findings.SMALLER.of_host(
             host.name,
-            f"{host.name} has {show_processors(facts.logical_processors)}, and the manifest says "
-            f"{show_processors(host.logical_processors)}; planned with what is there.",
+            "{host} has {has:lp}, and the manifest says {manifest:lp}; planned with what is there.",
             f"Say `logical_processors: {facts.logical_processors}`.",
             place=places.value("hosts", host.name, "logical_processors"),
-            has_lp=facts.logical_processors,
-            manifest_lp=host.logical_processors,
+            has=facts.logical_processors,
+            manifest=host.logical_processors,
         )
     if facts.memory < host.memory:
         yield planning_findings.SMALLER.of_host(
             host.name,
-            f"{host.name} has {show_bytes(facts.memory, host.memory)}, and the manifest says "
-            f"{show_bytes(host.memory, facts.memory)}; planned with what is there.",
+            "{host} has {_has}, and the manifest says {_says}; planned with what is there.",
             "Say what it has, or less.",
             place=places.value("hosts", host.name, "memory"),
             has_memory_bytes=facts.memory,
             manifest_memory_bytes=host.memory,
+            _has=show_bytes(facts.memory, host.memory),
+            _says=show_bytes(host.memory, facts.memory),
         )
 
 
@@ -280,8 +282,9 @@ def remarks_as_findings(remarks: Iterable[Cause], places: Places) -> Iterator[Di
     """
     for remark in remarks:
         place = places.value("components", remark.address.removeprefix("component/"), "cpu", "reserve")
+        values: dict[str, Any] = {**remark.values}
         yield planning_findings.REMARKS[remark.code].at(
-            place, remark.message, remark.advice, address=remark.address, values=remark.values
+            place, "{_message}", remark.advice, address=remark.address, _message=remark.message, **values
         )
 
 
@@ -300,7 +303,7 @@ def _deadlines(answer: Layout, problem: Problem, views: Mapping[str, HostView], 
         ]
         for name, message, advice in deadline_problems(deadlines, host, processors, admitted):
             place = places.key(problem.system.section_of(name), name)
-            values: Facts = {"partition": name, "host": host.name, "admitted_percent": admitted}
+            values: dict[str, Any] = {"partition": name, "host": host.name, "admitted_percent": admitted}
             yield planning_findings.DEADLINES.at(place, message, advice, address=f"partition/{name}", values=values)
 
 
@@ -310,20 +313,18 @@ def _placement(answer: Layout, places: Places) -> Iterator[Diagnostic]:
     if placement is None or placement.proven:
         return
     gap = show_processors(Fraction(placement.reserved - placement.reserved_bound, 100))
-    detail = (
-        f"The layout reserves {show_lp_percent(placement.reserved)}, at most {gap} more than needed, "
-        f"and moves {counted(placement.moves, 'partition')}, of which at least {placement.moves_bound} must move."
-    )
     yield planning_findings.NOT_PROVEN.at(
         places.key("application"),
-        detail,
+        "The layout reserves {_reserved}, at most {_gap} more than needed, and moves {moves:partition}, of "
+        "which at least {moves_bound} must move.",
         "It fits and may be applied.",
-        values={
-            "reserved_lp": placement.reserved / 100,
-            "reserved_bound_lp": placement.reserved_bound / 100,
-            "moves": placement.moves,
-            "moves_bound": placement.moves_bound,
-        },
+        reserved_lp=placement.reserved / 100,
+        reserved_bound_lp=placement.reserved_bound / 100,
+        moves=placement.moves,
+        moves_bound=placement.moves_bound,
+        _reserved=show_lp_percent(placement.reserved),
+        _gap=gap,
+        _counted=counted(placement.moves, "partition"),
     )
 
 
@@ -334,17 +335,16 @@ def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnos
             continue
         best, host = min((claim.percent, host) for host, claim in problem.claims[partition.name].items())
         if best < partition.settings.processors * partition.settings.reserve:
-            yield planning_findings.BETTER_ELSEWHERE.at(
+            yield NOT_PROVEN.at(
                 places.key("partitions", partition.name),
-                f"{partition.name} stays on {partition.host}; on {host} it would reserve "
-                f"{show_lp_percent(best)} instead of {show_processors(partition.reserved)}.",
+                "{partition} stays on {host}; on {other_host} it would reserve {_best} instead of {_reserved:lp}.",
                 "Allow `--max-disruption removal` if it may be made anew there.",
                 address=f"partition/{partition.name}",
-                values={
-                    "partition": partition.name,
-                    "host": partition.host,
-                    "other_host": host,
-                    "other_reserve_lp": best / 100,
-                    "reserve_lp": partition.settings.processors * partition.settings.reserve / 100,
-                },
+                partition=partition.name,
+                host=partition.host,
+                other_host=host,
+                other_reserve_lp=best / 100,
+                reserve_lp=partition.settings.processors * partition.settings.reserve / 100,
+                _best=show_lp_percent(best),
+                _reserved=partition.reserved,
             )

@@ -7,9 +7,10 @@ it reserves, and takes it at once; so an answer may come a window later than bes
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Facts, Places
+from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.host import SCHEDULER_WINDOW_MS, Host, ProviderKind
 from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.layout import Layout, PlacedPartition
@@ -17,7 +18,6 @@ from rarms_iac.model.loads import is_steady
 from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.run import Periodic
 from rarms_iac.model.system import Component, Threshold, run_of
-from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.problem import Problem, by_name
@@ -66,7 +66,7 @@ def _member_findings(
     limits = {name: _limit_ms(name, bound, member) for name, bound in member.apt.items()}
     tails = [name for name, limit_ms in limits.items() if limit_ms is not None and limit_ms < latest_ms]
     means = [name for name, bound in member.apt.items() if _is_periodic_mean(name, member) and bound.value < latest_ms]
-    values: Facts = {
+    values: dict[str, Any] = {
         "component": member.name,
         "host": around.host.name,
         "other_partitions": around.others,
@@ -78,17 +78,18 @@ def _member_findings(
     elif tails:
         yield planning_findings.ON_NEIGHBOURS.at(
             places.key("components", member.name, "apt", tails[0]),
-            f"{in_a_row(tails)} of {member.name} depends on its neighbours: what "
-            f"{counted(around.others, 'other partition')} on {around.host.name} "
-            f"{'does' if around.others == 1 else 'do'} within {SCHEDULER_WINDOW_MS} ms decides it.",
+            "{indexes:all} of {component} depends on its neighbours: what {other_partitions:other partition} on {host} "
+            "{_do} within {window_ms:ms} decides it.",
             prose("Prove it in the layout that is applied: ", command("prove"), "."),
             address=f"component/{member.name}",
-            values={**values, "indexes": tuple(tails)},
+            indexes=tuple(tails),
+            _do="does" if around.others == 1 else "do",
+            **values,
         )
 
 
 def _steady_loads_finding(
-    member: Component, indexes: Sequence[str], work_ms: float | None, values: Facts, places: Places
+    member: Component, indexes: Sequence[str], work_ms: float | None, values: dict[str, Any], places: Places
 ) -> Diagnostic:
     late = f"up to {SCHEDULER_WINDOW_MS} ms later than that"
     if work_ms is not None:
@@ -98,8 +99,8 @@ def _steady_loads_finding(
         )
     return planning_findings.MEASURED_STEADY.at(
         places.key("components", member.name, "apt", indexes[0]),
-        f"{member.name} was measured beside loads that never pause. Beside partitions that pause, its jobs may answer "
-        f"{late}; {in_a_row(indexes)} allows less.",
+        "{component} was measured beside loads that never pause. Beside partitions that pause, its jobs may "
+        "answer {_late}; {_tails:all} allows less.",
         prose(
             "Measure it beside bursts, too (`policy.interference`, docs/measuring.md), and see in the layout that is "
             "applied whether it holds: ",
@@ -107,7 +108,9 @@ def _steady_loads_finding(
             ".",
         ),
         address=f"component/{member.name}",
-        values=values,
+        _late=late,
+        _tails=tuple(indexes),
+        **values,
     )
 
 

@@ -15,10 +15,10 @@ from rarms_iac.model.quantities import (
     per_virtual_processor,
     show_processors,
 )
+from rarms_iac.model.shared_findings import UNUSABLE_RESERVE
 from rarms_iac.model.state import NO_GENERATION, Checkpoints, PartitionSettings, StartAction, StopAction
 from rarms_iac.model.system import Measured, StartMode
 from rarms_iac.model.wording import counted
-from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.headroom import OPEN, limit_of, weight_of
 from rarms_iac.planner.measured_together import NotMeasured
@@ -101,7 +101,7 @@ def _cannot_be_alone(group: Group, host: Host, wanted: LogicalProcessors, proces
                 f"{group.name} reserves {show_processors(wanted)}, and {width} cannot use that: "
                 f"it needs at least {-(-wanted.numerator // wanted.denominator)}."
             ),
-            code=planning_findings.PARALLELISM.code,
+            code=UNUSABLE_RESERVE.code,
             advice="Give the partition or the component more `processors`, or lower the reserve.",
             values={"partition": group.name, "needs_lp": float(wanted), "processors": processors},
         )
@@ -109,7 +109,7 @@ def _cannot_be_alone(group: Group, host: Host, wanted: LogicalProcessors, proces
         return Cause(
             address=f"partition/{group.name}",
             message=f"The {width} of {group.name} are more than the {host.logical_processors} of {host.name}.",
-            code=planning_findings.TOO_WIDE.code,
+            code=UNUSABLE_RESERVE.code,
             advice="Lower `processors`, or name a larger host.",
             values={
                 "partition": group.name,

@@ -6,13 +6,15 @@ The order is promised among the components of one operating system, while thread
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
+from typing import Any
 
-from rarms_iac.model.diagnostics import Diagnostic, Facts, Places
+from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.mmcss import PriorityValues, thread_priority
 from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, TaskRequest
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import most_critical_first
+from rarms_iac.planner.planning_findings import NEIGHBOURS
 from rarms_iac.planner.task_class_values import ALL, REAL_TIME, chosen_values, masks_of
 
 CLOCK_RATE = 10_000
@@ -138,13 +140,12 @@ def _out_of_order(decided: Sequence[ClassValues], inside: str, places: Places) -
             )
             yield planning_findings.CLASS_ORDER.at(
                 places.key("components", upper.user),
-                f"In {_system_name(inside)}, {upper.name} (criticality {upper.criticality}) runs at "
-                f"{upper.thread_priority}, not above {worst.name} (criticality {worst.criticality}) "
-                f"at {worst.thread_priority}.",
+                "In {_where}, {upper} (criticality {upper_criticality}) runs at {upper_priority}, not above {lower} "
+                "(criticality {lower_criticality}) at {lower_priority}.",
                 "No values keep all these classes in order (Windows ignores the priority in High): leave categories "
                 "and priorities open, or let components of similar criticality share a class.",
                 address=_address(inside, upper.name),
-                values=_pair_facts(upper, worst, inside),
+                **_pair_facts(upper, worst, inside),
             )
 
 
@@ -172,13 +173,15 @@ def _near_diagnostic(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: s
     upper, lower = pairs[0]
     more = f", as may {len(pairs) - 1} more" if len(pairs) > 1 else ""
     raised = "was seen to raise some threads" if lower.thread_priority >= REAL_TIME else "may raise threads that wake"
-    return planning_findings.NEIGHBOURS.at(
+    return NEIGHBOURS.at(
         places.key("components", upper.user),
-        f"In {_system_name(inside)}, {upper.name} runs at {upper.thread_priority} and {lower.name} at "
-        f"{lower.thread_priority}: Windows {raised} by one, and then the two meet{more}.",
+        "In {_where}, {upper} runs at {upper_priority} and {lower} at {lower_priority}: Windows {_raised} by one, and "
+        "then the two meet{_more}.",
         "Nothing, if that can be borne. Eight criticalities in one operating system leave room between them.",
         address=_address(inside, upper.name),
-        values=_pair_facts(upper, lower, inside),
+        _raised=raised,
+        _more=more,
+        **_pair_facts(upper, lower, inside),
     )
 
 
@@ -186,20 +189,22 @@ def _low_diagnostic(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: st
     upper, lower = pairs[0]
     others = {class_values.name for _, class_values in pairs} - {lower.name}
     more = "" if not others else f", and so {'does' if len(others) == 1 else 'do'} {', '.join(sorted(others))}"
-    return planning_findings.IN_LOW.at(
+    return NEIGHBOURS.at(
         places.key("components", lower.user),
-        f"In {_system_name(inside)}, {lower.name} (criticality {lower.criticality}) runs at {lower.thread_priority} in "
-        f"category Low, which MMCSS never lowers. While it lowers {upper.name} (criticality {upper.criticality}), "
-        f"which used its share, {lower.name} goes first{more}.",
+        "In {_where}, {lower} (criticality {lower_criticality}) runs at {lower_priority} in category Low, which MMCSS "
+        "never lowers. While it lowers {upper} (criticality {upper_criticality}), which used its share, {lower} goes "
+        "first{_more}.",
         "Nothing, if that can be borne: it is the time that SystemResponsiveness keeps for everybody else. "
         "Four criticalities in one operating system all find room in Medium.",
         address=_address(inside, lower.name),
-        values=_pair_facts(upper, lower, inside),
+        _more=more,
+        **_pair_facts(upper, lower, inside),
     )
 
 
-def _pair_facts(upper: ClassValues, lower: ClassValues, inside: str) -> Facts:
+def _pair_facts(upper: ClassValues, lower: ClassValues, inside: str) -> dict[str, Any]:
     return {
+        "_where": f"partition {inside}" if inside else "the host's own Windows",
         "partition": inside,
         "upper": upper.name,
         "upper_criticality": upper.criticality,
@@ -208,10 +213,6 @@ def _pair_facts(upper: ClassValues, lower: ClassValues, inside: str) -> Facts:
         "lower_criticality": lower.criticality,
         "lower_priority": lower.thread_priority,
     }
-
-
-def _system_name(inside: str) -> str:
-    return f"partition {inside}" if inside else "the host's own Windows"
 
 
 def _address(inside: str, name: str) -> str:

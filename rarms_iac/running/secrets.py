@@ -108,9 +108,11 @@ def short_secrets(components: Iterable[Component], places: Places) -> Iterator[D
             if isinstance(value, FromEnvironment) and 0 < len(os.environ.get(value.name, "")) < LEAST:
                 yield SHORT_SECRET.at(
                     places.value("components", component.name, "run", "environment", variable),
-                    f"{value.name} has fewer than {LEAST} characters here: what {quoted(component.name)} prints of it "
-                    "is shown and recorded as it is.",
+                    "{variable} has fewer than {least} characters here: what {component:quoted} prints of "
+                    "it is shown and recorded as it is.",
                     f"Give it a value of at least {LEAST} characters if it is a secret.",
                     address=f"component/{component.name}",
-                    values={"component": component.name, "variable": value.name},
+                    component=component.name,
+                    variable=value.name,
+                    least=LEAST,
                 )

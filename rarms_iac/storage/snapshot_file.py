@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 from rarms_iac.model.diagnostics import Finding
+from rarms_iac.model.shared_findings import NOT_READ
 from rarms_iac.model.state import State
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import NotDecodable, decode, encode
@@ -10,13 +11,12 @@ from rarms_iac.storage.json_text import parse_json, readable_json
 
 FORMAT = "rarms-snapshot/1"
 MAX_BYTES = 64 * 2**20
-UNREADABLE = Finding.error("RARMS175", "This is not a snapshot of a host")
 
 
 class SnapshotUnreadable(Exception):
     """The file does not say what a host looks like; `message` tells why."""
 
-    finding: ClassVar[Finding] = UNREADABLE
+    finding: ClassVar[Finding] = NOT_READ
 
     def __init__(self, message: str) -> None:
         super().__init__(message)

@@ -95,7 +95,7 @@ def _head(diagnostic: Diagnostic, number: int = 1) -> "RenderableType":
 
 
 def _note(alike: Sequence[Diagnostic]) -> "RenderableType":
-    """`note[RARMS086] An interference is not used: rarms.yaml:82:3, interference.browsers`."""
+    """`note[RARMS086] An entry is not used: rarms.yaml:82:3, interference.browsers`."""
     locations = "; ".join(", ".join(_location(diagnostic)) for diagnostic in alike)
     summary = visible(alike[0].summary, keep="")
     text = f"{summary}: {locations}" if any(diagnostic.place or diagnostic.address for diagnostic in alike) else summary

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.validation import Validation, validate
-from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.views.console import render
 from rarms_iac.views.findings_text import findings_text
 
@@ -25,12 +24,6 @@ def findings_of(folder: Path) -> str:
     """What `rarms validate` tells in that folder."""
     found = _validated(folder)
     return render(findings_text(found.findings, found.sources, accepted=found.accepted))
-
-
-def diagnostics_of(folder: Path) -> tuple[Diagnostic, ...]:
-    """What `rarms validate` finds in that folder."""
-    found = _validated(folder)
-    return *found.findings, *found.accepted
 
 
 def _validated(folder: Path) -> Validation:

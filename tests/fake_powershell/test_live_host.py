@@ -88,7 +88,7 @@ def test_examining_tells_what_is_odd_there() -> None:
 
     looked = live(host).examined()
 
-    assert codes(looked.findings) == ["RARMS163"]
+    assert codes(looked.findings) == ["RARMS190"]
     assert looked.findings == findings_of(read_observation(live(host).recorded()), "onboard")
 
 

@@ -223,7 +223,7 @@ def test_a_reviewed_plan_is_applied_once_and_a_plan_that_cannot_be_made_leaves_n
 
     assert fleet.play(plan).changed == []
     assert fleet.play(reviewed).changed == ["r-1"]
-    assert "RARMS181" in fleet.play(reviewed).results["r-1"]["msg"], "a plan is used once"
+    assert "RARMS182" in fleet.play(reviewed).results["r-1"]["msg"], "a plan is used once"
 
     fleet.add("r-1", "components: { vision: { cpu: { reserve: 3 LP } } }\n")
     assert fleet.play(plan).with_status("failed") == ["r-1"]

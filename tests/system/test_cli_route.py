@@ -109,7 +109,7 @@ def test_a_written_plan_is_shown_and_applied_once(robot: Robot) -> None:
 
     assert (shown.code, first.code, second.code) == (0, 0, 3)
     assert "Plan: 2 to add, 0 to change, 0 to remove." in shown.lines
-    assert "error[RARMS181]" in second.err
+    assert "error[RARMS182]" in second.err
 
 
 def test_a_failed_step_says_so_and_apply_finishes_it(robot: Robot) -> None:
@@ -305,7 +305,7 @@ def test_undo_takes_the_last_apply_back_once(robot: Robot) -> None:
     again = robot.run("undo", "--auto-approve")
 
     assert undone.code == 0
-    assert "note[RARMS192]" in again.err
+    assert "note[RARMS174]" in again.err
     assert "0.6 LP -> 0.7 LP" in robot.run("plan").out
 
 
@@ -335,7 +335,7 @@ def test_a_plan_on_a_host_that_was_made_anew_is_told_so(robot: Robot) -> None:
 
     assert answer.code == 3
     assert "error[RARMS182]" in answer.err
-    assert "RARMS181" not in answer.err
+    assert "RARMS182" not in answer.err
 
 
 def test_changes_are_an_exit_code_only_where_that_is_asked_for(robot: Robot) -> None:
@@ -433,6 +433,6 @@ def test_every_json_answer_is_as_the_schema_says(robot: Robot) -> None:
 
 
 def test_a_missing_plan_and_a_folder_are_told(robot: Robot) -> None:
-    assert "error[RARMS173]" in rarms("apply", str(robot.folder / "missing.plan")).err
+    assert "error[RARMS001]" in rarms("apply", str(robot.folder / "missing.plan")).err
     assert rarms("apply", str(robot.folder)).code == 1
     assert rarms("show", str(robot.manifest)).code == 3

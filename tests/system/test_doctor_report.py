@@ -187,7 +187,7 @@ def test_what_is_there_stays(tmp_path: Path) -> None:
     refused = desk.run("doctor", "--report", str(report))
     missing = desk.run("doctor", "--report", str(lost))
 
-    assert (refused.code, "error[RARMS176]" in refused.err) == (1, True)
+    assert (refused.code, "error[RARMS177]" in refused.err) == (1, True)
     assert report.read_text(encoding="utf-8") == "mine"
     assert (missing.code, lost.exists()) == (1, False)
 

@@ -36,7 +36,7 @@ def test_the_lines_of_the_page_run_one_after_another(tmp_path: Path) -> None:
     assert proven == "[]"
     assert removed == "onboard delete partition/vision"
     assert outcome.startswith("False [")
-    assert missing == "The file cannot be read True ['RARMS001']"
+    assert missing == "A file cannot be read True ['RARMS001']"
     assert unknown.startswith('The manifest has no host "elsewhere".')
     assert changes == "False"
 

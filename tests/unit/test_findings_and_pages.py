@@ -22,7 +22,7 @@ def findings_of_the_package() -> dict[str, tuple[str, Finding]]:
         for value in vars(importlib.import_module(module.name)).values():
             if isinstance(value, Finding):
                 _add(found, module.name, value)
-    for finding in CHECKS:  # most stand above their check alone
+    for finding, _ in CHECKS:  # most stand above their check alone
         _add(found, "rarms_iac.manifest.checks", finding)
     return found
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 
 from rarms_iac.applying.doctor import machines, processors, windows
 from rarms_iac.applying.doctor.examination import Examination
+from rarms_iac.applying.doctor.machines import UNFIT_MACHINE
 from rarms_iac.diff.compare_partitions import foreign_marks
 from rarms_iac.model.diagnostics import Diagnostic, Finding, in_order
 
@@ -38,7 +39,7 @@ DOCTOR_ONLY_CODES = frozenset(
     finding.code
     for checks in (windows, machines)
     for finding in vars(checks).values()
-    if isinstance(finding, Finding) and finding not in (machines.WIDE_MACHINE, machines.CPU_GROUP)  # plans find them
+    if isinstance(finding, Finding) and finding not in (UNFIT_MACHINE, machines.CPU_GROUP)  # plans find them
 )
 """The codes that `rarms doctor` can find and no plan does: an acceptance of one is not unused in a plan."""
 

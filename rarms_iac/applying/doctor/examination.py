@@ -1,8 +1,9 @@
 """The input of the doctor's checks: a host's State, and its condition beside it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Any
 
 from rarms_iac.model.commands import Wording
 from rarms_iac.model.condition import HostCondition, MachineCondition
@@ -34,7 +35,8 @@ class Examination:
 
     def host_finding(self, finding: Finding, detail: str, advice: Wording, values: Facts = NO_MORE_FACTS) -> Diagnostic:
         """A finding about the host itself; `values` without its name."""
-        return finding.of_host(self.name, detail, advice, place=self.place, **values)
+        given: Mapping[str, Any] = values
+        return finding.of_host(self.name, "{_detail}", advice, place=self.place, _detail=detail, **given)
 
     def machine_finding(
         self, finding: Finding, machine: Partition, detail: str, advice: Wording, values: Facts = NO_MORE_FACTS
@@ -43,12 +45,15 @@ class Examination:
 
         `values` go without the names of host and machine.
         """
+        given: Mapping[str, Any] = {"machine": machine.id, "name": machine.settings.name, **values}
         return finding.at(
             self.place,
-            detail,
+            "{_detail}",
             advice,
-            values={"host": self.name, "machine": machine.id, "name": machine.settings.name, **values},
             address=f"partition/{machine.mark.name}" if machine.mark else f"machine/{machine.id}",
+            _detail=detail,
+            host=self.name,
+            **given,
         )
 
 

@@ -6,11 +6,10 @@ from rarms_iac.applying.doctor.examination import Examination, machine_title
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.state import RunState
 
+UNFIT_MACHINE = Finding.warning("RARMS245", "A machine is not as rarms needs it")
+
 CPU_GROUP = Finding.warning("RARMS235", "A machine is in a CPU group")
 CLUSTERED = Finding.warning("RARMS244", "A machine belongs to a cluster")
-MACHINE_STATE = Finding.warning("RARMS245", "A machine is in a critical state")
-MUTE_GUEST = Finding.warning("RARMS322", "The guest of a running partition is mute")
-WIDE_MACHINE = Finding.warning("RARMS246", "A machine has more processors than the host")
 
 
 def check_cpu_group(host: Examination) -> Iterator[Diagnostic]:
@@ -47,7 +46,7 @@ def check_machine_state(host: Examination) -> Iterator[Diagnostic]:
     for machine, _ in host.machines():
         if machine.state is RunState.CRITICAL:
             yield host.machine_finding(
-                MACHINE_STATE,
+                UNFIT_MACHINE,
                 machine,
                 f"{machine_title(machine)} on {host.name} is in a critical state: its storage cannot be reached. It "
                 "can only be turned off or removed.",
@@ -61,7 +60,7 @@ def check_guest_answers(host: Examination) -> Iterator[Diagnostic]:
     for machine, _ in host.machines():
         if machine.mark and machine.state is RunState.RUNNING and not machine.can_be_asked:
             yield host.machine_finding(
-                MUTE_GUEST,
+                UNFIT_MACHINE,
                 machine,
                 f"{machine_title(machine)} on {host.name} runs, and its guest does not answer: it cannot be asked to "
                 "shut down, and nothing can be started in it.",
@@ -78,7 +77,7 @@ def check_machine_width(host: Examination) -> Iterator[Diagnostic]:
         if count > available:
             lost = " and may set it to zero" if machine.settings.reserve else ""
             yield host.machine_finding(
-                WIDE_MACHINE,
+                UNFIT_MACHINE,
                 machine,
                 f"{machine_title(machine)} has {count} virtual processors, {host.name} {available} logical "
                 f"ones: the hypervisor does not guarantee its reserve{lost}.",

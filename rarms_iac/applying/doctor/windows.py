@@ -13,16 +13,14 @@ from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.state import RegistryValue, Rights, RunState, ValueKind
 from rarms_iac.model.wording import in_a_row, quoted
 
+LACKS = Finding.error("RARMS233", "The host lacks something that rarms needs")
+
 RESPONSIVENESS_VALUE = Finding.warning("RARMS230", "SystemResponsiveness is not a value that Windows takes as it is")
-NO_MODULE = Finding.error("RARMS233", "The Hyper-V module is not installed")
 CORE_SCHEDULER = Finding.warning("RARMS234", "Under the core scheduler a virtual processor may take two logical ones")
-OLD_POWERSHELL = Finding.error("RARMS240", "The host's PowerShell is too old")
 EXECUTION_POLICY = Finding.warning("RARMS241", "The execution policy keeps scripts from running")
-NARROW_PROCESS = Finding.error("RARMS242", "The host was looked at by a 32-bit process")
 MINROOT = Finding.note("RARMS243", "The host's own Windows has fewer processors than the hypervisor")
 UNREAD_PROBE = Finding.note("RARMS249", "Something of the host could not be looked at")
 
-NO_HYPERVISOR = Finding.error("RARMS318", "No Hyper-V runs on the host")
 NOT_ELEVATED = Finding.warning("RARMS319", "Who looked at the host may not change anything there")
 LITTLE_MEMORY = Finding.warning("RARMS320", "The host's free memory does not start its partitions")
 NO_COUNTERS = Finding.warning("RARMS321", "The hypervisor's counters are missing")
@@ -50,7 +48,7 @@ def check_hypervisor(host: Examination) -> Iterator[Diagnostic]:
     condition = host.condition
     if condition.role is False:
         yield host.host_finding(
-            NO_HYPERVISOR,
+            LACKS,
             f"{host.name}: its Windows has no WMI namespace root\\virtualization\\v2 (error 0x8004100e): the role "
             "Hyper-V is not installed.",
             "Install it: on a server `Install-WindowsFeature -Name Hyper-V -IncludeManagementTools -Restart`, on a "
@@ -60,7 +58,7 @@ def check_hypervisor(host: Examination) -> Iterator[Diagnostic]:
         )
     elif condition.hypervisor_running is False:
         yield host.host_finding(
-            NO_HYPERVISOR,
+            LACKS,
             f"{host.name} has the role Hyper-V, and its Windows started without the hypervisor: no machine can start.",
             "Say `bcdedit /set hypervisorlaunchtype auto` in an elevated prompt, turn on virtualization in the "
             "firmware (VT-x or AMD-V, and NX), then restart the host.",
@@ -164,7 +162,7 @@ def check_module(host: Examination) -> Iterator[Diagnostic]:
     """Scripts are made of the cmdlets of the module Hyper-V."""
     if host.condition.module == ():
         yield host.host_finding(
-            NO_MODULE,
+            LACKS,
             f"{host.name}: its PowerShell has no module Hyper-V.",
             "Install it: on a server `Install-WindowsFeature Hyper-V-PowerShell` (with the role: `-Name Hyper-V "
             "-IncludeManagementTools`), on a client Windows the feature "
@@ -191,7 +189,7 @@ def check_powershell_version(host: Examination) -> Iterator[Diagnostic]:
     version = host.condition.powershell
     if version is not None and _version_numbers(version) < _NEEDED_POWERSHELL:
         yield host.host_finding(
-            OLD_POWERSHELL,
+            LACKS,
             f"{host.name} runs PowerShell {version}; the scripts of rarms need 5.1 or 7.",
             "Install Windows Management Framework 5.1 or PowerShell 7 there; Windows 10 and Server 2016 bring 5.1.",
             {"version": version},
@@ -239,7 +237,7 @@ def check_process_width(host: Examination) -> Iterator[Diagnostic]:
     bits = host.condition.bits
     if bits is not None and bits < 64:
         yield host.host_finding(
-            NARROW_PROCESS,
+            LACKS,
             f"{host.name} was looked at by a PowerShell of {bits} bits: Windows shows it another part of "
             "the registry, so its task classes are not those that count.",
             "Start the 64-bit one: `%windir%\\System32\\WindowsPowerShell\\v1.0\\powershell.exe`, not the one in "

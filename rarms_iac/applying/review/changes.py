@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from rarms_iac.applying.desired_hosts import disk_verdicts
-from rarms_iac.applying.doctor.machines import WIDE_MACHINE
+from rarms_iac.applying.doctor.machines import UNFIT_MACHINE
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.state_after import partition_after_change
 from rarms_iac.diff.drift import drift_of_marks
@@ -12,10 +12,10 @@ from rarms_iac.model.commands import DRIFT, HISTORY, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.operations import CreatePartition, RemoveDisk, RemovePartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Purpose, Step, UndoLevel
-from rarms_iac.model.quantities import write_bytes
+from rarms_iac.model.shared_findings import GENERATION, UNKNOWN_NAME
 from rarms_iac.model.state import Partition, Tie
 from rarms_iac.model.system import Disruption
-from rarms_iac.model.wording import quoted, suggestion
+from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.desired import Desired
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.headroom import limit_in_manifest
@@ -29,10 +29,8 @@ NOT_UNDONE = Finding.warning("RARMS225", "A step cannot be taken back")
 NOT_ASKED = Finding.warning("RARMS255", "A guest is turned off without being asked to shut down")
 DISK_REMOVED = Finding.warning("RARMS253", "A virtual disk is deleted")
 DISK_STAYS = Finding.warning("RARMS254", "A virtual disk stays although its removal was asked for")
-VHD = Finding.error("RARMS257", "A machine of generation 2 takes no .vhd disk")
 CHANGED_OUTSIDE = Finding.note("RARMS311", "The host was changed since rarms wrote it")
 TIED = Finding.error("RARMS366", "A machine that something else decides over is not changed")
-SWITCH = Finding.error("RARMS258", "The host has no virtual switch of this name")
 
 
 def review_changes_from_outside(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
@@ -46,10 +44,12 @@ def review_changes_from_outside(request: PlanRequest, desired: Desired, plan: Ho
         if address is not None:
             yield CHANGED_OUTSIDE.at(
                 addresses[address].reason.place,
-                f"{drift.address} on {desired.host}: {drift.message}. This plan makes it as the manifest wants it.",
+                "{resource} on {host}: {difference}. This plan makes it as the manifest wants it.",
                 prose("Find out who did it: ", DRIFT, " shows what differs, ", HISTORY, " what rarms itself did."),
                 address=str(drift.address),
-                values={"host": desired.host, "resource": str(drift.address), "difference": drift.message},
+                host=desired.host,
+                resource=str(drift.address),
+                difference=drift.message,
             )
 
 
@@ -63,13 +63,15 @@ def review_images_and_switches(desired: Desired, plan: HostPlan) -> Iterator[Dia
 
 def _review_image(step: Step, creation: CreatePartition) -> Iterator[Diagnostic]:
     if not takes_image(creation.generation, creation.image):
-        yield VHD.at(
+        yield GENERATION.at(
             step.place,
-            f'"{creation.partition}" is to be of generation 2, and its disk would grow out of {creation.image}: a '
-            "child has its parent's format, and generation 2 takes .vhdx only.",
+            '"{partition}" is to be of generation 2, and its disk would grow out of {image}: a child has '
+            "its parent's format, and generation 2 takes .vhdx only.",
             "Convert the image (`Convert-VHD`) and name the .vhdx, or say `generation: 1` for this partition.",
             address=str(step.address),
-            values={"partition": creation.partition, "generation": creation.generation, "image": creation.image},
+            partition=creation.partition,
+            generation=creation.generation,
+            image=creation.image,
         )
 
 
@@ -78,18 +80,18 @@ def _review_switch(desired: Desired, step: Step, creation: CreatePartition) -> I
     if has_switch(switches, creation.switch) or switches is None:
         return
     known = f"It has {', '.join(sorted(switches))}." if switches else "It has none."
-    yield SWITCH.at(
+    yield UNKNOWN_NAME.at(
         step.place,
-        f'"{creation.partition}" is to be connected to the virtual switch {quoted(creation.switch)}, which '
-        f"{desired.host} does not have.{suggestion(creation.switch, switches)} {known}",
+        '"{partition}" is to be connected to the virtual switch {switch:quoted}, which {host} does not '
+        "have.{_suggestion} {_known}",
         "Name a switch that is there (`hyperv.switch`), or make it on the host first (`New-VMSwitch`).",
         address=str(step.address),
-        values={
-            "partition": creation.partition,
-            "switch": creation.switch,
-            "host": desired.host,
-            "switches": tuple(sorted(switches)),
-        },
+        partition=creation.partition,
+        switch=creation.switch,
+        host=desired.host,
+        switches=tuple(sorted(switches)),
+        _suggestion=suggestion(creation.switch, switches),
+        _known=known,
     )
 
 
@@ -107,10 +109,13 @@ def review_tied_machines(request: PlanRequest, plan: HostPlan) -> Iterator[Diagn
             message, advice = _TIES[tie]
             yield TIED.at(
                 change.reason.place,
-                f"Machine {quoted(before.settings.name)} ({before.id}) {message}, so this plan cannot change it.",
+                "Machine {name:quoted} ({machine}) {message}, so this plan cannot change it.",
                 advice,
                 address=str(change.address),
-                values={"machine": before.id, "name": before.settings.name, "tie": tie.value},
+                machine=before.id,
+                name=before.settings.name,
+                tie=tie.value,
+                message=message,
             )
 
 
@@ -142,10 +147,11 @@ def review_restarts(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic
             case Update(before=Partition() as before, after=Partition()):
                 yield RESTART.at(
                     change.reason.place,
-                    f'"{before.settings.name}" runs, and it is stopped for this: {change.reason.message}.',
+                    '"{partition}" runs, and it is stopped for this: {reason}.',
                     "Apply when its components may rest, or hold it back with `--max-disruption live`.",
                     address=str(change.address),
-                    values={"partition": before.settings.name, "reason": change.reason.message},
+                    partition=before.settings.name,
+                    reason=change.reason.message,
                 )
             case _:
                 pass
@@ -153,11 +159,12 @@ def review_restarts(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic
         if isinstance(step.operation, StopPartition) and step.address in live:
             yield RESTART.at(
                 step.place,
-                f'"{step.address.partition}" runs, and it is stopped for a while: {step.comment}.',
+                '"{partition}" runs, and it is stopped for a while: {reason}.',
                 "Apply when its components may rest, or make room otherwise: a smaller reserve, or fewer changes at "
                 "once with `--target`.",
                 address=str(step.address),
-                values={"partition": step.address.partition, "reason": step.comment},
+                partition=step.address.partition,
+                reason=step.comment,
             )
 
 
@@ -170,12 +177,12 @@ def review_guests_that_are_not_asked(desired: Desired, plan: HostPlan) -> Iterat
         if isinstance(step.operation, StopPartition) and step.address.machine in mute:
             yield NOT_ASKED.at(
                 step.place,
-                f'The guest of "{step.address.partition}" does not answer to its shutdown service: its machine is '
-                "turned off without asking.",
+                'The guest of "{partition}" does not answer to its shutdown service: its machine is turned '
+                "off without asking.",
                 "Install or start the integration service for shutdown in the guest, enable it for the machine "
                 "(`Enable-VMIntegrationService`), and plan again; or shut the guest down yourself.",
                 address=str(step.address),
-                values={"partition": step.address.partition},
+                partition=step.address.partition,
             )
 
 
@@ -186,11 +193,13 @@ def review_memory(plan: HostPlan) -> Iterator[Diagnostic]:
             case Update(before=Partition(settings=old), after=Partition(settings=new)) if new.memory < old.memory:
                 yield MEMORY_SHRINKS.at(
                     change.reason.place,
-                    f'"{old.name}" has {write_bytes(old.memory)} and gets {write_bytes(new.memory)}: what its guest '
-                    "and its components use beyond that is swapped out, or they fail to start.",
+                    '"{partition}" has {has_memory:bytes} and gets {gets_memory:bytes}: what its guest and '
+                    "its components use beyond that is swapped out, or they fail to start.",
                     "Look at what its guest uses at most, and measure its components again with the new size.",
                     address=str(change.address),
-                    values={"partition": old.name, "has_memory_bytes": old.memory, "gets_memory_bytes": new.memory},
+                    partition=old.name,
+                    has_memory=old.memory,
+                    gets_memory=new.memory,
                 )
 
 
@@ -205,11 +214,14 @@ def review_raised_limits(request: PlanRequest, desired: Desired) -> Iterator[Dia
         if limit is not None and limit < reserve:
             yield LIMIT_RAISED.at(
                 request.places.key(request.system.section_of(partition.name), partition.name),
-                f'"{partition.name}" is limited to {limit} % of each of its VPs, and its reserve needs '
-                f"{reserve} % of each: the plan raises the limit to that, and the partition never gets more.",
+                '"{partition}" is limited to {limit_percent} % of each of its VPs, and its reserve needs '
+                "{reserve_percent} % of each: the plan raises the limit to that, and the partition never "
+                "gets more.",
                 "Raise the limit, or remove it: what was measured without one holds without one.",
                 address=f"partition/{partition.name}",
-                values={"partition": partition.name, "limit_percent": limit, "reserve_percent": reserve},
+                partition=partition.name,
+                limit_percent=limit,
+                reserve_percent=reserve,
             )
 
 
@@ -219,17 +231,15 @@ def review_removed_disks(request: PlanRequest, desired: Desired, plan: HostPlan)
         if isinstance(step.operation, RemoveDisk):
             yield DISK_REMOVED.at(
                 step.place,
-                f"{step.operation.path} of {step.address.partition} on {desired.host} is deleted after its "
-                f"machine was removed: what was written since it was made from {step.operation.parent} is lost.",
+                "{disk} of {partition} on {host} is deleted after its machine was removed: what was "
+                "written since it was made from {parent} is lost.",
                 "Copy what is still needed out of it first; nothing brings it back, `rarms undo` neither. To keep it, "
                 "leave out --remove-disks.",
                 address=f"partition/{step.address.partition}",
-                values={
-                    "disk": step.operation.path,
-                    "parent": step.operation.parent,
-                    "partition": step.address.partition,
-                    "host": desired.host,
-                },
+                disk=step.operation.path,
+                parent=step.operation.parent,
+                partition=step.address.partition,
+                host=desired.host,
             )
     for change in plan.changes if request.remove_disks else ():
         if not isinstance(change, Delete) or not isinstance(change.before, Partition):
@@ -238,16 +248,13 @@ def review_removed_disks(request: PlanRequest, desired: Desired, plan: HostPlan)
             if verdict.reason_to_keep:
                 yield DISK_STAYS.at(
                     change.reason.place,
-                    f"{verdict.disk.path} of {change.address.partition} on {desired.host} is kept: "
-                    f"{verdict.reason_to_keep}.",
+                    "{disk} of {partition} on {host} is kept: {reason}.",
                     "Look at what is on it, and delete it by hand when it is not needed.",
                     address=str(change.address),
-                    values={
-                        "disk": verdict.disk.path,
-                        "partition": change.address.partition,
-                        "host": desired.host,
-                        "reason": verdict.reason_to_keep,
-                    },
+                    disk=verdict.disk.path,
+                    partition=change.address.partition,
+                    host=desired.host,
+                    reason=verdict.reason_to_keep,
                 )
 
 
@@ -260,15 +267,17 @@ def review_remaining_disks(request: PlanRequest, desired: Desired, plan: HostPla
         if isinstance(step.operation, RemovePartition) and disks:
             yield DISKS_STAY.at(
                 step.place,
-                f'"{step.address.partition}" is removed from {desired.host}, and its virtual disks stay: '
-                f"{', '.join(disks)}.",
+                '"{partition}" is removed from {host}, and its virtual disks stay: {_join}.',
                 prose(
                     "Delete by hand what is not needed, or let ",
                     command("destroy", remove_disks=True),
                     " delete what rarms made.",
                 ),
                 address=str(step.address),
-                values={"partition": step.address.partition, "host": desired.host, "disks": tuple(disks)},
+                partition=step.address.partition,
+                host=desired.host,
+                disks=tuple(disks),
+                _join=", ".join(disks),
             )
 
 
@@ -280,10 +289,12 @@ def review_undo(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic]:
         if step.undo.level is UndoLevel.NONE:
             yield NOT_UNDONE.at(
                 step.place,
-                f"{step.address}, {step.title}: {step.undo.message}.",
+                "{resource}, {step}: {reason}.",
                 "Save what is needed before it is applied: `rarms undo` and the undo script leave this as it is.",
                 address=str(step.address),
-                values={"resource": str(step.address), "step": step.title, "reason": step.undo.message},
+                resource=str(step.address),
+                step=step.title,
+                reason=step.undo.message,
             )
 
 
@@ -293,16 +304,14 @@ def review_width(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
     for change in plan.changes:
         partition = partition_after_change(change)
         if partition is not None and (after := partition.settings).processors > available:
-            yield WIDE_MACHINE.at(
+            yield UNFIT_MACHINE.at(
                 change.reason.place,
-                f'"{after.name}" is to have {after.processors} virtual processors, and {desired.host} has '
-                f"{available} logical ones: it can never run on all of them at once.",
+                '"{partition}" is to have {processors} virtual processors, and {host} has {has_lp} logical '
+                "ones: it can never run on all of them at once.",
                 f"Give it at most {available}: `processors: {available}`.",
                 address=str(change.address),
-                values={
-                    "partition": after.name,
-                    "processors": after.processors,
-                    "host": desired.host,
-                    "has_lp": available,
-                },
+                partition=after.name,
+                processors=after.processors,
+                host=desired.host,
+                has_lp=available,
             )

@@ -17,18 +17,18 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import HostPlan, Purpose
 from rarms_iac.model.quantities import guaranteed, show_bytes, show_processors
+from rarms_iac.model.shared_findings import NO_ORDER
 from rarms_iac.model.state import Partition, PartitionSettings, RegistryValue, TaskClass, ValueKind
 from rarms_iac.model.system import TaskCategory
 from rarms_iac.model.wording import in_a_row, list_names
 from rarms_iac.planner.desired import Desired
 from rarms_iac.planner.refusals import is_larger_than_node
 
+NO_MEMORY_LEFT = Finding.error("RARMS403", "The memory does not fit the host")
+
+
 UNMANAGED_GETS_LESS = Finding.warning("RARMS223", "A machine that is not managed gets less")
 CLASSES_ABOVE = Finding.note("RARMS226", "Other task classes run above a robotic one")
-LARGER_THAN_NODE = Finding.error("RARMS382", "A partition is larger than each NUMA node of its host")
-NO_MEMORY_LEFT = Finding.error("RARMS403", "The plan starts machines with more memory than the host has left")
-NO_NODE_LEFT = Finding.error("RARMS404", "A partition is larger than what each NUMA node has left")
-NO_SCRIPT_PLACEMENT = Finding.error("RARMS259", "A script would find no place for its promises")
 
 SMT_COSTS = Finding.note("RARMS231", "Logical processors stand idle beside partitions with a reserve")
 
@@ -46,12 +46,13 @@ def review_smt(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterat
         )
         yield SMT_COSTS.of_host(
             desired.host,
-            f"The core scheduler of {desired.host} runs one machine on a core at a time. What is reserved for {names} "
-            "keeps so much idle beside it, because the number of virtual processors is odd, or the machine has no SMT "
-            "itself.",
+            "The core scheduler of {host} runs one machine on a core at a time. What is reserved for "
+            "{_names} keeps so much idle beside it, because the number of virtual processors is odd, or the "
+            "machine has no SMT itself.",
             "Give it an even number of `processors`, leave HwThreadCountPerCore at 0, or combine components.",
             partitions=tuple(costs),
             idle_lp=float(load_of(costs.values()).idle_processors),
+            _names=names,
         )
 
 
@@ -65,14 +66,19 @@ def review_numa_nodes(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
             continue
         if is_larger_than_node(memory, node):
             name = partition.settings.name
-            yield LARGER_THAN_NODE.at(
+            yield NO_MEMORY_LEFT.at(
                 change.reason.place,
-                f'"{name}" is to have {show_bytes(memory, node)}, and the largest NUMA node of {desired.host} has '
-                f"{show_bytes(node, memory)}: NUMA spanning is off there, so that no machine may lie on two nodes.",
+                '"{partition}" is to have {_show_bytes}, and the largest NUMA node of {host} has '
+                "{_show_bytes_}: NUMA spanning is off there, so that no machine may lie on two nodes.",
                 "Give it less `memory`, or allow spanning (`Set-VMHost -NumaSpanningEnabled $true`, then restart the "
                 "service vmms) and plan again.",
                 address=str(change.address),
-                values={"partition": name, "memory": memory, "node": node, "host": desired.host},
+                partition=name,
+                memory=memory,
+                node=node,
+                host=desired.host,
+                _show_bytes=show_bytes(memory, node),
+                _show_bytes_=show_bytes(node, memory),
             )
 
 
@@ -93,14 +99,19 @@ def review_memory_left(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]
     for change in plan.changes:
         memory = after[change.address]
         if change.address in more and most < memory <= largest:
-            yield NO_NODE_LEFT.at(
+            yield NO_MEMORY_LEFT.at(
                 change.reason.place,
-                f"{change.address.partition} needs {show_bytes(memory, most)} on one NUMA node to start. The node of "
-                f"{desired.host} with most memory left has {show_bytes(most, memory)}, and NUMA spanning is off.",
+                "{partition} needs {_show_bytes} on one NUMA node to start. The node of {host} with most "
+                "memory left has {_show_bytes_}, and NUMA spanning is off.",
                 "Stop other machines there and plan again, give the partition less `memory`, or allow spanning "
                 "(`Set-VMHost -NumaSpanningEnabled $true`, then restart the service vmms).",
                 address=str(change.address),
-                values={"partition": change.address.partition, "memory": memory, "left": most, "host": desired.host},
+                partition=change.address.partition,
+                memory=memory,
+                left=most,
+                host=desired.host,
+                _show_bytes=show_bytes(memory, most),
+                _show_bytes_=show_bytes(most, memory),
             )
 
 
@@ -114,14 +125,18 @@ def _no_memory_left(host: str, more: Mapping[str, int], host_left: int, freed: i
     after_stops = f" It stops machines with {show_bytes(freed)} first." if freed else ""
     return NO_MEMORY_LEFT.of_host(
         host,
-        f"The plan starts {show_bytes(total, host_left)} on {host}: {names}. {host} reports "
-        f"{show_bytes(host_left, total)} left for machines.{after_stops}",
+        "The plan starts {_show_bytes} on {host}: {_names}. {host} reports {_show_bytes_} left for "
+        "machines.{_after_stops}",
         "Stop other programs and machines there and plan again, give partitions less memory in the manifest, or add "
         "memory to the host.",
         partitions=tuple(more),
         starts_memory_bytes=total,
         left_memory_bytes=host_left,
         freed_memory_bytes=freed,
+        _show_bytes=show_bytes(total, host_left),
+        _names=names,
+        _show_bytes_=show_bytes(host_left, total),
+        _after_stops=after_stops,
     )
 
 
@@ -153,10 +168,10 @@ def review_script_placement(request: PlanRequest, desired: Desired, plan: HostPl
     managed = [partition.claim for partition in partitions if partition.settings.running]
     claims = (*foreign_claims(desired.observed, request.application), *managed)
     if managed and not packs_by_first_fit(claims, capacity_of(plan.host, desired.observed.facts)):
-        yield NO_SCRIPT_PLACEMENT.of_host(
+        yield NO_ORDER.of_host(
             desired.host,
-            f"On {desired.host} the virtual processors fit only if they are placed cleverly. A script places "
-            "the largest reserve first, finds no place for one of them, and would stop half-way.",
+            "On {host} the virtual processors fit only if they are placed cleverly. A script places the "
+            "largest reserve first, finds no place for one of them, and would stop half-way.",
             "Lower a reserve, give a partition other `processors`, or move a component to another host.",
         )
 
@@ -192,14 +207,16 @@ def review_unmanaged_machines(request: PlanRequest, desired: Desired, plan: Host
     if losers:
         yield UNMANAGED_GETS_LESS.of_host(
             desired.host,
-            f"Machines on {desired.host} that {request.application} does not manage stay as they are, and get less "
-            f"while all are busy: {'; '.join(losers.values())}.",
+            "Machines on {host} that {application} does not manage stay as they are, and get less while "
+            "all are busy: {_join}.",
             prose(
                 "If one has to answer in time, give it a reserve first, or take it in: ",
                 command("import", "PARTITION", id="ID"),
                 ".",
             ),
             machines=tuple(losers),
+            application=request.application,
+            _join="; ".join(losers.values()),
         )
 
 
@@ -226,10 +243,11 @@ def review_task_classes(request: PlanRequest, desired: Desired, plan: HostPlan) 
         concerned = sorted({system for names in systems.values() for system in names})
         yield CLASSES_ABOVE.of_host(
             desired.host,
-            f"On {desired.host}, threads of {', '.join(sorted(systems))} run above robotic ones in "
-            f"{', '.join(concerned)}, when a program joins these classes.",
+            "On {host}, threads of {_join} run above robotic ones in {_join_}, when a program joins these classes.",
             "Keep programs that play or record sound and video out of these systems. The classes themselves stay as "
             "they are.",
+            _join=", ".join(sorted(systems)),
+            _join_=", ".join(concerned),
         )
 
 

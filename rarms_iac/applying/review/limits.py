@@ -30,10 +30,12 @@ def review_limits_without_effect(request: PlanRequest, desired: Desired) -> Iter
             assert limit is not None, "each has one"
             yield NO_EFFECT.at(
                 request.places.value(section, name, "cpu", "limit"),
-                f'The limit of {show_amount(limit)} of "{name}" has no effect: {reason}.',
+                'The limit of {limit} of "{name}" has no effect: {reason}.',
                 advice,
                 address=f"partition/{partition.name}",
-                values={"name": name, "limit": show_amount(limit), "reason": reason},
+                name=name,
+                limit=show_amount(limit),
+                reason=reason,
             )
 
 

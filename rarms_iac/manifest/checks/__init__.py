@@ -17,7 +17,7 @@ from rarms_iac.manifest.overlays import UNKNOWN_NAME
 from rarms_iac.model.diagnostics import MOST_OF_A_KIND, Diagnostic, Places, in_order, remainder
 from rarms_iac.model.system import System
 
-CODES = frozenset(finding.code for finding in (*CHECKS, *ABOUT_ACCEPTANCES, UNKNOWN_NAME))
+CODES = frozenset(finding.code for finding in (*(finding for finding, _ in CHECKS), *ABOUT_ACCEPTANCES, UNKNOWN_NAME))
 """The codes of findings about a manifest and its overlays: another command may need an acceptance of another code."""
 
 
@@ -35,7 +35,7 @@ def run_checks(system: System, places: Places, today: date) -> tuple[Diagnostic,
     """
 
     def findings() -> Iterator[Diagnostic]:
-        for finding, check in CHECKS.items():
+        for finding, check in CHECKS:
             violations = check(system)
             most = None if finding.code in system.policy.accept else MOST_OF_A_KIND
             shown = [violation(finding, places) for violation in islice(violations, most)]

@@ -3,21 +3,32 @@
 import re
 from collections.abc import Iterator
 
+from rarms_iac.manifest.checks.names import KEPT_NAME
 from rarms_iac.manifest.checks.system_lookups import allowed_hosts
 from rarms_iac.manifest.checks.violation import Violation, check, host_check, violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host, HypervHost, LinuxHost, ProviderKind, WinRmConnect
 from rarms_iac.model.mmcss import OFF, is_taken_as_is, taken_for
 from rarms_iac.model.quantities import in_processors, show_processors, write_bytes
+from rarms_iac.model.shared_findings import (
+    GENERATION,
+    NO_EFFECT,
+    NO_RESPONSIVENESS,
+    OVER_HOST,
+    UNKNOWN_KEY,
+    WRONG_VALUE,
+)
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.wording import quoted
+
+TOO_LITTLE = Finding.warning("RARMS058", "Less than the components need")
 
 _ABSOLUTE = re.compile(r"[A-Za-z]:[\\/]|[\\/]{2}[^\\/]")
 _NOT_IN_A_PATH = re.compile(r'[<>"|?*\x00-\x1f]')
 _WILDCARD = re.compile(r"[\[\]`]")  # PowerShell reads them as a pattern where a cmdlet takes -Path
 
 
-@check(Finding.warning("RARMS058", "A host keeps too little for the components that run on it"))
+@check(TOO_LITTLE)
 def nothing_kept_for_host(system: System) -> Iterator[Violation]:
     """Hosts that keep no processor time, or too little memory, for the components that may run on them."""
     on_host = [component for component in system.components.values() if component.runs_on is RunsOn.HOST]
@@ -43,7 +54,7 @@ def nothing_kept_for_host(system: System) -> Iterator[Violation]:
             )
 
 
-@host_check(Finding.error("RARMS346", "A host keeps more for itself than it has"))
+@host_check(OVER_HOST)
 def keeps_more_than_it_has(host: Host) -> Iterator[Violation]:
     """More processors or memory in `keep_for_host` than the host has."""
     withheld = host.keep_for_host
@@ -68,7 +79,7 @@ SLICES_OF_OTHERS = frozenset({"system", "user", "machine", "init", "docker", "lx
 """Control groups of systemd and of container engines."""
 
 
-@host_check(Finding.error("RARMS395", "A slice has the name of a control group of others"))
+@host_check(KEPT_NAME)
 def slice_of_others(host: Host) -> Iterator[Violation]:
     """`linux: {slice: ...}` with a name that systemd or a container engine uses."""
     if isinstance(host.settings, LinuxHost) and host.settings.slice in SLICES_OF_OTHERS:
@@ -81,7 +92,7 @@ def slice_of_others(host: Host) -> Iterator[Violation]:
         )
 
 
-@host_check(Finding.warning("RARMS084", "`connect` has no effect on a simulated host"))
+@host_check(NO_EFFECT)
 def connect_to_simulated(host: Host) -> Iterator[Violation]:
     """`connect` on a simulated host."""
     if host.provider is ProviderKind.SIMULATED and host.connect is not None:
@@ -94,7 +105,7 @@ def connect_to_simulated(host: Host) -> Iterator[Violation]:
         )
 
 
-@host_check(Finding.error("RARMS368", "WinRM cannot reach a host in this way"))
+@host_check(UNKNOWN_KEY)
 def not_by_winrm(host: Host) -> Iterator[Violation]:
     """`winrm` to a host that has no Windows, or with a user and no password, or the other way round."""
     if not isinstance(host.connect, WinRmConnect):
@@ -153,7 +164,7 @@ def _difference(host: Host, other: Host) -> str:
     return ""
 
 
-@check(Finding.error("RARMS099", "A Windows host cannot use this path"))
+@check(WRONG_VALUE)
 def path_on_windows(system: System) -> Iterator[Violation]:
     """Paths that are not absolute, that no Windows has, and that a cmdlet would read as a pattern."""
     hosts = {name: host.settings for name, host in system.hosts.items() if isinstance(host.settings, HypervHost)}
@@ -165,7 +176,7 @@ def path_on_windows(system: System) -> Iterator[Violation]:
             yield from _path_violations("partitions", name, paths)
 
 
-@check(Finding.error("RARMS256", "Secure boot needs generation 2"))
+@check(GENERATION)
 def secure_boot_of_generation_1(system: System) -> Iterator[Violation]:
     """Machines of generation 1 have a BIOS, and no secure boot."""
     hosts = {name: host.settings for name, host in system.hosts.items() if isinstance(host.settings, HypervHost)}
@@ -207,7 +218,7 @@ def _path_problem(path: str) -> str:
     return ""
 
 
-@check(Finding.error("RARMS227", "The host cannot have this system_responsiveness"))
+@check(NO_RESPONSIVENESS)
 def responsiveness_not_as_is(system: System) -> Iterator[Violation]:
     """Values that Windows takes for another one or as the end of MMCSS, and hosts without MMCSS."""
     for host in system.hosts.values():

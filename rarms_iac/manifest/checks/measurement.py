@@ -14,6 +14,7 @@ from rarms_iac.model.loads import BUSY_LOOP, could_take_all
 from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.run import Call, Closed, Elapsed, Periodic, Run, SampleCount, Samples
 from rarms_iac.model.series import MOST_SAMPLES
+from rarms_iac.model.shared_findings import MISSING, WRONG_VALUE
 from rarms_iac.model.system import AtMost, Component, Measured, System, run_of
 from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.model.wording import Suggestions
@@ -24,7 +25,7 @@ from rarms_iac.statistics.setting_time import least_setting_ms
 TOO_FEW_SAMPLES = Finding.note("RARMS074", "A threshold needs more samples than it may have")
 
 
-@component_check(Finding.error("RARMS077", "A measured reserve needs an APT"))
+@component_check(MISSING)
 def measured_without_apt(component: Component) -> Iterator[Violation]:
     """`reserve: measured` on a component without `apt`."""
     if component.cpu.reserve is Measured.MEASURED and not component.apt:
@@ -63,7 +64,7 @@ def weak_loads(system: System) -> Iterator[Violation]:
                 break
 
 
-@component_check(Finding.error("RARMS079", "A measured reserve needs something to run"))
+@component_check(MISSING)
 def nothing_to_run(component: Component) -> Iterator[Violation]:
     """Components whose reserve is to be measured and that have neither `run` nor `simulation`."""
     if component.cpu.reserve is Measured.MEASURED and component.run is None and component.simulation is None:
@@ -76,7 +77,7 @@ def nothing_to_run(component: Component) -> Iterator[Violation]:
         )
 
 
-@component_check(Finding.error("RARMS068", "The measurement is shorter than one period"))
+@component_check(WRONG_VALUE)
 def no_sample_in_time(component: Component) -> Iterator[Violation]:
     """Periodic components that are measured for less than one period."""
     match component.run:
@@ -119,7 +120,7 @@ def _allowed_times(component: Component, run: Run) -> Iterator[tuple[str, Fracti
             yield index, threshold.value
 
 
-@component_check(Finding.error("RARMS070", "The samples lack a field that a performance index needs"))
+@component_check(MISSING)
 def index_without_field(component: Component) -> Iterator[Violation]:
     """Indexes whose values no field of `run.samples` gives."""
     if component.run is None or component.run.samples.source == "per_run" or isinstance(component.run.start, Call):
@@ -160,7 +161,7 @@ def _missing_field(name: str, samples: Samples) -> SampleValue | None:
     return index.made_of if is_missing[index.made_of] else None
 
 
-@component_check(Finding.error("RARMS071", "A deadline-miss rate needs a deadline"))
+@component_check(MISSING)
 def miss_rate_without_deadline(component: Component) -> Iterator[Violation]:
     """`deadline_miss_rate` of a component without deadline and period."""
     if "deadline_miss_rate" in component.apt and component.run is not None and component.run.deadline is None:
@@ -264,7 +265,7 @@ def _least_until(run: Run, between: Fraction) -> Fraction:
             return Fraction(0)
 
 
-@check(Finding.error("RARMS072", "The pattern is not a valid RE2 pattern"))
+@check(WRONG_VALUE)
 def pattern_is_not_re2(system: System) -> Iterator[Violation]:
     """Patterns that google-re2 refuses, or that would take too much memory."""
     for component, samples in _with_pattern(system):
@@ -280,7 +281,7 @@ def pattern_is_not_re2(system: System) -> Iterator[Violation]:
             )
 
 
-@check(Finding.error("RARMS073", "The pattern lacks a group that a field names"))
+@check(MISSING)
 def pattern_without_group(system: System) -> Iterator[Violation]:
     """Fields in `run.samples` that no named group of the pattern gives."""
     suggestions = Suggestions()

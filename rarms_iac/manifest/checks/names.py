@@ -10,14 +10,19 @@ from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.environment_setup import TEST_PARTITIONS
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY
 from rarms_iac.model.names import POWERSHELL_MEMBERS, WINDOWS_DEVICES
+from rarms_iac.model.shared_findings import OTHER_VERSION, UNKNOWN_NAME
 from rarms_iac.model.system import System
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import MOST_NAMES, Suggestions
 
-UNUSED_INTERFERENCE = Finding.note("RARMS086", "An interference is not used")
+NOT_USED = Finding.note("RARMS086", "An entry is not used")
+
+MOVED = Finding.error("RARMS080", "An entry of `moved` cannot be carried out")
+
+KEPT_NAME = Finding.error("RARMS043", "This name is kept for something else")
 
 
-@check(Finding.error("RARMS042", "Unknown name"))
+@check(UNKNOWN_NAME)
 def unknown_name(system: System) -> Iterator[Violation]:
     """Every host, component, partition or interference that is named and does not exist."""
     suggestions = Suggestions()
@@ -36,7 +41,7 @@ def unknown_name(system: System) -> Iterator[Violation]:
             )
 
 
-@check(Finding.error("RARMS312", "The manifest asks for a newer version of rarms"))
+@check(OTHER_VERSION)
 def older_than_required(system: System) -> Iterator[Violation]:
     """A least version that this rarms does not reach."""
     required = (system.application.requires_rarms or "").removeprefix(">=").strip()
@@ -93,7 +98,7 @@ def _each(
         yield (*path, number), name, kind, known
 
 
-@check(Finding.error("RARMS043", "Windows keeps this name for a device"))
+@check(KEPT_NAME)
 def device_name(system: System) -> Iterator[Violation]:
     """Hosts, components, partitions and interference that no Windows folder can be called after."""
     sections = {
@@ -121,7 +126,7 @@ def _device_violation(path: Path, name: str, *, at_key: bool) -> Violation:
     )
 
 
-@check(Finding.error("RARMS167", "PowerShell keeps this name for itself"))
+@check(KEPT_NAME)
 def powershell_name(system: System) -> Iterator[Violation]:
     """An application whose name no object of PowerShell can have as a property, as a journal's would."""
     name = system.application.name
@@ -135,7 +140,7 @@ def powershell_name(system: System) -> Iterator[Violation]:
         )
 
 
-@check(Finding.error("RARMS044", "A partition has the name of a host"))
+@check(KEPT_NAME)
 def partition_like_host(system: System) -> Iterator[Violation]:
     """Partitions, with an entry or without, that have a host's name."""
     hosts = {name.lower() for name in system.hosts}
@@ -150,7 +155,7 @@ def partition_like_host(system: System) -> Iterator[Violation]:
             )
 
 
-@check(Finding.error("RARMS260", "A partition has the name of a test partition"))
+@check(KEPT_NAME)
 def test_partition_name(system: System) -> Iterator[Violation]:
     """Partitions, with an entry or without, that measuring would remove."""
     for name in sorted({*partition_names(system)} & {*TEST_PARTITIONS}):
@@ -168,7 +173,7 @@ def _partition_name_violation(system: System, name: str, template: str, advice: 
     return violation(path, template, advice, at_key=True, address=f"partition/{name}", name=name, **facts)
 
 
-@check(Finding.error("RARMS080", "Entries of `moved` form a circle"))
+@check(MOVED)
 def moved_in_a_circle(system: System) -> Iterator[Violation]:
     """Entries of `moved` that lead back to where they start."""
     lengths = _circle_lengths(system.moved)
@@ -192,7 +197,7 @@ def moved_in_a_circle(system: System) -> Iterator[Violation]:
             )
 
 
-@check(Finding.error("RARMS081", "A renamed partition is still in the manifest"))
+@check(MOVED)
 def moved_from_existing(system: System) -> Iterator[Violation]:
     """Entries of `moved` whose old name a partition of the manifest still has."""
     names = partition_names(system) if system.moved else set()
@@ -239,7 +244,7 @@ def no_components(system: System) -> Iterator[Violation]:
         )
 
 
-@check(UNUSED_INTERFERENCE)
+@check(NOT_USED)
 def unused_interference(system: System) -> Iterator[Violation]:
     """Interference that neither the policy nor a component names."""
     used = {*system.policy.interference}.union(*(component.interference for component in system.components.values()))

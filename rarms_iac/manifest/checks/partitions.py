@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from rarms_iac.manifest.checks.hosts import TOO_LITTLE
+from rarms_iac.manifest.checks.names import KEPT_NAME
 from rarms_iac.manifest.checks.system_lookups import (
     allowed_hosts,
     behaves_like_hyperv,
@@ -14,16 +16,19 @@ from rarms_iac.manifest.checks.violation import Path, Violation, check, componen
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, machine_memory, write_bytes
+from rarms_iac.model.shared_findings import OVER_HOST, WRONG_VALUE
 from rarms_iac.model.system import Component, PartitionRequest, RunsOn, System, bound_together
 from rarms_iac.model.wording import list_names, list_others
 
-MEMORY_OVER_HOST = Finding.error("RARMS066", "More memory than any host has")
+ON_HOST = Finding.error("RARMS046", "A component that runs on the host has a partition or its settings")
+
+CONTRADICTION = Finding.error("RARMS049", "Components cannot share a partition as the manifest says")
 
 
 _MEBIBYTE = 2**20
 
 
-@check(Finding.error("RARMS045", "A component is in several partitions"))
+@check(CONTRADICTION)
 def several_partitions(system: System) -> Iterator[Violation]:
     """Every partition but the first that lists a component."""
     listed: dict[str, Path] = {}
@@ -43,7 +48,7 @@ def several_partitions(system: System) -> Iterator[Violation]:
                 )
 
 
-@check(Finding.error("RARMS046", "A component that runs on the host is in a partition"))
+@check(ON_HOST)
 def host_component_in_partition(system: System) -> Iterator[Violation]:
     """Partitions, and `together`, that name a component with `runs_on: host`."""
     on_host = {component.name for component in system.components.values() if component.runs_on is RunsOn.HOST}
@@ -66,7 +71,7 @@ def _host_component_violation(path: Path, name: str) -> Violation:
     )
 
 
-@component_check(Finding.error("RARMS059", "A component that runs on the host has settings of a partition"))
+@component_check(ON_HOST)
 def host_component_with_cpu(component: Component) -> Iterator[Violation]:
     """`runs_on: host` beside a reserve, limit, weight, `processors`, `dedicated` or `together`."""
     if component.runs_on is RunsOn.HOST:
@@ -90,7 +95,7 @@ def _partition_settings(component: Component) -> Iterator[tuple[tuple[str, ...],
     yield ("together",), bool(component.together)
 
 
-@partition_check(Finding.error("RARMS047", "A partition has the name of a component that is not in it"))
+@partition_check(KEPT_NAME)
 def partition_of_another_name(system: System, partition: PartitionRequest) -> Iterator[Violation]:
     """Partitions that are called like a component which is no member."""
     name = partition.name
@@ -105,7 +110,7 @@ def partition_of_another_name(system: System, partition: PartitionRequest) -> It
         )
 
 
-@check(Finding.error("RARMS049", "`together` and `apart` contradict each other"))
+@check(CONTRADICTION)
 def together_and_apart(system: System) -> Iterator[Violation]:
     """Components that are apart from one which `together` binds to them, however many steps away."""
     bound = _bound(system)
@@ -122,7 +127,7 @@ def together_and_apart(system: System) -> Iterator[Violation]:
                 )
 
 
-@component_check(Finding.error("RARMS332", "A component is together with itself"))
+@component_check(CONTRADICTION)
 def together_with_itself(component: Component) -> Iterator[Violation]:
     """A component that `together` binds to itself: another was probably meant."""
     for number, other in enumerate(component.together):
@@ -152,7 +157,7 @@ def _contradiction(system: System, component: Component, other: str) -> str:
     return f'"{{component}}" must be apart from "{{other}}", but `together` binds the two{chain}.'
 
 
-@check(Finding.error("RARMS050", "A dedicated component shares its partition"))
+@check(CONTRADICTION)
 def dedicated_shares(system: System) -> Iterator[Violation]:
     """Dedicated components that `together` or a partition's entry puts beside others."""
     bound = _bound(system)
@@ -179,7 +184,7 @@ def _dedicated_violation(name: str, members: Sequence[str], reason: str) -> Viol
     )
 
 
-@partition_check(Finding.error("RARMS051", "Components that must be apart share a partition"))
+@partition_check(CONTRADICTION)
 def apart_in_one_partition(system: System, partition: PartitionRequest) -> Iterator[Violation]:
     """Members of one partition that are apart from each other."""
     components = members(system, partition)
@@ -197,7 +202,7 @@ def apart_in_one_partition(system: System, partition: PartitionRequest) -> Itera
                 )
 
 
-@check(Finding.error("RARMS052", "Components that must be together are in different partitions"))
+@check(CONTRADICTION)
 def together_is_separated(system: System) -> Iterator[Violation]:
     """Components bound by `together` of which one has an entry and the other is elsewhere."""
     listed = partition_of_component(system)
@@ -222,7 +227,7 @@ def _location(name: str, listed: Mapping[str, str]) -> str:
     return f'"{name}" is in the partition "{listed[name]}"' if name in listed else f'no partition lists "{name}"'
 
 
-@check(Finding.error("RARMS093", "Components of one partition have no host in common"))
+@check(CONTRADICTION)
 def no_common_host(system: System) -> Iterator[Violation]:
     """Partitions, and `together`, whose components allow no common host."""
     for partition in system.partitions.values():
@@ -253,7 +258,7 @@ def _no_common_host_violation(system: System, path: Path, components: list[Compo
     )
 
 
-@partition_check(Finding.warning("RARMS065", "A partition has less memory than its components"))
+@partition_check(TOO_LITTLE)
 def partition_memory_below_members(system: System, partition: PartitionRequest) -> Iterator[Violation]:
     """Partitions whose own memory is less than the sum of their components'."""
     components = members(system, partition)
@@ -270,14 +275,14 @@ def partition_memory_below_members(system: System, partition: PartitionRequest) 
         )
 
 
-@check(MEMORY_OVER_HOST)
+@check(OVER_HOST)
 def memory_over_host(system: System) -> Iterator[Violation]:
     """Partitions whose memory is above that of every possible host less what is kept for it."""
     for section, name, memory, hosts in _memory_of_partitions(system):
         if hosts and all(memory > _memory_for_partitions(host) for host in hosts):
             largest = max(hosts, key=lambda host: (_memory_for_partitions(host), host.name))
             if _memory_for_partitions(largest) < 0:
-                continue  # RARMS346 says so at the hosts
+                continue  # RARMS061 says so at the hosts
             yield violation(
                 (section, name, "memory"),
                 '"{name}" needs {needs_memory:bytes}, but "{host}" has {has_memory:bytes} for partitions.',
@@ -289,7 +294,7 @@ def memory_over_host(system: System) -> Iterator[Violation]:
             )
 
 
-@check(Finding.error("RARMS067", "Memory that Hyper-V does not take"))
+@check(WRONG_VALUE)
 def memory_not_of_hyperv(system: System) -> Iterator[Violation]:
     """Memory on a host like Hyper-V that is too little for a machine, or no even number of MiB."""
     for section, name, memory, hosts in _memory_of_partitions(system):

@@ -27,6 +27,7 @@ from rarms_iac.model.quantities import (
     show_amount,
     show_processors,
 )
+from rarms_iac.model.shared_findings import NO_EFFECT, OVER_HOST, ROUNDED, UNUSABLE_RESERVE
 from rarms_iac.model.system import (
     MOST_WEIGHT,
     USUAL_WEIGHT,
@@ -41,13 +42,8 @@ from rarms_iac.model.system import (
 )
 from rarms_iac.model.wording import in_a_row
 
-RESERVE_OVER_HOST = Finding.error("RARMS061", "The reserve is larger than any host can give")
-MORE_PROCESSORS_THAN_HOST = Finding.error("RARMS064", "More virtual processors than any host can run")
-RESERVE_ROUNDED_UP = Finding.warning("RARMS367", "Rounding raises a fixed reserve by more than a tenth")
-RESERVE_OVER_PROCESSORS = Finding.error("RARMS078", "The reserve is larger than its virtual processors can use")
 
-
-@check(Finding.warning("RARMS315", "A weight has no effect on a Linux host"))
+@check(NO_EFFECT)
 def weight_on_linux(system: System) -> Iterator[Violation]:
     """Weights that the manifest fixes for what may run on a Linux host: its only weight is the reserve."""
     for section, name, cpu, hosts in cpu_settings(system):
@@ -63,7 +59,7 @@ def weight_on_linux(system: System) -> Iterator[Violation]:
             )
 
 
-@check(Finding.error("RARMS060", "The reserve is above the limit"))
+@check(UNUSABLE_RESERVE)
 def reserve_over_limit(system: System) -> Iterator[Violation]:
     """Components and partitions whose limit is below what they reserve, on every host they may run on."""
     for section, name, cpu, hosts in cpu_settings(system):
@@ -93,7 +89,7 @@ def _is_above(reserve: CpuAmount, limit: CpuAmount, hosts: list[Host]) -> bool:
     )
 
 
-@check(RESERVE_OVER_HOST)
+@check(OVER_HOST)
 def reserve_over_host(system: System) -> Iterator[Violation]:
     """Fixed reserves above what every possible host has less `keep_for_host`."""
     capacity = {
@@ -107,7 +103,7 @@ def reserve_over_host(system: System) -> Iterator[Violation]:
         if hosts and all(_exceeds(reserve, capacity[host.name], host) for host in hosts):
             largest = max(hosts, key=lambda host: (capacity[host.name], host.name))
             if capacity[largest.name] < 0:
-                continue  # RARMS346 says so at the hosts
+                continue  # RARMS061 says so at the hosts
             yield violation(
                 (section, name, "cpu", "reserve"),
                 '"{name}" reserves {reserve}, but "{host}" has {capacity:lp} of its {host_lp} LP for '
@@ -155,7 +151,7 @@ def reserve_beyond_parallelism(system: System) -> Iterator[Violation]:
             )
 
 
-@check(RESERVE_OVER_PROCESSORS)
+@check(UNUSABLE_RESERVE)
 def reserve_over_processors(system: System) -> Iterator[Violation]:
     """Fixed reserves that are more LPs than `processors` allows, a whole LP each."""
     for section, name, cpu, hosts in cpu_settings(system):
@@ -175,7 +171,7 @@ def reserve_over_processors(system: System) -> Iterator[Violation]:
             )
 
 
-@check(MORE_PROCESSORS_THAN_HOST)
+@check(OVER_HOST)
 def more_processors_than_host(system: System) -> Iterator[Violation]:
     """`processors` above the LPs of every possible host."""
     for section, name, processors, hosts in _virtual_processors(system):
@@ -235,22 +231,22 @@ def held_back(system: System) -> Iterator[Violation]:
         if cpu.limit is not None and _caps(cpu.limit, processors, components, hosts):
             yield violation(
                 (section, name, "cpu", "limit"),
-                "{subject} and a limit of {limit}, less than its virtual processors could use. It answers "
+                "{_subject} and a limit of {limit}, less than its virtual processors could use. It answers "
                 "later than without the limit, and measurements without the limit are not valid.",
                 "rarms keeps this limit. Remove it if you do not need it.",
                 component=with_apt[0],
                 limit=show_amount(cpu.limit),
-                subject=subject,
+                _subject=subject,
             )
         if cpu.weight is not None and cpu.weight < USUAL_WEIGHT:
             yield violation(
                 (section, name, "cpu", "weight"),
-                "{subject} and the weight {weight}, less than the usual {usual_weight}. Beyond its reserve "
+                "{_subject} and the weight {weight}, less than the usual {usual_weight}. Beyond its reserve "
                 "it waits for others, and no measurement shows this.",
                 "rarms keeps this weight. Remove it if you do not need it.",
                 component=with_apt[0],
                 weight=cpu.weight,
-                subject=subject,
+                _subject=subject,
                 usual_weight=USUAL_WEIGHT,
             )
 
@@ -289,18 +285,18 @@ def criticalities_alike(system: System) -> Iterator[Violation]:
     said = in_a_row([f"{component.name} ({component.criticality})" for component in (first, *others)])
     yield violation(
         ("components", first.name, "criticality"),
-        "{said} all get the weight {weight}, the highest there is: a weight is {usual_weight} times the criticality.",
+        "{_said} all get the weight {weight}, the highest there is: a weight is {usual_weight} times the criticality.",
         f"Write criticalities of at most {MOST_WEIGHT // USUAL_WEIGHT} in the same order, or fix the weights: "
         "`cpu: { weight: 5000 }`.",
         related=tuple((("components", other.name, "criticality"), False, "alike") for other in others),
         components=tuple(component.name for component in (first, *others)),
         weight=MOST_WEIGHT,
-        said=said,
+        _said=said,
         usual_weight=USUAL_WEIGHT,
     )
 
 
-@check(RESERVE_ROUNDED_UP)
+@check(ROUNDED)
 def reserve_rounded_up(system: System) -> Iterator[Violation]:
     """Reserves of wide components that whole per cent of each virtual processor make much larger, on every host."""
     for section, name, cpu, hosts in cpu_settings(system):

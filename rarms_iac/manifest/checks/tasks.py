@@ -2,10 +2,12 @@
 
 from collections.abc import Iterator
 
+from rarms_iac.manifest.checks.names import KEPT_NAME, NOT_USED
 from rarms_iac.manifest.checks.system_lookups import known_tasks, operating_systems, task_entry
 from rarms_iac.manifest.checks.violation import Path, Violation, check, violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
+from rarms_iac.model.shared_findings import UNKNOWN_NAME
 from rarms_iac.model.system import Component, System
 from rarms_iac.model.task_names import ROBOTIC_TASKS, is_shipped_task
 from rarms_iac.model.wording import Suggestions
@@ -34,7 +36,7 @@ def _shipped_task_violation(path: Path, name: str) -> Violation:
     )
 
 
-@check(Finding.error("RARMS054", "Unknown task class"))
+@check(UNKNOWN_NAME)
 def unknown_task(system: System) -> Iterator[Violation]:
     """Components whose class is neither robotic, nor of Windows, nor in `tasks`."""
     known = known_tasks(system)
@@ -54,7 +56,7 @@ def unknown_task(system: System) -> Iterator[Violation]:
             )
 
 
-@check(Finding.error("RARMS055", "Two task classes differ only in upper and lower case"))
+@check(KEPT_NAME)
 def task_differs_in_case(system: System) -> Iterator[Violation]:
     """The later of two entries that the registry would take for one."""
     first: dict[str, str] = {}
@@ -93,7 +95,7 @@ def shared_task(system: System) -> Iterator[Violation]:
                 )
 
 
-@check(Finding.note("RARMS087", "A task class is not used"))
+@check(NOT_USED)
 def unused_task(system: System) -> Iterator[Violation]:
     """Entries of `tasks` that no component names."""
     used = {component.task.lower() for component in system.components.values() if component.task is not None}
@@ -107,7 +109,7 @@ def unused_task(system: System) -> Iterator[Violation]:
             )
 
 
-@check(Finding.error("RARMS229", "rarms keeps this name of a task class for itself"))
+@check(KEPT_NAME)
 def task_like_a_value(system: System) -> Iterator[Violation]:
     """Classes that have the name of the value whose record lies among the records of task classes."""
     for name in system.tasks:

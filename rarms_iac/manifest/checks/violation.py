@@ -54,61 +54,32 @@ def violation(
 Check = Callable[[System], Iterator[Violation]]
 """A check yields every violation that it finds; it judges only what no other check judges."""
 
-CHECKS: dict[Finding, Check] = {}
-"""Every check that asks the manifest alone, by its finding, as the modules of this room add them."""
+CHECKS: list[tuple[Finding, Check]] = []
+"""Every check that asks the manifest alone, with its finding, as the modules of this room add them."""
 
 
 def check(finding: Finding) -> Callable[[Check], Check]:
-    """Add the function below to `CHECKS`: it yields the violations of this kind.
-
-    Args:
-        finding: the kind, which no other check has.
-
-    Returns:
-        The decorator, which leaves the function as it is.
-    """
+    """Add the function below to `CHECKS`: it yields the violations of this kind."""
 
     def add(judge: Check) -> Check:
-        assert finding not in CHECKS, "each kind has one check"
-        CHECKS[finding] = judge
+        CHECKS.append((finding, judge))
         return judge
 
     return add
 
 
 def component_check(finding: Finding) -> Callable[[Callable[[Component], Iterator[Violation]]], Check]:
-    """Add the function below to `CHECKS`, to be asked for each component of a system.
-
-    Args:
-        finding: the kind, which no other check has.
-
-    Returns:
-        The decorator; below its name stands the check of the whole system.
-    """
+    """Add the function below to `CHECKS`, to be asked for each component of a system."""
     return lambda judge: check(finding)(lambda system: chain.from_iterable(map(judge, system.components.values())))
 
 
 def host_check(finding: Finding) -> Callable[[Callable[[Host], Iterator[Violation]]], Check]:
-    """Add the function below to `CHECKS`, to be asked for each host of a system.
-
-    Args:
-        finding: the kind, which no other check has.
-
-    Returns:
-        The decorator; below its name stands the check of the whole system.
-    """
+    """Add the function below to `CHECKS`, to be asked for each host of a system."""
     return lambda judge: check(finding)(lambda system: chain.from_iterable(map(judge, system.hosts.values())))
 
 
 def partition_check(finding: Finding) -> Callable[[Callable[[System, PartitionRequest], Iterator[Violation]]], Check]:
-    """Add the function below to `CHECKS`, to be asked for each entry of `partitions`, with the system it stands in.
-
-    Args:
-        finding: the kind, which no other check has.
-
-    Returns:
-        The decorator; below its name stands the check of the whole system.
-    """
+    """Add the function below to `CHECKS`, to be asked for each entry of `partitions`, with the system it stands in."""
     return lambda judge: check(finding)(
         lambda system: chain.from_iterable(judge(system, partition) for partition in system.partitions.values())
     )

@@ -22,7 +22,7 @@ from rarms_iac.model.host import FaultEffect, Mechanism, ProviderKind, Receiver,
 
 
 def _only_its_own_block() -> dict[str, Any]:
-    """A block of another provider is refused by the JSON Schema too; a host without `provider` is simulated."""
+    """A key that is not allowed here is refused by the JSON Schema too; a host without `provider` is simulated."""
 
     def rule(kind: ProviderKind) -> dict[str, Any]:
         message: dict[str, Any] = {"properties": {"provider": {"const": kind.value}}}

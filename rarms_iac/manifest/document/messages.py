@@ -11,11 +11,11 @@ from rarms_iac.manifest.document.schema import Path, choices_at, describe, keys_
 from rarms_iac.manifest.document.text_forms import FORMS
 from rarms_iac.manifest.document.validate_document import NotAManifest, StructureError
 from rarms_iac.manifest.text.positions import dotted
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
+from rarms_iac.model.diagnostics import Diagnostic, Place, remainder
 from rarms_iac.model.indexes import INDEXES, percentile_index
 from rarms_iac.model.names import NAME_PATTERN, nearest_name
 from rarms_iac.model.quantities import plain
-from rarms_iac.model.task_names import TASK_PATTERN
+from rarms_iac.model.shared_findings import MISSING, UNKNOWN_KEY, UNKNOWN_NAME, WRONG_VALUE
 from rarms_iac.model.wording import did_you_mean, in_a_row, is_invisible, name_character, question
 
 _OTHER_SPELLINGS = {
@@ -43,23 +43,6 @@ def nearest_unit(unit: str, fitting: Iterable[str]) -> str | None:
     )
 
 
-UNKNOWN_KEY = Finding.error("RARMS015", "Unknown key")
-MISSING_KEY = Finding.error("RARMS016", "A key is missing")
-WRONG_KIND = Finding.error("RARMS017", "The wrong kind of value")
-NOT_A_CHOICE = Finding.error("RARMS018", "Not one of the values allowed here")
-NOT_A_QUANTITY = Finding.error("RARMS019", "Not a quantity with a unit that fits")
-NOT_A_NAME = Finding.error("RARMS020", "Not a valid name")
-OUT_OF_RANGE = Finding.error("RARMS021", "A number out of range")
-NOT_TOGETHER = Finding.error("RARMS022", "Keys that exclude each other")
-UNKNOWN_INDEX = Finding.error("RARMS023", "Unknown performance index")
-WRONG_WAY = Finding.error("RARMS024", "The threshold has the wrong direction")
-FOREIGN_BLOCK = Finding.error("RARMS025", "A block of another provider")
-NOTHING_THERE = Finding.error("RARMS026", "The value is empty")
-WRONG_FORM = Finding.error("RARMS027", "The text has the wrong form")
-NO_SUCH_DAY = Finding.error("RARMS028", "The day is not in the calendar")
-NOT_READ = Finding.error("RARMS029", "The value cannot be read")
-AND_MORE = Finding.error("RARMS030", "More errors than are shown")
-
 _KINDS = {
     "string_type": "a text",
     "int_type": "a whole number",
@@ -84,11 +67,7 @@ def findings_of_structure(problem: NotAManifest) -> list[Diagnostic]:
     ]
     if problem.following:
         detail = f"{problem.following:,} more errors follow."
-        shown.append(
-            AND_MORE.at(
-                shown[-1].place, detail, "Correct the errors that are shown first.", values={"more": problem.following}
-            )
-        )
+        shown.append(replace(remainder(shown[-1], problem.following), detail=detail))
     return shown
 
 
@@ -139,7 +118,7 @@ def _kind_of(error: StructureError) -> str:
             return "a list"
 
 
-def _facts(error: StructureError) -> dict[str, str | bool | int | float]:
+def _facts(error: StructureError) -> dict[str, Any]:
     return {"path": error.name, "value": _fact(error.value)}
 
 
@@ -157,9 +136,11 @@ def _unknown_key(error: StructureError) -> Diagnostic:
         advice = "Write a decimal point where a comma is meant: { at_most: 0.1 s }."
     return UNKNOWN_KEY.at(
         error.places.key(*error.path),
-        f"{error.name}: there is no key {_show(key)} here.",
+        "{path}: there is no key {_show} here.",
         advice,
-        values={"path": error.name, "key": str(key)},
+        path=error.name,
+        key=str(key),
+        _show=_show(key),
     )
 
 
@@ -180,7 +161,7 @@ def _missing(error: StructureError) -> Diagnostic:
             advice = f"Write {key}: {only}."
         case _:
             advice = f"Write {key}: {describe(error.path)}".rstrip(": ")
-    return MISSING_KEY.at(error.place, f"{owner} needs the key {key}.", advice, values={"path": owner, "key": str(key)})
+    return MISSING.at(error.place, "{path} needs the key {key}.", advice, path=owner, key=str(key))
 
 
 def _wrong_kind(error: StructureError) -> Diagnostic:
@@ -194,8 +175,13 @@ def _wrong_kind(error: StructureError) -> Diagnostic:
         advice = f'Put it into quotes: "{_show_written(error)}".'
     elif error.kind == "int_type" and isinstance(error.value, str) and re.fullmatch(r"[0-9]{1,15}", error.value):
         advice = f"Take away the quotes: {error.value}."
-    return WRONG_KIND.at(
-        error.place, f"{error.name} must be {needed}, but it is {_kind_of(error)}.", advice, values=_facts(error)
+    return WRONG_VALUE.at(
+        error.place,
+        "{path} must be {needed}, but it is {_kind_of}.",
+        advice,
+        needed=needed,
+        _kind_of=_kind_of(error),
+        **_facts(error),
     )
 
 
@@ -210,7 +196,7 @@ def _choice_finding(error: StructureError, path: Path, value: Any) -> Diagnostic
     meant = question(did_you_mean(value, known) if isinstance(value, str) else None)
     advice = meant or f"Write {_maps_with(path, value) or allowed}."
     detail = f"{dotted(path)} is {_show(value)}. It must be {allowed}."
-    return NOT_A_CHOICE.at(
+    return WRONG_VALUE.at(
         error.places.value(*path),
         detail,
         advice,
@@ -234,16 +220,11 @@ def _tag(error: StructureError) -> Diagnostic:
     """An alternative that is chosen by `kind`."""
     if not isinstance(error.value, dict):
         detail = f"{error.name} must be a map, but it is {_kind_of(error)}."
-        return WRONG_KIND.at(error.place, detail, "Write a map with the key kind.", values=_facts(error))
+        return WRONG_VALUE.at(error.place, detail, "Write a map with the key kind.", values=_facts(error))
     path = (*error.path, "kind")
     if "kind" not in error.value:
         advice = f"Write kind: {in_a_row(choices_at(path), 'or')}."
-        return MISSING_KEY.at(
-            error.places.value(*path),
-            f"{error.name} needs the key kind.",
-            advice,
-            values={"path": error.name, "key": "kind"},
-        )
+        return MISSING.at(error.places.value(*path), "{path} needs the key kind.", advice, path=error.name, key="kind")
     return _choice_finding(error, path, error.value["kind"])
 
 
@@ -263,7 +244,7 @@ def _quantity(error: StructureError) -> Diagnostic:
             detail = f"{error.name} is {_show(text)}{problem}."
             meant = did_you_mean(str(text), (word,)) if word else None
             advice = question(meant) or better or advice
-    return NOT_A_QUANTITY.at(error.place, detail, advice, values={**_facts(error), "units": units})
+    return WRONG_VALUE.at(error.place, detail, advice, values={**_facts(error), "units": units})
 
 
 def _quantity_problem(text: str, units: tuple[str, ...], *, positive: bool) -> tuple[str, str]:
@@ -309,26 +290,31 @@ def _amount_meant(number: str, units: tuple[str, ...]) -> str:
 def _pattern(error: StructureError) -> Diagnostic:
     pattern = error.facts["pattern"]
     kind, form = FORMS[pattern]
-    finding = NOT_A_NAME if pattern in (NAME_PATTERN, TASK_PATTERN) else WRONG_FORM
     better = _as_name(str(error.value)) if pattern == NAME_PATTERN else None
     around = dotted(error.path[:-1]) if error.is_key else error.name
     prefix = f"{around}: " if around else ""
-    return finding.at(
+    return WRONG_VALUE.at(
         error.place,
-        f"{prefix}{_show(error.value)} is not {kind}.",
+        "{_prefix}{_show} is not {kind}.",
         f"{form} {question(better)}".rstrip(),
-        values=_facts(error),
+        _prefix=prefix,
+        _show=_show(error.value),
+        kind=kind,
+        **_facts(error),
     )
 
 
 def not_a_robot(file: str, robot: str) -> Diagnostic:
     """The last overlay, whose file without its ending is the robot's name, has one that is no name."""
     better = _as_name(robot)
-    return NOT_A_NAME.at(
+    return WRONG_VALUE.at(
         Place(file=file, line=1, column=1),
-        f"The last overlay's file gives the robot its name, and {_show(robot)} is not {FORMS[NAME_PATTERN][0]}.",
+        "The last overlay's file gives the robot its name, and {_show} is not {_shown}.",
         f"Rename the file. {FORMS[NAME_PATTERN][1]} {question(better)}".rstrip(),
-        values={"file": file, "robot": robot},
+        file=file,
+        robot=robot,
+        _show=_show(robot),
+        _shown=FORMS[NAME_PATTERN][0],
     )
 
 
@@ -342,13 +328,13 @@ def _range(error: StructureError) -> Diagnostic:
     bound = "at least" if error.kind == "greater_than_equal" else "at most"
     limit = error.facts.get("ge", error.facts.get("le"))
     detail = f"{error.name} is {_show_written(error)}. It must be {bound} {limit}."
-    return OUT_OF_RANGE.at(error.place, detail, describe(error.path), values={**_facts(error), "limit": limit})
+    return WRONG_VALUE.at(error.place, detail, describe(error.path), values={**_facts(error), "limit": limit})
 
 
 def _empty(error: StructureError) -> Diagnostic:
     is_text = error.kind == "string_too_short"
     detail = f"{error.name} is an empty text." if is_text else f"{error.name} is empty. It needs at least one entry."
-    return NOTHING_THERE.at(
+    return WRONG_VALUE.at(
         error.place, detail, describe(error.path) or "Write one, or remove the key.", values={"path": error.name}
     )
 
@@ -357,34 +343,41 @@ def _exactly_one(error: StructureError) -> Diagnostic:
     names, written = error.facts["names"], error.facts["written"]
     choice = in_a_row(names, "or")
     if not written:
-        return MISSING_KEY.at(
+        return MISSING.at(
             error.place,
-            f"{error.name} needs one of the keys {choice}.",
+            "{path} needs one of the keys {_choice}.",
             f"Write {choice}.",
-            values={"path": error.name, "keys": tuple(names)},
+            path=error.name,
+            keys=tuple(names),
+            _choice=choice,
         )
-    return NOT_TOGETHER.at(
+    return UNKNOWN_KEY.at(
         error.places.key(*error.path, written[-1]),
-        f"{error.name} has {in_a_row(written)}. Only one of them is allowed.",
+        "{path} has {keys:all}. Only one of them is allowed.",
         f"Remove {in_a_row(tuple(reversed(written)), 'or')}.",
-        values={"path": error.name, "keys": tuple(written)},
+        path=error.name,
+        keys=tuple(written),
     )
 
 
 def _together(error: StructureError) -> Diagnostic:
     key, needs = error.facts["key"], error.facts["needs"]
     if error.facts["missing"]:
-        return MISSING_KEY.at(
+        return MISSING.at(
             error.place,
-            f"{error.name} has {needs}, so it needs the key {key}.",
+            "{path} has {needs}, so it needs the key {key}.",
             f"Write {key}.",
-            values={"path": error.name, "key": key, "needs": needs},
+            path=error.name,
+            key=key,
+            needs=needs,
         )
-    return NOT_TOGETHER.at(
+    return UNKNOWN_KEY.at(
         error.places.key(*error.path, key),
-        f"{error.name} has {key}, which has an effect only with {needs}.",
+        "{path} has {key}, which has an effect only with {needs}.",
         f"Write {needs}, or remove {key}.",
-        values={"path": error.name, "key": key, "needs": needs},
+        path=error.name,
+        key=key,
+        needs=needs,
     )
 
 
@@ -393,11 +386,13 @@ def _index(error: StructureError) -> Diagnostic:
     known = (*INDEXES, "p50_response_time", "p95_response_time", "p99_response_time", "p99.9_response_time")
     advice = f"The indexes are {', '.join(INDEXES)}, and percentiles such as p95_response_time."
     nearest = "maximum_response_time" if name.startswith("p100_") else did_you_mean(name, known)
-    return UNKNOWN_INDEX.at(
+    return UNKNOWN_NAME.at(
         error.places.key(*error.path),
-        f"{error.name}: there is no performance index {_show(name)}.",
+        "{path}: there is no performance index {_show}.",
         question(_same_percentile(name) or nearest) or advice,
-        values={"path": error.name, "index": name},
+        path=error.name,
+        index=name,
+        _show=_show(name),
     )
 
 
@@ -414,33 +409,45 @@ def _same_percentile(name: str) -> str:
 def _direction(error: StructureError) -> Diagnostic:
     index, word = error.facts["index"], error.facts["direction"]
     better = "smaller" if error.facts["smaller"] else "larger"
-    return WRONG_WAY.at(
+    return WRONG_VALUE.at(
         error.places.key(*error.path),
-        f"{error.name}: a {better} {index} is better, but {error.path[-1]} asks for the opposite.",
+        "{path}: a {_better} {index} is better, but {_shown} asks for the opposite.",
         f"Write {word}.",
-        values={"path": error.name, "index": index, "direction": word},
+        path=error.name,
+        index=index,
+        direction=word,
+        _better=better,
+        _shown=error.path[-1],
     )
 
 
 def _foreign_block(error: StructureError) -> Diagnostic:
     block, provider = error.facts["block"], error.facts["provider"]
-    return FOREIGN_BLOCK.at(
+    return UNKNOWN_KEY.at(
         error.places.key(*error.path),
-        f"{error.name} is allowed only with provider: {block}, but this host has provider: {provider}.",
+        "{path} is allowed only with provider: {block}, but this host has provider: {provider}.",
         f"Remove it, or write provider: {block}.",
-        values={"path": error.name, "block": block, "provider": provider},
+        path=error.name,
+        block=block,
+        provider=provider,
     )
 
 
 def _no_such_day(error: StructureError) -> Diagnostic:
     detail = f"{error.name} is {error.value}. There is no such day."
-    return NO_SUCH_DAY.at(error.place, detail, "Check the month and the day.", values=_facts(error))
+    return WRONG_VALUE.at(error.place, detail, "Check the month and the day.", values=_facts(error))
 
 
 def _not_read(error: StructureError) -> Diagnostic:
     """An error without words of its own: still a place, the value, and what the field is for."""
     advice = describe(error.path) or "Check the manifest reference."
-    return NOT_READ.at(error.place, f"{error.name} cannot be {_show_written(error)}.", advice, values=_facts(error))
+    return WRONG_VALUE.at(
+        error.place,
+        "{path} cannot be {_show_written}.",
+        advice,
+        _show_written=_show_written(error),
+        **_facts(error),
+    )
 
 
 _WRONG_KEYS = {"extra_forbidden", "rarms_index"}

@@ -7,13 +7,12 @@ are short; quotes only where some YAML would read something else; one space betw
 from dataclasses import replace
 from difflib import unified_diff
 
-from rarms_iac.manifest.document.messages import NOT_A_NAME, WRONG_KIND
 from rarms_iac.manifest.edit.write import KeyTooLong, write_tree
-from rarms_iac.manifest.text.characters import EMPTY
 from rarms_iac.manifest.text.reading import ParsedText, read_text
 from rarms_iac.manifest.text.tree import build_tree, place_of_node, unified
 from rarms_iac.model.commands import INIT, prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, has_errors
+from rarms_iac.model.shared_findings import NOT_READ, WRONG_VALUE
 
 
 class CannotFormat(ValueError):
@@ -48,11 +47,7 @@ def format_tree(parsed: ParsedText) -> str:
     except KeyTooLong as problem:
         place = replace(place_of_node(problem.key), file=parsed.source.file, length=1)
         raise CannotFormat(
-            (
-                NOT_A_NAME.at(
-                    place, f"This key is too long: {problem}.", "Use a shorter name.", values={"reason": str(problem)}
-                ),
-            )
+            (WRONG_VALUE.at(place, "This key is too long: {reason}.", "Use a shorter name.", reason=str(problem)),)
         ) from None
 
 
@@ -62,13 +57,10 @@ def _no_mapping(parsed: ParsedText) -> list[Diagnostic]:
         return []
     if parsed.value is None:
         advice = prose("Write a manifest, or move the file away and let ", INIT, " write one.")
-        return [EMPTY.at(place, "The file has only comments.", advice, values={"file": parsed.source.file})]
+        return [NOT_READ.at(place, "The file has only comments.", advice, file=parsed.source.file)]
     return [
-        WRONG_KIND.at(
-            place,
-            "A manifest is a map of keys to values.",
-            "Begin with `schema: rarms/v1`.",
-            values={"file": parsed.source.file},
+        WRONG_VALUE.at(
+            place, "A manifest is a map of keys to values.", "Begin with `schema: rarms/v1`.", file=parsed.source.file
         )
     ]
 

@@ -6,12 +6,11 @@ from typing import Any
 
 from rarms_iac.model.commands import INIT, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
+from rarms_iac.model.shared_findings import NOT_READ
 from rarms_iac.storage.reading import STANDARD_INPUT
 
-NOT_UTF8 = Finding.error("RARMS004", "The file is not UTF-8 text")
 UNSEEN = Finding.error("RARMS005", "An invisible character")
 BYTE_ORDER_MARK = Finding.note("RARMS006", "The file starts with a byte order mark")
-EMPTY = Finding.error("RARMS012", "The file is empty")
 
 _BOM = b"\xef\xbb\xbf"
 _UTF16_32 = (b"\xff\xfe", b"\xfe\xff", b"\x00\x00\xfe\xff")
@@ -48,22 +47,14 @@ def check_text(data: bytes, file: str) -> tuple[bytes, tuple[Diagnostic, ...]]:
     start = Place(file=file, line=1, column=1)
     if data.startswith(_UTF16_32):
         raise UnreadableText(
-            NOT_UTF8.at(
-                start,
-                "The file seems to be UTF-16 or UTF-32.",
-                "Save it as UTF-8 and try again.",
-                values={"file": file},
-            )
+            NOT_READ.at(start, "The file seems to be UTF-16 or UTF-32.", "Save it as UTF-8 and try again.", file=file)
         )
     marked = data.startswith(_BOM)
     data = data.removeprefix(_BOM)
     if not data.strip():
         raise UnreadableText(
-            EMPTY.at(
-                start,
-                "The file has no content.",
-                prose("Write a manifest, or let ", INIT, " write one."),
-                values={"file": file},
+            NOT_READ.at(
+                start, "The file has no content.", prose("Write a manifest, or let ", INIT, " write one."), file=file
             )
         )
     _check_utf8(data, file)
@@ -73,7 +64,7 @@ def check_text(data: bytes, file: str) -> tuple[bytes, tuple[Diagnostic, ...]]:
         start,
         "The three bytes EF BB BF at the start mean nothing in UTF-8. rarms reads the file without them.",
         prose("Save it as UTF-8 without a byte order mark, or let ", formatter, " do it."),
-        values={"file": file},
+        file=file,
     )
     return data, (note,) if marked else ()
 
@@ -83,11 +74,13 @@ def _check_utf8(data: bytes, file: str) -> None:
         data.decode("utf-8")
     except UnicodeDecodeError as problem:
         raise UnreadableText(
-            NOT_UTF8.at(
+            NOT_READ.at(
                 place_of(data, problem.start, file),
-                f"The byte {data[problem.start]:02X} (hexadecimal) at this place is not UTF-8.",
+                "The byte {_hexadecimal} (hexadecimal) at this place is not UTF-8.",
                 "Save the file as UTF-8 and try again.",
-                values={"file": file, "byte": data[problem.start]},
+                file=file,
+                byte=data[problem.start],
+                _hexadecimal=f"{data[problem.start]:02X}",
             )
         ) from None
 
@@ -108,9 +101,10 @@ def hidden(character: str, place: Place) -> Diagnostic:
     name = unicodedata.name(character, "control character" if code < 0xA0 else "no character")
     return UNSEEN.at(
         place,
-        f"U+{code:04X} ({name.lower()}) is invisible and can change how the text is read.",
+        "{character} ({name}) is invisible and can change how the text is read.",
         "Remove it.",
-        values={"character": f"U+{code:04X}", "name": name.lower()},
+        character=f"U+{code:04X}",
+        name=name.lower(),
     )
 
 

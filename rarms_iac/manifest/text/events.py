@@ -26,17 +26,13 @@ from yaml.events import (
 from rarms_iac.manifest.text.characters import UnreadableText, hidden, place_at, place_of
 from rarms_iac.manifest.text.scalars import NotRepresentable, plain_scalar
 from rarms_iac.manifest.text.syntax import syntax_finding
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
+from rarms_iac.model.diagnostics import Diagnostic, Place
+from rarms_iac.model.shared_findings import NOT_YAML
 from rarms_iac.model.wording import HIDDEN
 
 MAX_DEPTH = 32
 MAX_NODES = 400_000
 MAX_SCALAR = 64 * 2**10  # characters
-
-NOT_ALLOWED = Finding.error("RARMS008", "A YAML feature that rarms does not read")
-SAME_KEY = Finding.error("RARMS009", "The same key occurs twice")
-TOO_MUCH = Finding.error("RARMS010", "The manifest exceeds a limit")
-NOT_REPRESENTABLE = Finding.error("RARMS011", "A number that cannot be represented exactly")
 
 
 _NO_KEY: Final = object()
@@ -172,11 +168,8 @@ class _Pass:
         if self.is_shown_enough(refused):
             return
         self.values.problems.append(
-            NOT_ALLOWED.at(
-                place_at(event.start_mark, self.file),
-                f"rarms does not read {refused}.",
-                advice,
-                values={"refused": refused},
+            NOT_YAML.at(
+                place_at(event.start_mark, self.file), "rarms does not read {refused}.", advice, refused=refused
             )
         )
 
@@ -197,11 +190,12 @@ class _Pass:
             place = place_at(event.start_mark, self.file, len(event.value))
             advice = "Write another number, or put it into quotes if it is a text."
             self.values.problems.append(
-                NOT_REPRESENTABLE.at(
+                NOT_YAML.at(
                     place,
-                    f"rarms cannot represent this number exactly: {problem}.",
+                    "rarms cannot represent this number exactly: {reason}.",
                     advice,
-                    values={"number": event.value, "reason": str(problem)},
+                    number=event.value,
+                    reason=str(problem),
                 )
             )
 
@@ -211,34 +205,34 @@ class _Pass:
             self.values.problems.append(hidden(found.group(), place_at(event.start_mark, self.file)))
 
     def not_a_key(self, event: Any) -> Diagnostic:
-        return NOT_ALLOWED.at(
+        return NOT_YAML.at(
             place_at(event.start_mark, self.file),
             "A map or a list is in the place of a key. A key must be a text.",
             "Write a name followed by a colon.",
-            values={"refused": "a map or a list for a key"},
+            refused="a map or a list for a key",
         )
 
     def excess(self, event: Any, nodes: int) -> Diagnostic:
         if nodes > MAX_NODES:
-            most, detail = MAX_NODES, f"A manifest has at most {MAX_NODES:,} values. This file has more."
+            most, detail = MAX_NODES, "A manifest has at most {most:,} values. This file has more."
             advice = "Split it into several manifests."
         elif len(self.stack) >= MAX_DEPTH:
-            most, detail = MAX_DEPTH, f"A manifest has at most {MAX_DEPTH} levels of nesting. This file has more."
+            most, detail = MAX_DEPTH, "A manifest has at most {most} levels of nesting. This file has more."
             advice = "Check for brackets that are not closed."
         else:
-            most, detail = MAX_SCALAR, f"A text has at most {MAX_SCALAR:,} characters. This one has more."
+            most, detail = MAX_SCALAR, "A text has at most {most:,} characters. This one has more."
             advice = "Put the text into a file of its own."
-        return TOO_MUCH.at(place_at(event.start_mark, self.file), detail, advice, values={"most": most})
+        return NOT_YAML.at(place_at(event.start_mark, self.file), detail, advice, most=most)
 
 
 def _too_many_comments(data: bytes, file: str) -> Diagnostic:
     """Each costs as much as a value; signs within texts are counted, too, since no event tells a comment."""
     first_beyond = next(islice(re.finditer(b"#", data), MAX_NODES, None))  # the caller counted that many
-    return TOO_MUCH.at(
+    return NOT_YAML.at(
         place_of(data, first_beyond.start(), file),
-        f"A manifest has at most {MAX_NODES:,} number signs (#). This file has more.",
+        "A manifest has at most {most:,} number signs (#). This file has more.",
         "Take out comments that say nothing.",
-        values={"most": MAX_NODES},
+        most=MAX_NODES,
     )
 
 

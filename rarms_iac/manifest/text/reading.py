@@ -7,18 +7,15 @@ from pathlib import Path
 from typing import Any, overload
 
 from rarms_iac.manifest.text.characters import UnreadableText, check_text
-from rarms_iac.manifest.text.events import SAME_KEY, DuplicateKey, read_events
+from rarms_iac.manifest.text.events import DuplicateKey, read_events
 from rarms_iac.manifest.text.positions import ManifestPlaces, dotted
 from rarms_iac.manifest.text.tree import Node, build_positions
 from rarms_iac.model.commands import INIT, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related
-from rarms_iac.model.wording import quoted, reason_of
+from rarms_iac.model.diagnostics import Diagnostic, Place, Related
+from rarms_iac.model.shared_findings import NOT_READ, NOT_YAML
+from rarms_iac.model.wording import reason_of
 from rarms_iac.storage.disk import NotRegular
 from rarms_iac.storage.reading import STANDARD_INPUT, TooLarge, read_input
-
-NOT_READABLE = Finding.error("RARMS001", "The file cannot be read")
-NOT_REGULAR = Finding.error("RARMS002", "Not a regular file")
-TOO_LARGE = Finding.error("RARMS003", "The file is too large")
 
 MAX_BYTES = 8 * 2**20
 """The largest manifest or overlay."""
@@ -147,39 +144,32 @@ def _not_readable(file: str, problem: OSError | ValueError, *, overlay: bool) ->
     place = Place(file=file, line=1, column=1)
     match problem:
         case NotRegular(kind=kind):
-            return NOT_REGULAR.at(
-                place,
-                f"{file} is {kind}.",
-                "Name a file, or - for standard input.",
-                values={"file": file, "kind": kind},
+            return NOT_READ.at(
+                place, "{file} is {kind}.", "Name a file, or - for standard input.", file=file, kind=kind
             )
         case TooLarge():
             advice = "Check that it is the manifest, or move what differs between machines into overlays."
-            return TOO_LARGE.at(
+            return NOT_READ.at(
                 place,
-                f"{file} has more than 8 MiB, the largest size of a manifest.",
+                "{file} has more than 8 MiB, the largest size of a manifest.",
                 advice,
-                values={"file": file, "most_bytes": 8 * 2**20},
+                file=file,
+                most_bytes=8 * 2**20,
             )
         case FileNotFoundError():
             missing = prose("Check the path: `-f PATH` names a manifest or its folder, and ", INIT, " creates one.")
             if overlay:
                 missing = prose("Check the path. An overlay is a file with the keys that differ from the manifest.")
-            return NOT_READABLE.at(place, f"There is no file {quoted(file)}.", missing, values={"file": file})
+            return NOT_READ.at(place, "There is no file {file:quoted}.", missing, file=file)
         case PermissionError():
-            return NOT_READABLE.at(
-                place,
-                f"rarms has no permission to read {quoted(file)}.",
-                "Check the file's permissions.",
-                values={"file": file},
+            return NOT_READ.at(
+                place, "rarms has no permission to read {file:quoted}.", "Check the file's permissions.", file=file
             )
         case OSError():
             reason = reason_of(problem)
-            return NOT_READABLE.at(
-                place, f"The system reports: {reason}.", "Check the path.", values={"file": file, "reason": reason}
-            )
+            return NOT_READ.at(place, "The system reports: {reason}.", "Check the path.", file=file, reason=reason)
         case _:
-            return NOT_READABLE.at(place, "No file can have this name.", "Check the path.", values={"file": file})
+            return NOT_READ.at(place, "No file can have this name.", "Check the path.", file=file)
 
 
 def _same_keys(text: bytes, file: str, duplicates: Sequence[DuplicateKey]) -> list[Diagnostic]:
@@ -187,12 +177,13 @@ def _same_keys(text: bytes, file: str, duplicates: Sequence[DuplicateKey]) -> li
         return []
     places = ManifestPlaces(lambda: build_positions(text.decode(), file))
     return [
-        SAME_KEY.at(
+        NOT_YAML.at(
             Place(file=later.file, line=later.line, column=later.column, path=dotted(path), length=later.length),
-            f"{dotted(path)} is here and on line {places.key(*path).line}.",
+            "{path} is here and on line {first_line}.",
             "Remove one of the two.",
             related=(Related(place=places.key(*path), message="the first one"),),
-            values={"path": dotted(path), "first_line": places.key(*path).line},
+            path=dotted(path),
+            first_line=places.key(*path).line,
         )
         for path, later in duplicates
     ]

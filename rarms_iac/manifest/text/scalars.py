@@ -23,7 +23,7 @@ _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 
 
 class NotRepresentable(ValueError):
-    """A number that cannot be represented exactly; the message says why."""
+    """Not a YAML text that rarms reads; the message says why."""
 
 
 def plain_scalar(text: str) -> PlainValue:

@@ -3,9 +3,8 @@
 from yaml.error import YAMLError
 
 from rarms_iac.manifest.text.characters import place_at, place_of
-from rarms_iac.model.diagnostics import Diagnostic, Finding
-
-NOT_YAML = Finding.error("RARMS007", "Not valid YAML")
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.shared_findings import NOT_YAML
 
 
 def syntax_finding(problem: YAMLError, data: bytes, file: str) -> Diagnostic:
@@ -18,7 +17,7 @@ def syntax_finding(problem: YAMLError, data: bytes, file: str) -> Diagnostic:
     # The parser puts what is missing at the end onto a line of its own, which may not exist.
     end = place_of(data, len(data.rstrip()), file)
     place = end if mark is None or mark.line + 1 > end.line else place_at(mark, file)
-    return NOT_YAML.at(place, detail, advice, values={"parser": complaint})
+    return NOT_YAML.at(place, "{_detail}", advice, _detail=detail, parser=complaint)
 
 
 _COMPLAINTS: tuple[tuple[str, str, str], ...] = (

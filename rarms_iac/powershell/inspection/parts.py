@@ -107,14 +107,18 @@ def check_parts(name: str, parts: ScriptParts, entry: str) -> Iterator[Diagnosti
     top = Place(file=name, line=1, column=1)
     fixed = parts.fixed
     if fixed is None:
-        yield RUNTIME.at(top, "it has no module", "render the script again", values={"script": name})
+        yield RUNTIME.at(top, "it has no module", "render the script again", script=name)
     elif not fixed.is_shipped(entry):
         shipped = part_digest(module_text(fixed.form, entry))
         yield RUNTIME.at(
             Place(file=name, line=fixed.first, column=1),
-            f"its module's lines have the SHA-256 {part_digest(fixed.text)[:12]}, not {shipped[:12]}",
+            "its module's lines have the SHA-256 {_shown}, not {_shown_}",
             "render the script again; only its steps may differ from another's",
-            values={"script": name, "sha256": part_digest(fixed.text), "shipped_sha256": shipped},
+            script=name,
+            sha256=part_digest(fixed.text),
+            shipped_sha256=shipped,
+            _shown=part_digest(fixed.text)[:12],
+            _shown_=shipped[:12],
         )
     problems = [*head_problems(parts.head), *comment_problems(parts.plan + parts.end)]
     opening, between, closing = _template_edges(entry, parts.plan)

@@ -91,9 +91,11 @@ def check_around_plan(name: str, script: str, root: "Node") -> Iterator[Diagnost
         if text != _LAST if at == len(statements) else not (_is_plan(node) or _is_setting(node)):
             yield HEAD.at(
                 Place(file=name, line=line_number(node), column=1),
-                f"beside its plan stands {quoted(text, 60)}",
+                "beside its plan stands {_quoted}",
                 "render the script again",
-                values={"script": name, "text": text[:60]},
+                script=name,
+                text=text[:60],
+                _quoted=quoted(text, 60),
             )
 
 

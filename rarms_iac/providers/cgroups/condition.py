@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from rarms_iac.model.commands import APPLY, START_AT_BOOT, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import Host
-from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.model.wording import counted
 from rarms_iac.providers.cgroups.group_settings import slice_limit
 
 ORPHANS = Finding.note("RARMS168", "Processes run in a partition that rarms did not start")
@@ -19,10 +19,12 @@ def orphan_findings(partition: str, processes: Sequence[tuple[int, str]]) -> Ite
         names = ", ".join(f"{process} ({name})" for process, name in processes)
         yield ORPHANS.at(
             None,
-            f"In {partition} run processes that no rarms started or ends: {names}.",
+            "In {partition} run processes that no rarms started or ends: {_names}.",
             "End them, where a component left them behind: they use the partition's processor time.",
             address=f"partition/{partition}",
-            values={"partition": partition, "processes": tuple(str(process) for process, _ in processes)},
+            partition=partition,
+            processes=tuple(str(process) for process, _ in processes),
+            _names=names,
         )
 
 
@@ -34,10 +36,11 @@ def off_without_stop(host: Host, partitions: Sequence[str]) -> Iterator[Diagnost
         far = ("Nothing else does on a host that is only reached over ssh: run it after each start.",)
         yield OFF_WITHOUT_STOP.of_host(
             host.name,
-            f"{counted(len(partitions), 'partition')} of {host.name} ran until the machine stopped, or until the "
-            f"control group was removed: {in_a_row(partitions)}.",
+            "{_counted} of {host} ran until the machine stopped, or until the control group was removed: "
+            "{partitions:all}.",
             prose(APPLY, " starts what is off. ", *(far if host.connect else here)),
             partitions=tuple(partitions),
+            _counted=counted(len(partitions), "partition"),
         )
 
 
@@ -46,7 +49,7 @@ def nothing_withheld(host: Host, processors: int) -> Iterator[Diagnostic]:
     if slice_limit(host, processors) is None:
         yield NOTHING_WITHHELD.of_host(
             host.name,
-            f"{host.name} keeps no processor time for what runs outside its partitions. While they use all of it, ssh, "
-            "rarms and the kernel's own threads get about 1 % of a processor each.",
+            "{host} keeps no processor time for what runs outside its partitions. While they use all of "
+            "it, ssh, rarms and the kernel's own threads get about 1 % of a processor each.",
             "Write `keep_for_host: { processor: 5 % }`: partitions never get that part.",
         )

@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 
 from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.shared_findings import DAMAGED, ROUNDED
 from rarms_iac.model.state import Rights
 from rarms_iac.model.wording import quoted
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted
@@ -122,9 +123,6 @@ def unread_error(observation: HostObservation, host: str, *, guest: bool = False
     return HostFailed(host, message, "See to it as an administrator of that Windows, then look again.")
 
 
-NOT_WHOLE = Finding.warning("RARMS161", "A reserve is no whole per cent")
-JOURNAL = Finding.error("RARMS163", "The journal of a Hyper-V host cannot be believed")
-
 THOUSANDTHS = 1000
 """Of these a per cent has so many in WMI, while cmdlets show whole ones (windows.md 1.3)."""
 
@@ -144,35 +142,34 @@ def _reserve_findings(observation: HostObservation, host: str) -> Iterator[Diagn
 
 def _not_whole(machine: ObservedMachine, reserve: int, host: str) -> Diagnostic:
     exact = f"{reserve / THOUSANDTHS:.3f}".rstrip("0")
-    return NOT_WHOLE.at(
+    return ROUNDED.at(
         None,
-        f"WMI has a reserve of {exact} % for machine {quoted(machine.name)} ({machine.id}), the cmdlets show "
-        f"{machine.reserve} %: another tool wrote it, and no cmdlet can.",
+        "WMI has a reserve of {exact} % for machine {name:quoted} ({machine}), the cmdlets show "
+        "{cmdlets_percent} %: another tool wrote it, and no cmdlet can.",
         "Set a whole per cent with Set-VMProcessor -Reserve; until then plans count what the cmdlets show.",
         address=f"machine/{machine.id}",
-        values={
-            "host": host,
-            "machine": machine.id,
-            "name": machine.name,
-            "reserve_percent": reserve / THOUSANDTHS,
-            "cmdlets_percent": machine.reserve,
-        },
+        host=host,
+        machine=machine.id,
+        name=machine.name,
+        reserve_percent=reserve / THOUSANDTHS,
+        cmdlets_percent=machine.reserve,
+        exact=exact,
     )
 
 
 def _journal_findings(observation: HostObservation, host: str) -> Iterator[Diagnostic]:
     match last_run_of(observation):
         case JournalPlanted(owner=owner):
-            yield JOURNAL.of_host(
+            yield DAMAGED.of_host(
                 host,
-                f"%ProgramData%\\rarms\\journal.jsonl of {host} belongs to {owner}, not to Administrators or SYSTEM.",
+                "%ProgramData%\\rarms\\journal.jsonl of {host} belongs to {owner}, not to Administrators or SYSTEM.",
                 "Find out who put it there, then remove it. A script refuses to run beside it.",
                 owner=owner,
             )
         case JournalDamaged(message=message):
-            yield JOURNAL.of_host(
+            yield DAMAGED.of_host(
                 host,
-                f"%ProgramData%\\rarms\\journal.jsonl of {host} is damaged: {message}.",
+                "%ProgramData%\\rarms\\journal.jsonl of {host} is damaged: {reason}.",
                 "Look at the host to see what the last run did, then remove the file.",
                 reason=message,
             )

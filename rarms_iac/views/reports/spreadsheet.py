@@ -10,7 +10,8 @@ from io import BytesIO, StringIO
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import Measurement, Report
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.shared_findings import NOT_DONE
 from rarms_iac.views.reports.table import finite
 from rarms_iac.views.reports.tables import levels_table, samples_table, settings_table, totals_table, trail_table
 
@@ -49,9 +50,6 @@ MADE = datetime(2000, 1, 1, tzinfo=UTC)
 CURVE = ("reserve (%)", "value", "worse end", "from", "to")
 
 
-TOO_LONG = Finding.error("RARMS292", "A sheet cannot hold so many rows")
-
-
 class TooManyRows(Exception):
     """A sheet ends before the samples do."""
 
@@ -62,12 +60,12 @@ class TooManyRows(Exception):
 
     def finding(self) -> Diagnostic:
         """Say it to who asked for the file."""
-        message = f"{self.rows} samples are more than the {self.limit} rows of a sheet."
-        return TOO_LONG.at(
+        return NOT_DONE.at(
             None,
-            message,
+            "{samples} samples are more than the {most_rows} rows of a sheet.",
             "Export them to a .csv file, or name fewer components.",
-            values={"samples": self.rows, "most_rows": self.limit},
+            samples=self.rows,
+            most_rows=self.limit,
         )
 
 

@@ -25,5 +25,5 @@ def test_in_another_folder_the_plan_is_refused_and_no_host_is_made(planned: Path
         answer = rarms("apply", str(planned / "change.plan"))
 
     assert answer.code == 3
-    assert "RARMS213" in answer.err
+    assert "RARMS182" in answer.err
     assert not list(elsewhere.iterdir())

@@ -135,14 +135,14 @@ def test_meaning_is_judged_once_the_structure_is_right(tmp_path: Path) -> None:
     wrong = validated(manifest(tmp_path, *parts))
     right = validated(manifest(tmp_path, *parts[:2], component("c")))
 
-    assert codes(wrong.findings) == ["RARMS019"]
+    assert codes(wrong.findings) == ["RARMS017"]
     assert codes(right.findings) == ["RARMS042"]
 
 
 def test_an_error_of_a_host_leaves_sums_open(tmp_path: Path) -> None:
     hosts = HOST.replace("memory: 4 GiB", "memory: 4")
 
-    assert codes(validated(manifest(tmp_path, component("a"), component("b"), hosts=hosts)).findings) == ["RARMS019"]
+    assert codes(validated(manifest(tmp_path, component("a"), component("b"), hosts=hosts)).findings) == ["RARMS017"]
 
 
 def test_a_folder_is_walked_and_an_overlay_is_read_with_its_manifest(tmp_path: Path) -> None:
@@ -250,7 +250,7 @@ def test_a_variable_that_is_too_short_to_be_hidden_is_named_without_its_value(
     found = validated(file)
 
     named = [(finding.code, finding.severity, finding.address, finding.values) for finding in found.findings]
-    facts = {"component": "a", "variable": "RARMS_TEST_TOKEN"}
+    facts = {"component": "a", "variable": "RARMS_TEST_TOKEN", "least": 6}
     assert named == ([("RARMS345", Severity.WARNING, "component/a", facts)] if is_named else [])
     assert not any(value and value in str(finding) for finding in found.findings)
     with file.open("a", encoding="utf-8") as manifest_file:

@@ -44,8 +44,8 @@ def test_a_plan_that_another_run_overtook_is_refused(lab: Lab) -> None:
     lab.undo()
 
     (refusal,) = lab.apply(old).findings
-    assert refusal.code == "RARMS181"
-    assert refusal.summary == "The plan was used, or another run came after it was made"
+    assert refusal.code == "RARMS182"
+    assert refusal.summary == "The host has moved since the plan was made"
 
 
 def test_the_same_plan_finishes_its_own_run(lab: Lab) -> None:
@@ -80,7 +80,7 @@ def test_a_setting_changed_in_the_middle_of_a_run_stops_it(lab: Lab) -> None:
     report = lab.finish()
 
     assert report is not None
-    assert (report.ending, codes(report.findings)) == (RunEnding.REFUSED, ["RARMS185"])
+    assert (report.ending, codes(report.findings)) == (RunEnding.REFUSED, ["RARMS182"])
     assert "reserve is 25, not 40" in report.findings[0].detail
     expected = {"host": "onboard", "expected_reserve": 40, "is_reserve": 25}
     assert expected.items() <= report.findings[0].values.items()
@@ -136,7 +136,7 @@ def test_a_failure_ends_the_run_before_the_next_host_and_the_plan_goes_on_there_
 
         assert (report.ending, [part.host for part in report.hosts]) == (RunEnding.DONE, ["arm", "base"])
         assert lab.steps_left() == 0
-        assert codes(lab.apply(plan).findings) == ["RARMS181", "RARMS181"]
+        assert codes(lab.apply(plan).findings) == ["RARMS182", "RARMS182"]
 
 
 def test_all_hosts_are_looked_at_before_the_first_step() -> None:
@@ -231,8 +231,8 @@ def test_a_released_partition_goes_on_and_can_be_imported_again(lab: Lab) -> Non
 @pytest.mark.parametrize(
     ("asked", "code"),
     [
-        ({"purpose": Purpose.IMPORT, "partitions": ("vision",), "machine": "no-such-id"}, "RARMS195"),
-        ({"purpose": Purpose.RELEASE, "partitions": ("visoin",)}, "RARMS197"),
+        ({"purpose": Purpose.IMPORT, "partitions": ("vision",), "machine": "no-such-id"}, "RARMS194"),
+        ({"purpose": Purpose.RELEASE, "partitions": ("visoin",)}, "RARMS194"),
         ({"targets": ("partition/visoin",)}, "RARMS194"),
     ],
 )
@@ -274,4 +274,4 @@ def test_a_machine_that_is_ours_already_is_not_imported(lab: Lab) -> None:
 
     prepared = lab.prepare(purpose=Purpose.IMPORT, partitions=("ears",), machine=machine)
 
-    assert codes(prepared.findings) == ["RARMS196"]
+    assert codes(prepared.findings) == ["RARMS194"]

@@ -76,7 +76,7 @@ def test_a_planted_journal_is_refused_and_an_unfinished_run_comes_first(cell: Pa
     lines = journal["text"].splitlines(keepends=True)
     begun = plan(cell, "--snapshot", f"cell={bent(cell, journal=journal | {'text': ''.join(lines[:-1])})}")
 
-    assert (planted.code, "error[RARMS163]" in planted.err) == (4, True)
+    assert (planted.code, "error[RARMS190]" in planted.err) == (4, True)
     assert (begun.code, "error[RARMS183]" in begun.err) == (3, True)
     assert "0123456789ab" in begun.err
 
@@ -111,14 +111,14 @@ def test_a_guest_whose_records_were_denied_is_refused(cell: Path) -> None:
 
     ran = plan(cell, "--snapshot", f"cell={with_torch(cell)}", "--snapshot", inside)
 
-    assert (ran.code, "error[RARMS175]" in ran.err) == (1, True)
+    assert (ran.code, "error[RARMS001]" in ran.err) == (1, True)
     assert "its records" in ran.err
 
 
 def test_a_damaged_observation_is_told_with_its_place(cell: Path) -> None:
     ran = plan(cell, "--snapshot", f"cell={bent(cell, elevated='yes')}")
 
-    assert (ran.code, "error[RARMS175]" in ran.err) == (1, True)
+    assert (ran.code, "error[RARMS001]" in ran.err) == (1, True)
     assert "elevated.value" in ran.err
 
 

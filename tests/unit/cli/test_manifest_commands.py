@@ -36,7 +36,7 @@ def test_init_overwrites_nothing(here: Path) -> None:
     answer = rarms("init", str(here))
 
     assert answer.code == 1
-    assert "error[RARMS176]" in answer.err
+    assert "error[RARMS177]" in answer.err
     assert (here / "rarms.yaml").read_bytes() == before
 
 

@@ -88,7 +88,7 @@ def test_what_was_made_for_another_robot_is_refused_by_its_name(command: str) ->
     answer = rarms(*command.split(), *_overlay("robot-8"))
 
     assert answer.code not in {0, 2}
-    assert "RARMS342" in answer.err + answer.out
+    assert "RARMS340" in answer.err + answer.out
     assert 'bears the mark of the robot "robot-7"' in " ".join((answer.err + answer.out).split())
     assert _state("robot-8").read_bytes() == before
 
@@ -124,7 +124,7 @@ def test_the_name_of_an_overlays_file_that_is_no_name_is_refused() -> None:
     answer = rarms("validate", *_overlay("Robot_7"))
 
     assert answer.code == 2
-    assert "RARMS020" in answer.err + answer.out
+    assert "RARMS017" in answer.err + answer.out
     assert "robot-7" in answer.err + answer.out
 
 

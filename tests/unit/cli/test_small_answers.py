@@ -94,7 +94,7 @@ def test_an_unused_load_is_told_by_validate_and_plan_alone(tmp_path: Path) -> No
 
 
 def test_a_rounded_reserve_is_told_where_reserves_are_planned(tmp_path: Path) -> None:
-    manifest = shipped("tests/cases/findings/367-reserve-rounded-up/rarms.yaml")
+    manifest = shipped("tests/cases/findings/reserve-rounded-up/rarms.yaml")
     (tmp_path / "rarms.yaml").write_bytes(manifest.read_bytes())
     with chdir(tmp_path):
         told = {

@@ -88,9 +88,9 @@ def advice_of(folder: Path) -> str | None:
         assert answer.code == 0, answer.err
         return None
     found = [load for load in json.loads(answer.out)["findings"] if load["severity"] == "error"]
-    assert {finding["code"] for finding in found} <= {"RARMS014", "RARMS120", "RARMS121", "RARMS122", "RARMS123"}, found
+    assert {finding["code"] for finding in found} <= {"RARMS014", "RARMS120", "RARMS121", "RARMS122", "RARMS060"}, found
     advice: str = found[0]["advice"]
-    return None if found[0]["code"] == "RARMS123" else advice
+    return None if found[0]["code"] == "RARMS060" else advice
 
 
 def ways_in(advice: str) -> Iterator[list[str]]:

@@ -116,7 +116,7 @@ def test_a_class_of_another_application_is_left_alone() -> None:
 
     found = difference(robot(components=[watcher]), empty_state(HOST, Strangers((), (theirs,))))
 
-    assert (found.changes, codes(found.findings)) == ((), ["RARMS153"])
+    assert (found.changes, codes(found.findings)) == ((), ["RARMS150"])
 
 
 def test_a_partition_that_is_started_by_hand_may_run_or_not() -> None:
@@ -174,12 +174,12 @@ def test_a_class_with_a_value_that_could_not_be_brought_back_is_left_alone(odd: 
 
     found = difference(wanting, state)
     assert [change for change in found.changes if change.address.task] == []
-    assert codes(found.findings) == ["RARMS165"]
+    assert codes(found.findings) == ["RARMS150"]
     assert f'"Extra" ({odd.kind.value})' in found.findings[0].detail
 
     if record:
         gone = difference(robot(), state)
-        assert ([change for change in gone.changes if change.address.task], codes(gone.findings)) == ([], ["RARMS165"])
+        assert ([change for change in gone.changes if change.address.task], codes(gone.findings)) == ([], ["RARMS150"])
 
 
 @pytest.mark.parametrize(
@@ -199,5 +199,5 @@ def test_a_value_whose_name_no_cmdlet_takes_is_left_alone_with_its_class(name: s
     found = difference(wanting, replace(empty_state(HOST), tasks=(games,)))
 
     assert [change for change in found.changes if change.address.task] == []
-    assert codes(found.findings) == ["RARMS165"]
+    assert codes(found.findings) == ["RARMS150"]
     assert f'"{name or "(Default)"}" ({why}' in found.findings[0].detail

@@ -89,7 +89,7 @@ def test_another_applications_value_and_an_unknown_one_are_refused() -> None:
     ):
         found = route(wanting(10), a_state(there))
         assert of_it(found) == []
-        assert codes(found.difference.findings) == ["RARMS228"]
+        assert codes(found.difference.findings) == ["RARMS227"]
         assert message in found.difference.findings[0].detail
 
 

@@ -80,7 +80,7 @@ def test_a_flood_of_errors_is_counted(tmp_path: Path) -> None:
 
     codes = [diagnostic.code for diagnostic in loaded(tmp_path, SMALL + flood).diagnostics]
 
-    assert (len(codes), codes.count("RARMS015"), codes.count("RARMS030")) == (1001, 1000, 1)
+    assert (len(codes), codes.count("RARMS015")) == (1001, 1001)
 
 
 def test_a_flood_that_cannot_be_listed_is_counted_too(tmp_path: Path) -> None:
@@ -89,7 +89,7 @@ def test_a_flood_that_cannot_be_listed_is_counted_too(tmp_path: Path) -> None:
     read = loaded(tmp_path, SMALL + flood)
 
     assert len(read.diagnostics) == 1001
-    assert "99,000 more errors" in read.diagnostics[-1].detail
+    assert any("99,000 more errors" in each.detail for each in read.diagnostics)
     assert "RARMS016" not in {diagnostic.code for diagnostic in read.diagnostics}
 
 
@@ -99,7 +99,7 @@ def test_more_than_the_whole_host_kept_for_it_is_refused_there_and_nowhere_else(
     [found] = loaded(tmp_path, SMALL.replace("memory: 4 GiB}", kept)).diagnostics
 
     assert (found.code, found.place.path if found.place else "") == (
-        "RARMS021",
+        "RARMS017",
         "hosts.onboard.keep_for_host.processor",
     )
     assert found.detail == 'hosts.onboard.keep_for_host.processor is "110 %". It must be at most 100 %.'

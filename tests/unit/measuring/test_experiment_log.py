@@ -102,7 +102,7 @@ def test_what_cannot_be_run_begins_no_pass(here: Path) -> None:
 
     assert rarms("measure", "--again", "--seed", "7").code == 64
     with hold_data_log(here, path_of("vision"), 0):
-        assert code_of(rarms(*SWEPT, "--again")) == (3, "RARMS265")
+        assert code_of(rarms(*SWEPT, "--again")) == (3, "RARMS184")
     assert path_of("vision").read_bytes() == before
 
 
@@ -113,7 +113,7 @@ def test_two_hosts_of_one_platform_do_not_write_to_one_log_at_once(here: Path) -
         ran = rarms("measure", "vision", "--from", "60%", "--to", "80%", "--host", "right")
         other = rarms("measure", "speech", "--from", "60%", "--to", "80%", "--host", "right")
 
-    assert code_of(ran) == (3, "RARMS265")
+    assert code_of(ran) == (3, "RARMS184")
     assert "process" in ran.err
     assert path_of("vision").read_bytes() == before
     assert other.code == 0, "another log is free"
@@ -133,7 +133,7 @@ def test_what_was_measured_on_a_busy_host_no_longer_counts_after_a_pass_that_had
     measured = manifest.replace("reserve: 1 % }", "reserve: measured }", 1)
     (here / "rarms.yaml").write_text(measured, encoding="utf-8", newline="\n")
     assert (busy.code, "RARMS263" in busy.err) == (0, True), busy.err
-    assert "RARMS108" in rarms("plan").out
+    assert "RARMS105" in rarms("plan").out
     assert code_of(rarms(*searched, "--again")) == (3, "RARMS115")
     assert the_log("vision").remeasurements == (), "what is refused begins nothing"
     assert rarms("destroy", "--auto-approve").code == 0
@@ -141,11 +141,11 @@ def test_what_was_measured_on_a_busy_host_no_longer_counts_after_a_pass_that_had
     with disk.use(CrashingDisk(60)), suppress(Crash):
         rarms(*searched, "--again")
     assert [remeasurement.ended for remeasurement in the_log("vision").remeasurements] == [False]
-    assert "RARMS108" in rarms("plan").out, "half a pass stands for nothing"
+    assert "RARMS105" in rarms("plan").out, "half a pass stands for nothing"
     again = rarms(*searched, "--again")
 
     assert again.code == 0, again.err
-    assert "RARMS108" not in rarms("plan").out
+    assert "RARMS105" not in rarms("plan").out
     assert all(not entry.is_busy for entry in the_log("vision").counting)
     assert any(entry.is_busy for entry in the_log("vision").recorded), "what was measured stays in the log"
 

@@ -177,12 +177,12 @@ def test_the_papers_walk_says_its_message_where_nothing_is_enough(here: Path) ->
 def test_the_papers_walk_wants_the_host_to_itself(here: Path) -> None:
     write(here, MANIFEST.replace("memory: 4 GiB }", "memory: 4 GiB, keep_for_host: { processor: 10 % } }"))
 
-    assert refused(rarms("measure", "--strategy", "paper")) == (3, "RARMS116")
+    assert refused(rarms("measure", "--strategy", "paper")) == (3, "RARMS115")
     assert max(reserves(measured("--from", "50%", "--to", "90%", "--step", "40%"))) == 90
     above = rarms("measure", "--from", "50%")
-    assert refused(above) == (4, "RARMS117")
+    assert refused(above) == (4, "RARMS115")
     assert "End there: `--to 90%`." in above.err
-    assert refused(rarms("measure", "--from", "50%", "--to", "100%", "--step", "50%")) == (4, "RARMS117")
+    assert refused(rarms("measure", "--from", "50%", "--to", "100%", "--step", "50%")) == (4, "RARMS115")
 
 
 def refused(ran: Ran) -> tuple[int, str]:
@@ -275,9 +275,9 @@ def test_what_cannot_be_run_or_searched_is_told_with_its_line(here: Path) -> Non
         here,
         MANIFEST.replace("    apt:\n      mean_response_time: { at_most: 50 ms }\n", "").replace("measured", "5 %"),
     )
-    assert refused(rarms("measure", "vision")) == (4, "RARMS264")
+    assert refused(rarms("measure", "vision")) == (4, "RARMS016")
     everything = rarms("measure")
-    assert refused(everything) == (4, "RARMS264")
+    assert refused(everything) == (4, "RARMS016")
     assert "No component has an `apt`" in everything.err
     assert everything.out == "", "no table without a row"
 

@@ -114,7 +114,7 @@ def test_a_setting_that_shows_more_begins_a_curve_of_its_own_and_says_anew_how_m
         seen = recorded()
 
     assert ran.err.count("eyes beside busy-loop on onboard (simulated): 1 to 8 settings") == 2
-    assert "RARMS381" in ran.err
+    assert "RARMS380" in ran.err
     assert {processors for processors, used in seen if used == 2} == {1, 2}
     of_two = [processors for processors, _ in seen if processors == 2]
     assert len(of_two) <= 8

@@ -370,7 +370,7 @@ def test_where_no_memory_is_left_for_a_load_it_may_be_proven_without_one(here: P
     change(here, "memory: 4 GiB", "memory: 1 GiB")
     ran = prove()
 
-    assert code_of(ran) == (4, "RARMS117")
+    assert code_of(ran) == (4, "RARMS115")
     assert "no memory left for a partition that holds busy-loop" in " ".join(ran.err.split())
     assert "`rarms prove --without-load`" in ran.err
     assert rarms("prove", "--without-load").code == 0

@@ -98,7 +98,7 @@ def test_more_failed_samples_than_allowed_are_the_answer_no(tmp_path: Path) -> N
 
     assert ran.code == 4
     assert 'failed: it ended without a sample; 1 line was not a JSON object ("loading")' in ran.out
-    assert "RARMS286" in ran.err
+    assert "RARMS113" in ran.err
     assert "  no camera" in ran.err
 
 
@@ -122,7 +122,7 @@ def test_a_program_that_never_does_its_job_meets_nothing(tmp_path: Path, apt: st
 
     assert ran.code == code
     assert shown in ran.out
-    assert ("RARMS286" in ran.err) == bool(code)
+    assert ("RARMS113" in ran.err) == bool(code)
     assert "RARMS288" not in ran.err or not code, "no reserve would help a program that is not there"
     assert "can't open file" in ran.err
 
@@ -202,7 +202,7 @@ def test_a_component_that_does_not_say_how_is_told(tmp_path: Path) -> None:
     ran = rarms("run", "-f", str(tmp_path))
 
     assert ran.code == 4
-    assert "RARMS289" in ran.err
+    assert "RARMS285" in ran.err
 
 
 def test_the_shipped_robot_runs_for_real() -> None:

@@ -217,7 +217,7 @@ def test_a_log_whose_load_was_seen_to_leave_processors_idle_is_taken_with_a_warn
         planned = rarms("plan")
 
     assert planned.code == 0, planned.err
-    assert "warning[RARMS327]" in planned.out + planned.err
+    assert "warning[RARMS105]" in planned.out + planned.err
 
 
 def test_a_busy_loop_that_left_processors_idle_gives_no_answer_and_is_measured_again(

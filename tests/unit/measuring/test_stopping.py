@@ -154,7 +154,7 @@ def test_what_cannot_be_started_after_a_failure_is_told_beside_the_failure() -> 
     failed = rarms("measure", "vision", "--from", "70%", "--to", "90%")
 
     assert failed.code == 4, failed.err
-    assert "error[RARMS117]" in failed.err
+    assert "error[RARMS115]" in failed.err
     assert "error[RARMS269] Partitions that were stopped to measure do not run again" in failed.err
 
 

@@ -163,7 +163,7 @@ def test_a_partition_stays_where_it_is_unless_removal_is_allowed_and_the_gain_is
     views = {"large": HostView(facts=facts_for(hosts[0]), present={"vision": ANY_THREAD})}
 
     assert layout(system, views).partitions[0].host == "large"
-    assert codes(planned(system, views).findings) == ["RARMS127"]
+    assert codes(planned(system, views).findings) == ["RARMS301"]
     assert layout(system, views, Disruption.REMOVAL).partitions[0].host == "small"
 
 
@@ -193,8 +193,8 @@ def test_what_is_to_be_measured_has_no_layout_yet_and_no_apt_means_no_reservatio
 
 
 def test_more_than_its_processors_can_use_and_more_processors_than_the_host_has() -> None:
-    assert misfit(a_system(components=[a_component(reserve="1.4 LP", processors=1)]))[1] == ["RARMS123"]
-    assert misfit(a_system(components=[a_component(reserve="40 %", processors=4)]))[1] == ["RARMS124"]
+    assert misfit(a_system(components=[a_component(reserve="1.4 LP", processors=1)]))[1] == ["RARMS060"]
+    assert misfit(a_system(components=[a_component(reserve="40 %", processors=4)]))[1] == ["RARMS060"]
 
 
 def test_a_component_of_the_host_has_no_partition() -> None:

@@ -17,7 +17,7 @@ def made_from(folder: str) -> Plan:
     note = Diagnostic(
         code="RARMS086",
         severity=Severity.NOTE,
-        summary="An interference is not used",
+        summary="An entry is not used",
         detail="It is not named.",
         advice=prose("Measure with it: ", command("measure", f=folder or ".")),
         place=place,

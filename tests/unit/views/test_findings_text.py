@@ -199,7 +199,7 @@ def test_no_source_line_takes_more_than_eighty_columns(diagnostic: Diagnostic, s
 
 
 def test_briefly_a_kind_of_notes_is_one_line() -> None:
-    note = Finding(code="RARMS086", severity=Severity.NOTE, summary="An interference is not used")
+    note = Finding(code="RARMS086", severity=Severity.NOTE, summary="An entry is not used")
     some = [
         note.at(at(1, 1, path="interference.browsers"), "Why.", "Do it.", values={}),
         note.at(at(2, 1), "Why.", "Do it.", values={}),
@@ -207,7 +207,7 @@ def test_briefly_a_kind_of_notes_is_one_line() -> None:
 
     brief = render(findings_text(some, {}, brief=True), 120).splitlines()
 
-    line = "note[RARMS086] An interference is not used: robot.yaml:1:1, interference.browsers; robot.yaml:2:1"
+    line = "note[RARMS086] An entry is not used: robot.yaml:1:1, interference.browsers; robot.yaml:2:1"
     assert brief == [line]
 
 

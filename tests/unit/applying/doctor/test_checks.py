@@ -71,7 +71,7 @@ CASES = {
     "SMT": ("RARMS234", "host/onboard", of(smt=True, scheduler=SchedulerType.CORE)),
     "group": ("RARMS235", "partition/vision", examination(machines=(replace(VISION, cpu_group="36ab08cb"),))),
     "unequal": ("RARMS405", "host/onboard", of(processor_kinds=(ProcessorKind(processors=8, threads=1),) * 2)),
-    "old PowerShell": ("RARMS240", "host/onboard", how(powershell="5.0.10586.117")),
+    "old PowerShell": ("RARMS233", "host/onboard", how(powershell="5.0.10586.117")),
     "policy of a group": (
         "RARMS241",
         "host/onboard",
@@ -87,12 +87,12 @@ CASES = {
         "host/onboard",
         examination(of=replace(facts(), client=True), how=HostCondition(policies={POLICY.LOCAL_MACHINE: "Undefined"})),
     ),
-    "32 bits": ("RARMS242", "host/onboard", how(bits=32)),
+    "32 bits": ("RARMS233", "host/onboard", how(bits=32)),
     "minroot": ("RARMS243", "host/onboard", how(seen_processors=1)),
     "cluster": ("RARMS244", "partition/vision", odd(clustered=True)),
     "critical": ("RARMS245", "partition/vision", examination(machines=(replace(VISION, state=RunState.CRITICAL),))),
     "wide": (
-        "RARMS246",
+        "RARMS245",
         "machine/id-of-strange",
         examination(machines=(partition(settings("strange", processors=3), application=None),)),
     ),
@@ -101,8 +101,8 @@ CASES = {
         "machine/id-of-copy",
         examination(machines=(replace(partition(settings("copy"), application=None), foreign_mark="it was copied"),)),
     ),
-    "no role": ("RARMS318", "host/onboard", examination(of=WITHOUT_RIGHTS, how=HostCondition(role=False))),
-    "no hypervisor": ("RARMS318", "host/onboard", how(role=True, hypervisor_running=False)),
+    "no role": ("RARMS233", "host/onboard", examination(of=WITHOUT_RIGHTS, how=HostCondition(role=False))),
+    "no hypervisor": ("RARMS233", "host/onboard", how(role=True, hypervisor_running=False)),
     "not elevated": ("RARMS319", "host/onboard", how(elevated=False, hyperv_administrator=True)),
     "little memory": (
         "RARMS320",
@@ -110,7 +110,7 @@ CASES = {
         Examination(state=State(facts=facts(), partitions=(OFF,), memory_left=OFF.settings.memory - 1)),
     ),
     "no counters": ("RARMS321", "host/onboard", how(hypervisor_running=True, counters=False)),
-    "mute guest": ("RARMS322", "partition/vision", examination(machines=(replace(VISION, can_be_asked=False),))),
+    "mute guest": ("RARMS245", "partition/vision", examination(machines=(replace(VISION, can_be_asked=False),))),
     "running script": ("RARMS323", "host/onboard", how(script_running=True)),
     "unread": ("RARMS249", "host/onboard", how(unread={"the NUMA nodes": "denied"})),
 }
@@ -142,7 +142,7 @@ def test_a_powershell_that_runs_the_scripts_is_not_told_of(version: str) -> None
 
 @pytest.mark.parametrize("version", ["2.0", "3", "5.0.10586.117", "", "core"])
 def test_one_that_does_not_is(version: str) -> None:
-    assert [diagnostic.code for diagnostic in examine(how(powershell=version))] == ["RARMS240"]
+    assert [diagnostic.code for diagnostic in examine(how(powershell=version))] == ["RARMS233"]
 
 
 def test_the_policy_that_rarms_started_the_look_with_counts_for_nothing() -> None:

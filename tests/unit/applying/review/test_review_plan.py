@@ -84,11 +84,11 @@ def test_a_limit_below_what_its_members_reserve_together_is_raised_and_told(
 @pytest.mark.parametrize(
     ("making", "expected"),
     [
-        ({"generation": 2, "image": "D:\\robot.VHD"}, ["RARMS257"]),
+        ({"generation": 2, "image": "D:\\robot.VHD"}, ["RARMS256"]),
         ({"generation": 1, "image": "D:\\robot.vhd"}, []),
         ({"generation": 2, "image": "D:\\robot.vhdx"}, []),
         ({"generation": 2, "switch": "LAB"}, []),
-        ({"generation": 2, "switch": "lad"}, ["RARMS258"]),
+        ({"generation": 2, "switch": "lad"}, ["RARMS042"]),
     ],
 )
 @pytest.mark.parametrize("known", [True, False])
@@ -97,7 +97,7 @@ def test_what_no_machine_can_be_made_from_is_an_error(making: dict[str, Any], ex
 
     found = findings(steps=[step], switches=("lab",) if known else None)
 
-    assert [diagnostic.code for diagnostic in found] == (expected if known or expected != ["RARMS258"] else [])
+    assert [diagnostic.code for diagnostic in found] == (expected if known or expected != ["RARMS042"] else [])
 
 
 GROWN = replace(build.settings("vision"), memory=5 * 2**30)
@@ -106,10 +106,10 @@ GROWN = replace(build.settings("vision"), memory=5 * 2**30)
 @pytest.mark.parametrize(
     ("before", "node", "expected"),
     [
-        (None, 5 * 2**30 - 1, ["RARMS382"]),
+        (None, 5 * 2**30 - 1, ["RARMS403"]),
         (None, 5 * 2**30, []),
         (None, None, []),
-        (partition(settings("vision")), 5 * 2**30 - 1, ["RARMS382"]),
+        (partition(settings("vision")), 5 * 2**30 - 1, ["RARMS403"]),
         (partition(GROWN), 5 * 2**30 - 1, []),
     ],
     ids=["made", "it fits", "spanning", "grows", "was as large before"],
@@ -137,7 +137,7 @@ RUNS = replace(GROWN, running=True)
         (None, 5 * 2**30, None, []),
         (replace(RUNS, memory=4 * 2**30), 2**30, None, []),
         (replace(RUNS, memory=4 * 2**30), 2**30 - 1, None, ["RARMS403"]),
-        (None, 9 * 2**30, 3 * 2**30, ["RARMS404"]),
+        (None, 9 * 2**30, 3 * 2**30, ["RARMS403"]),
         (None, 9 * 2**30, 5 * 2**30, []),
     ],
     ids=["too little", "as much", "grows", "grows by more", "no node", "a node"],
@@ -250,7 +250,7 @@ def test_a_step_without_an_undo_is_told_unless_destroying_was_asked_for(
 def test_a_partition_wider_than_its_host_is_told() -> None:
     wide = partition(settings(processors=3, reserve=0))
 
-    assert told(findings(build.create(wide))) == [("RARMS246", "partition/vision")]
+    assert told(findings(build.create(wide))) == [("RARMS245", "partition/vision")]
 
 
 class TestStops:
@@ -289,12 +289,12 @@ def promised(reserves: Iterable[int]) -> list[tuple[str, str]]:
         Desired(observed=observed, state=observed),
         replace(plan, host=replace(plan.host, provider=ProviderKind.HYPERV, logical_processors=8)),
     )
-    return [finding for finding in told(list(found)) if finding[0] == "RARMS259"]
+    return [finding for finding in told(list(found)) if finding[0] == "RARMS154"]
 
 
 def test_promises_that_a_script_cannot_place_are_refused_though_they_fit() -> None:
     fits_only_by_search = [50, 40, 30, 30, 30, 20] * 4
 
     assert sum(fits_only_by_search) == 800
-    assert promised(fits_only_by_search) == [("RARMS259", "host/onboard")]
+    assert promised(fits_only_by_search) == [("RARMS154", "host/onboard")]
     assert promised([50, 40, 30, 30, 30, 10] * 4) == []

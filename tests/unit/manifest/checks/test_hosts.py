@@ -48,7 +48,7 @@ def test_every_responsiveness_that_windows_takes_as_it_is(percent: int) -> None:
 def test_a_slice_of_systemd_is_refused(name: str) -> None:
     system = a_system(hosts=[a_host(provider=ProviderKind.LINUX, settings=LinuxHost(slice=name))])
 
-    assert found(system) == [("RARMS395", "hosts.onboard.linux.slice")]
+    assert found(system) == [("RARMS043", "hosts.onboard.linux.slice")]
 
 
 def test_a_linux_host_has_no_responsiveness() -> None:
@@ -67,12 +67,12 @@ def test_a_path_that_no_windows_host_can_take(path: str) -> None:
 
     told = found(a_system(components=[VISION], hosts=[hyperv], partitions=[partition]))
 
-    assert ("RARMS099", "hosts.onboard.hyperv.vm_path") in told
-    assert ("RARMS099", "partitions.vision.hyperv.image") in told
+    assert ("RARMS017", "hosts.onboard.hyperv.vm_path") in told
+    assert ("RARMS017", "partitions.vision.hyperv.image") in told
 
 
 @pytest.mark.parametrize("path", ["D:\\machines", "d:/machines", "\\\\server\\share\\machines", "D:\\Maschinen (2)\\ä"])
 def test_a_whole_path_is_no_finding(path: str) -> None:
     hyperv = a_host(provider=ProviderKind.HYPERV, settings=HypervHost(vm_path=path, image=path))
 
-    assert "RARMS099" not in {code for code, _ in found(a_system(components=[VISION], hosts=[hyperv]))}
+    assert "RARMS017" not in {code for code, _ in found(a_system(components=[VISION], hosts=[hyperv]))}

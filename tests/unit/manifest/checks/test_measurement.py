@@ -33,7 +33,7 @@ def test_an_index_needs_the_samples_it_is_made_of(
 ) -> None:
     system = with_run(a_run(samples=samples), {index: threshold})
 
-    assert found(system) == ([("RARMS070", f"components.vision.apt.{index}")] if finds else [])
+    assert found(system) == ([("RARMS016", f"components.vision.apt.{index}")] if finds else [])
 
 
 def test_a_called_function_is_watched_by_its_runner() -> None:
@@ -59,7 +59,7 @@ def test_times_that_contradict_each_other() -> None:
     too_short = a_run(every="2 s", until=Elapsed(time=milliseconds("1 s")))
     cut_off = a_run(timeout="100 ms")
 
-    assert found(with_run(too_short)) == [("RARMS068", "components.vision.run.until")]
+    assert found(with_run(too_short)) == [("RARMS017", "components.vision.run.until")]
     assert found(with_run(a_run(every="1 s", until=Elapsed(time=milliseconds("1 s"))))) == []
     assert found(with_run(cut_off, {"maximum_response_time": at_most(100)})) == [
         ("RARMS069", "components.vision.run.timeout")
@@ -107,7 +107,7 @@ def test_samples_that_until_or_the_budget_forbid(run: Run, apt: dict[str, Thresh
 def test_patterns_that_are_not_re2_or_too_large(pattern: str) -> None:
     samples = Samples(source="pattern", pattern=pattern)
 
-    assert found(with_run(a_run(samples=samples))) == [("RARMS072", "components.vision.run.samples.pattern")]
+    assert found(with_run(a_run(samples=samples))) == [("RARMS017", "components.vision.run.samples.pattern")]
 
 
 def test_a_pattern_that_is_catastrophic_elsewhere_is_harmless_in_re2() -> None:

@@ -11,8 +11,8 @@ def test_memory_of_partitions() -> None:
     components = [a_component("vision"), a_component("speech")]
     both = a_partition("vision", components=["vision", "speech"], memory="768 MiB")
 
-    assert found(a_system(components=components, partitions=[both])) == [("RARMS065", "partitions.vision.memory")]
-    assert found(a_system(components=[a_component(memory="8 GiB")])) == [("RARMS066", "components.vision.memory")]
+    assert found(a_system(components=components, partitions=[both])) == [("RARMS058", "partitions.vision.memory")]
+    assert found(a_system(components=[a_component(memory="8 GiB")])) == [("RARMS061", "components.vision.memory")]
     assert found(a_system(hosts=[a_host(keep_memory="1 GiB")], components=[a_component(memory="3 GiB")])) == []
     assert found(a_system(hosts=[a_host(), BIG], components=[a_component(memory="8 GiB")])) == []
 
@@ -30,8 +30,8 @@ def test_the_memory_of_members_that_do_not_exist_is_no_second_error() -> None:
 def test_hyperv_takes_an_even_number_of_mebibytes_and_linux_all(memory: str) -> None:
     odd = [a_component(memory=memory)]
 
-    assert found(a_system(components=odd)) == [("RARMS067", "components.vision.memory")]
+    assert found(a_system(components=odd)) == [("RARMS017", "components.vision.memory")]
     assert found(a_system(hosts=[a_host(provider=ProviderKind.HYPERV)], components=odd)) == [
-        ("RARMS067", "components.vision.memory")
+        ("RARMS017", "components.vision.memory")
     ]
     assert found(a_system(hosts=[a_host(provider=ProviderKind.LINUX)], components=odd)) == []

@@ -33,9 +33,9 @@ TWO = (a_host("left"), a_host("right"))
     [
         (
             of(VISION, SPEECH, partitions=[BOTH, a_partition("speech-alone", components=["speech"])]),
-            "RARMS045 partitions.speech-alone.components.0",
+            "RARMS049 partitions.speech-alone.components.0",
         ),
-        (of(partitions=[a_partition("a", components=["vision", "vision"])]), "RARMS045 partitions.a.components.1"),
+        (of(partitions=[a_partition("a", components=["vision", "vision"])]), "RARMS049 partitions.a.components.1"),
         (
             of(ON_HOST, hosts=[ROOMY], partitions=[a_partition("watchdog")]),
             "RARMS046 partitions.watchdog.components.0",
@@ -44,7 +44,7 @@ TWO = (a_host("left"), a_host("right"))
             of(ON_HOST, a_component("vision", together=["watchdog"]), hosts=[ROOMY]),
             "RARMS046 components.vision.together.0",
         ),
-        (of(VISION, SPEECH, partitions=[a_partition("vision", components=["speech"])]), "RARMS047 partitions.vision"),
+        (of(VISION, SPEECH, partitions=[a_partition("vision", components=["speech"])]), "RARMS043 partitions.vision"),
         (of(partitions=[a_partition("eyes", components=["vision"])]), ""),
         (
             of(VISION, a_component("speech", together=["vision"], apart=["vision"])),
@@ -53,20 +53,20 @@ TWO = (a_host("left"), a_host("right"))
         (of(*CHAIN), "RARMS049 components.c.apart.0"),
         (of(a_component("a", apart=["a"])), "RARMS049 components.a.apart.0"),
         (of(VISION, VIDEO, a_component("speech", together=["vision"], apart=["video"])), ""),
-        (of(ALONE, WITH_VISION), "RARMS050 components.vision.dedicated"),
-        (of(ALONE, SPEECH, partitions=[BOTH]), "RARMS050 components.vision.dedicated"),
+        (of(ALONE, WITH_VISION), "RARMS049 components.vision.dedicated"),
+        (of(ALONE, SPEECH, partitions=[BOTH]), "RARMS049 components.vision.dedicated"),
         (of(ALONE, partitions=[a_partition("vision")]), ""),
         (
             of(VISION, a_component("speech", apart=["vision"]), partitions=[BOTH]),
-            "RARMS051 components.speech.apart.0",
+            "RARMS049 components.speech.apart.0",
         ),
-        (of(VISION, WITH_VISION, partitions=[a_partition("vision")]), "RARMS052 components.speech.together.0"),
+        (of(VISION, WITH_VISION, partitions=[a_partition("vision")]), "RARMS049 components.speech.together.0"),
         (of(VISION, WITH_VISION, partitions=[BOTH]), ""),
         (
             of(LEFT, a_component("speech", hosts=["right"], together=["vision"]), hosts=TWO),
-            "RARMS093 components.speech.together",
+            "RARMS049 components.speech.together",
         ),
-        (of(LEFT, RIGHT, hosts=TWO, partitions=[BOTH]), "RARMS093 partitions.both.components"),
+        (of(LEFT, RIGHT, hosts=TWO, partitions=[BOTH]), "RARMS049 partitions.both.components"),
     ],
 )
 def test_components_and_those_they_share_a_partition_with(system: System, expected: str) -> None:
@@ -85,6 +85,6 @@ def test_a_component_on_the_host_needs_room_there_and_has_no_partition() -> None
     assert found(a_system(components=[watchdog])) == [("RARMS058", "hosts.onboard.keep_for_host")]
     assert found(a_system(hosts=[roomy], components=[watchdog])) == []
     assert sorted(found(a_system(hosts=[roomy], components=[with_reserve]))) == [
-        ("RARMS059", "components.watchdog.cpu.reserve"),
-        ("RARMS059", "components.watchdog.dedicated"),
+        ("RARMS046", "components.watchdog.cpu.reserve"),
+        ("RARMS046", "components.watchdog.dedicated"),
     ]

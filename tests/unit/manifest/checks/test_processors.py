@@ -59,7 +59,7 @@ def test_the_detail_says_what_the_largest_host_can_promise() -> None:
         ("50 %", None, 1, []),
         ("70 %", None, 2, []),
         ("1.4 LP", 2, 1, ["RARMS063"]),
-        ("1.4 LP", 1, 1, ["RARMS078"]),
+        ("1.4 LP", 1, 1, ["RARMS060"]),
         ("1 LP", 1, 1, []),
     ],
 )
@@ -74,10 +74,10 @@ def test_a_reserve_that_threads_or_processors_cannot_use(
 def test_more_processors_than_any_host_has() -> None:
     many = a_component(processors=4)
 
-    assert found(a_system(components=[many])) == [("RARMS064", "components.vision.processors")]
+    assert found(a_system(components=[many])) == [("RARMS061", "components.vision.processors")]
     assert found(a_system(hosts=[a_host(), BIG], components=[many])) == []
     assert found(a_system(partitions=[a_partition("vision", processors=3)])) == [
-        ("RARMS064", "partitions.vision.processors")
+        ("RARMS061", "partitions.vision.processors")
     ]
 
 

@@ -13,7 +13,7 @@ def test_a_class_of_windows_is_left_alone_unless_it_is_to_be_replaced() -> None:
 
 def test_a_class_is_robotic_or_defined() -> None:
     assert found(a_system(components=[a_component(task="ObjectIdentificaton")])) == [
-        ("RARMS054", "components.vision.task")
+        ("RARMS042", "components.vision.task")
     ]
     assert 'Did you mean "ObjectIdentification"?' in details(
         a_system(components=[a_component(task="ObjectIdentificaton")])

@@ -79,14 +79,15 @@ EXAMPLES = sorted((SCHEMAS.parent / "manifests").glob("*/rarms.yaml"))
 
 
 INVALID = sorted((SCHEMAS.parent / "tests" / "cases" / "findings").glob("*/rarms.yaml"))
-BEYOND = "RARMS028"  # JSON Schema cannot say which days there are
+OF_STRUCTURE = {"RARMS015", "RARMS016", "RARMS017", "RARMS042"}
+BEYOND = "There is no such day"  # JSON Schema cannot say which days there are
 
 
 @pytest.mark.parametrize("path", INVALID, ids=lambda path: path.parent.name)
 def test_a_case_that_can_be_read_is_judged_alike(path: Path) -> None:
     read = read_text(path.read_bytes(), "rarms.yaml", str(path.parent))
     told = load_system(str(path), today=date(2026, 1, 1), checks=no_checks).diagnostics
-    wrong = {diagnostic.code for diagnostic in told if "RARMS015" <= diagnostic.code <= "RARMS040"} - {BEYOND}
+    wrong = [each for each in told if each.code in OF_STRUCTURE and BEYOND not in each.detail]
 
     if read.readable and read.value is not None:
         assert jsonschema.Draft202012Validator(manifest_schema()).is_valid(read.value) == (not wrong)

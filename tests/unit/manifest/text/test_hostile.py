@@ -70,7 +70,7 @@ def test_a_file_of_100_mb_is_not_read(tmp_path: Path) -> None:
 
     finding = load_system(str(path), today=TODAY).diagnostics[0]
 
-    assert finding.code == "RARMS003"
+    assert finding.code == "RARMS001"
     assert "more than 8 MiB" in finding.detail
 
 
@@ -92,4 +92,4 @@ def test_standard_input_is_read_up_to_the_limit() -> None:
         [sys.executable, "-c", program], cwd=FOLDER, input=b"#" * 9_000_000, capture_output=True, check=True
     )
 
-    assert done.stdout.decode().strip() == "('RARMS003', '<stdin>:1:1')"
+    assert done.stdout.decode().strip() == "('RARMS001', '<stdin>:1:1')"

@@ -79,7 +79,7 @@ def test_plan_and_doctor_say_that_it_has_no_hyperv(tmp_path: Path) -> None:
     assert planned.code == 1
     assert "its role Hyper-V is not installed" in " ".join(planned.err.split())
     assert examined.code == 2
-    assert "RARMS318" in examined.out + examined.err
+    assert "RARMS233" in examined.out + examined.err
     assert "0x8004100e" in examined.out + examined.err
 
 

@@ -165,7 +165,7 @@ def test_a_planted_and_a_damaged_journal_say_nothing() -> None:
 def test_a_reserve_that_no_cmdlet_shows_is_told() -> None:
     (told,) = findings_of(recorded("server-2022-with-strangers"), "cell")
 
-    assert (told.code, told.address) == ("RARMS161", "machine/0a1b2c3d-4e5f-4a6b-8c7d-9e0f1a2b3c44")
+    assert (told.code, told.address) == ("RARMS367", "machine/0a1b2c3d-4e5f-4a6b-8c7d-9e0f1a2b3c44")
     assert "35.5 %" in told.detail
     assert "show 35 %" in told.detail
 
@@ -173,7 +173,7 @@ def test_a_reserve_that_no_cmdlet_shows_is_told() -> None:
 def test_a_journal_that_is_not_believed_is_told() -> None:
     (told,) = findings_of(recorded("event-log-rolled-over"), "cell")
 
-    assert (told.code, told.address) == ("RARMS163", "host/cell")
+    assert (told.code, told.address) == ("RARMS190", "host/cell")
     assert "S-1-5-21-3623811015-3361044348-30300820-1013" in told.detail
     assert findings_of(recorded("empty-host"), "cell") == ()
 
