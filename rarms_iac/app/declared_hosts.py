@@ -15,8 +15,8 @@ from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.commands import MEASURE, PLAN, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
 from rarms_iac.model.host import Host, ProviderKind
-from rarms_iac.model.layout import Cause, Infeasible
-from rarms_iac.model.quantities import CpuAmount, ProcessorTime, in_processors
+from rarms_iac.model.layout import Cause, Infeasible, LookedUp
+from rarms_iac.model.quantities import in_processors
 from rarms_iac.model.shared_findings import OVER_HOST, UNUSABLE_RESERVE
 from rarms_iac.model.system import Component, Measured, RunsOn, System
 from rarms_iac.planner import planning_findings
@@ -101,21 +101,12 @@ class _AtLeast:
 
     source: ReservationSource
 
-    def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
-        answer = self.source.reservation(members, host)
-        return ProcessorTime(fixed(members, host)) if isinstance(answer, NotMeasured) else answer
-
-    def processors(self, members: tuple[Component, ...], host: Host) -> int | None:
-        return self.source.processors(members, host)
+    def look_up(self, members: tuple[Component, ...], host: Host) -> LookedUp:
+        answer = self.source.look_up(members, host)
+        return LookedUp(reservation=fixed(members, host)) if isinstance(answer, NotMeasured) else answer
 
     def depends_on(self, host: Host) -> Hashable:
         return self.source.depends_on(host)
-
-    def job_ms(self, component: str, members: tuple[Component, ...], host: Host) -> float | None:
-        return self.source.job_ms(component, members, host)
-
-    def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
-        return self.source.remarks(members, host)
 
 
 def _about_logs(
@@ -126,10 +117,10 @@ def _about_logs(
         if not problem.system.loads_of(names_of(group.members)):
             continue  # that is told already
         hosts = [problem.system.hosts[name] for name in problem.claims[group.name]]
-        answers = [(source.reservation(group.members, host), host) for host in hosts]
-        known = next((host for answer, host in answers if not isinstance(answer, NotMeasured)), None)
+        answers = [(source.look_up(group.members, host), host) for host in hosts]
+        known = next((answer for answer, _ in answers if isinstance(answer, LookedUp)), None)
         if known is not None:
-            yield from remarks_as_findings(source.remarks(group.members, known), places)
+            yield from remarks_as_findings(known.remarks, places)
             continue
         for answer, host in answers[:1]:
             assert isinstance(answer, NotMeasured)

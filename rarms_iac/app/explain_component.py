@@ -145,8 +145,8 @@ def _log_despite_fixed(partition: ExplainedPartition, host: Host) -> tuple[DataL
 def _wanted(partition: ExplainedPartition, host: Host) -> LogicalProcessors | None:
     own = partition.group.request.cpu.reserve
     if own is None or isinstance(own, Measured):
-        answer = partition.reservations.reservation(partition.group.members, host)
-        return None if isinstance(answer, NotMeasured) else in_processors(answer, host.logical_processors)
+        answer = partition.reservations.look_up(partition.group.members, host)
+        return None if isinstance(answer, NotMeasured) else answer.reservation
     return in_processors(own, host.logical_processors)
 
 

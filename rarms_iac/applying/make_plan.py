@@ -43,7 +43,7 @@ from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import quoted
 from rarms_iac.planner.desired import Desired
 from rarms_iac.planner.problem import LayoutRefused
-from rarms_iac.planner.reservations import RecordedReservations, look_up
+from rarms_iac.planner.reservations import RecordedReservations, record
 from rarms_iac.storage.finding_pages import known_codes
 from rarms_iac.storage.plan_file import identified, versions
 
@@ -182,7 +182,7 @@ def _inputs(
         versions=versions(),
         observed={name: _without_notes(state, request) for name, state in sorted(observed.items())},
         after_last_run=after_last_run,
-        reservations=() if layout is None else look_up(request.system, request.reservations),
+        reservations=() if layout is None else record(request.system, request.reservations),
         layout=None if layout is None else layout.chosen(),
     )
 

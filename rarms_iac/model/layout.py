@@ -147,14 +147,22 @@ class Cause:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LookedUp:
+    """What components in one partition need on a host."""
+
+    reservation: LogicalProcessors
+    processors: int | None = None  # virtual ones, with which they were measured together; None: not measured
+    remarks: tuple[Cause, ...] = ()  # that a log could not be verified, or is of a busy host
+    # By member: processor time of a job, in ms, on each of the processors that it uses; absent: not measured.
+    job_ms: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedAnswer:
     """What data logs say of components in one partition, on hosts for which the same logs hold."""
 
     members: tuple[str, ...]  # by name
     hosts: tuple[str, ...]  # by name
-    reservation: LogicalProcessors
-    processors: int | None  # as of `ReservationSource`
-    remarks: tuple[Cause, ...]
-    job_ms: Mapping[str, float]  # by member, as of `ReservationSource`
+    answer: LookedUp
 
 
 class RelaxationKind(Enum):

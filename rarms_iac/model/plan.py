@@ -11,7 +11,7 @@ from rarms_iac.model.claims import Claim
 from rarms_iac.model.commands import RecommendedCommand, command
 from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.host import Host
-from rarms_iac.model.layout import ChosenLayout, LookedUp, Placement
+from rarms_iac.model.layout import ChosenLayout, Placement, RecordedAnswer
 from rarms_iac.model.operations import Operation
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.state import HostFacts, RegistryValue, State, StoppedBy
@@ -229,7 +229,7 @@ class PlanInputs(PlanOrder):
     versions: Mapping[str, str]  # of rarms and what it solves with
     observed: Mapping[str, State]  # by host
     after_last_run: Mapping[str, frozenset[str] | None]  # by host that was asked: as of `PlanRequest`
-    reservations: tuple[LookedUp, ...]
+    reservations: tuple[RecordedAnswer, ...]
     layout: ChosenLayout | None  # None: nothing is laid out
 
 

@@ -13,7 +13,7 @@ from typing import Any, assert_never
 from rarms_iac.model.commands import MEASURE, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places
 from rarms_iac.model.host import Host, Mechanism
-from rarms_iac.model.layout import Cause, ChosenLayout, Infeasible, Layout, Relaxation, RelaxationKind
+from rarms_iac.model.layout import Cause, ChosenLayout, Infeasible, Layout, LookedUp, Relaxation, RelaxationKind
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts
 from rarms_iac.model.system import Disruption, Measured, System
@@ -267,7 +267,9 @@ def _remarks(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagn
         group = groups[partition.name]
         if group.request.cpu.reserve not in (None, Measured.MEASURED):
             continue
-        yield from remarks_as_findings(problem.reservations.remarks(group.members, host), places)
+        found = problem.reservations.look_up(group.members, host)
+        if isinstance(found, LookedUp):
+            yield from remarks_as_findings(found.remarks, places)
 
 
 def remarks_as_findings(remarks: Iterable[Cause], places: Places) -> Iterator[Diagnostic]:

@@ -13,7 +13,7 @@ from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.host import SCHEDULER_WINDOW_MS, Host, ProviderKind
 from rarms_iac.model.indexes import percentile_of
-from rarms_iac.model.layout import Layout, PlacedPartition
+from rarms_iac.model.layout import Layout, LookedUp, PlacedPartition
 from rarms_iac.model.loads import is_steady
 from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.run import Periodic
@@ -139,5 +139,6 @@ def _has_steady_loads(group: Group, around: _Surroundings) -> bool:
 
 def _work_ms(member: Component, group: Group, partition: PlacedPartition, around: _Surroundings) -> float | None:
     """How long a job works by its reservation; None: it was not measured."""
-    job_ms = around.problem.reservations.job_ms(member.name, group.members, around.host)
+    answer = around.problem.reservations.look_up(group.members, around.host)
+    job_ms = answer.job_ms.get(member.name) if isinstance(answer, LookedUp) else None
     return None if job_ms is None else job_ms / (partition.settings.reserve / 100)

@@ -7,8 +7,8 @@ from typing import Protocol
 
 from rarms_iac.model.achievement import ReservationVerdict
 from rarms_iac.model.host import Host
-from rarms_iac.model.layout import Cause, LookedUp
-from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, ProcessorTime, guaranteed, in_processors
+from rarms_iac.model.layout import LookedUp, RecordedAnswer
+from rarms_iac.model.quantities import LogicalProcessors, guaranteed, in_processors
 from rarms_iac.model.system import Component, Measured, System
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, Names, NotMeasured
@@ -18,55 +18,19 @@ from rarms_iac.planner.verdicts import Decision, decide, why_unknown
 class ReservationSource(Protocol):
     """Answers what components need, together in one partition, on a host."""
 
-    def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
-        """Return the reservation with which every APT of the members holds.
+    def look_up(self, members: tuple[Component, ...], host: Host) -> LookedUp | NotMeasured:
+        """Return the reservation with which every APT of the members holds, or why there is none.
 
         Args:
             members: all components of the partition, in any order.
             host: where the partition would be.
 
         Returns:
-            The reservation, or why there is none. Quick; the same question has the same answer.
-        """
-
-    def processors(self, members: tuple[Component, ...], host: Host) -> int | None:
-        """Return the virtual processors with which these were measured together.
-
-        Args:
-            members: as of `reservation`.
-            host: as of `reservation`.
-
-        Returns:
-            Their number; None: nothing was measured, or needs to be. The same question has the same answer.
+            Quick; the same question has the same answer.
         """
 
     def depends_on(self, host: Host) -> Hashable:
-        """Return what of a host the answers depend on: hosts for which this is equal have the same answers.
-
-        Args:
-            host: a host of the manifest.
-
-        Returns:
-            Anything that can be compared and hashed.
-        """
-
-    def job_ms(self, component: str, members: tuple[Component, ...], host: Host) -> float | None:
-        """Return the processor time of a job of a member, on each of the processors that it uses, in ms.
-
-        Returns:
-            None: it was not measured.
-        """
-
-    def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
-        """Return what a reader should know of an answer: that its log could not be verified, or is of a busy host.
-
-        Args:
-            members: as of `reservation`.
-            host: as of `reservation`.
-
-        Returns:
-            Notes and warnings with their codes; empty: nothing. Asked once for each partition of the chosen layout.
-        """
+        """Return what of a host the answers depend on: hosts for which this is equal have the same answers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,34 +40,14 @@ class FixedReservations:
     A component without APT and without reserve needs none. One with an APT and without a reserve is to be measured.
     """
 
-    def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
-        """Add up the members' fixed reserves.
-
-        Args:
-            members: all components of the partition.
-            host: shares of a host are of its logical processors.
-
-        Returns:
-            The sum in logical processors; `NotMeasured` where a member's reserve is to be measured.
-        """
+    def look_up(self, members: tuple[Component, ...], host: Host) -> LookedUp | NotMeasured:
+        """Add up the members' fixed reserves; `NotMeasured` where one is to be measured."""
         unknown = to_be_measured(members)
-        return NotMeasured(components=unknown) if unknown else ProcessorTime(fixed(members, host))
-
-    def processors(self, members: tuple[Component, ...], host: Host) -> None:  # noqa: ARG002 - the protocol's
-        """None: nothing was measured."""
-        return
+        return NotMeasured(components=unknown) if unknown else LookedUp(reservation=fixed(members, host))
 
     def depends_on(self, host: Host) -> Hashable:
         """Logical processors: a share is of these, and nothing else matters."""
         return host.logical_processors
-
-    def job_ms(self, component: str, members: tuple[Component, ...], host: Host) -> None:  # noqa: ARG002 - the protocol's
-        """None: nothing was measured."""
-        return
-
-    def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:  # noqa: ARG002 - the protocol's
-        """None: what the manifest fixes needs no remark."""
-        return ()
 
 
 def to_be_measured(members: Iterable[Component]) -> Names:
@@ -169,43 +113,32 @@ class MeasuredReservations:
     """The most LPs with which components that have a partition each were shown to miss in one; 0: never measured so."""
     _known: dict[Hashable, Decision] = field(default_factory=dict, compare=False, repr=False)
 
-    def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
+    def look_up(self, members: tuple[Component, ...], host: Host) -> LookedUp | NotMeasured:
         """Return the least reservation with which every APT of the members holds, by the verdict on their logs.
 
-        Args:
-            members: all components of the partition.
-            host: the host that the log must hold for.
-
         Returns:
-            The reservation in logical processors, at least what the manifest fixes; or why the verdict gives none.
+            At least what the manifest fixes; or why the verdict gives none.
         """
         if not (names := to_be_measured(members)):
-            return FixedReservations().reservation(members, host)
+            return FixedReservations().look_up(members, host)
         decision = self._decision(members, host)
         log = decision.log
         if log is None or log.least is None:
             return why_unknown(names, decision, self._logs(members, host))
-        return ProcessorTime(max(guaranteed(log.least, log.processors), fixed(members, host)))
-
-    def processors(self, members: tuple[Component, ...], host: Host) -> int | None:
-        """Those of the logs, which all have the same number."""
-        log = self._decision(members, host).log if to_be_measured(members) else None
-        return None if log is None else log.processors
+        used, cpu_ms = (
+            min(log.used or log.processors, log.processors),
+            {each.name: log.cpu_ms(each.name) for each in members},
+        )
+        return LookedUp(
+            reservation=LogicalProcessors(max(guaranteed(log.least, log.processors), fixed(members, host))),
+            processors=log.processors,
+            remarks=tuple(remark for each in self.log_of_each_load(members, host) for remark in each.remarks),
+            job_ms={name: ms / used for name, ms in cpu_ms.items() if ms is not None},
+        )
 
     def depends_on(self, host: Host) -> Hashable:
         """Processors, for what is fixed, and what data logs are compared with."""
         return host.logical_processors, self.kinds.get(host.name)
-
-    def job_ms(self, component: str, members: tuple[Component, ...], host: Host) -> float | None:
-        """As the log has it that decides."""
-        log = self._decision(members, host).log if to_be_measured(members) else None
-        cpu_ms = None if log is None else log.cpu_ms(component)
-        return None if log is None or cpu_ms is None else cpu_ms / min(log.used or log.processors, log.processors)
-
-    def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
-        """The remarks of the log of each load."""
-        logs = self.log_of_each_load(members, host) if to_be_measured(members) else ()
-        return tuple(remark for each in logs for remark in each.remarks)
 
     def verdict(self, members: tuple[Component, ...], host: Host) -> ReservationVerdict:
         """Return the verdict on the thresholds of these components together; each is worked out once.
@@ -257,43 +190,25 @@ class MeasuredReservations:
 
 @dataclass(frozen=True, slots=True)
 class RecordedReservations:
-    """Reservations that `look_up` recorded, and what the manifest fixes."""
+    """Reservations that `record` looked up, and what the manifest fixes."""
 
-    recorded: tuple[LookedUp, ...]
+    recorded: tuple[RecordedAnswer, ...]
 
-    def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
-        """Return the recorded reservation."""
-        if not (names := to_be_measured(members)):
-            return FixedReservations().reservation(members, host)
-        found = self._of(members, host)
-        return NotMeasured(components=names) if found is None else ProcessorTime(found.reservation)
-
-    def processors(self, members: tuple[Component, ...], host: Host) -> int | None:
-        """Those that were recorded."""
-        found = self._of(members, host)
-        return None if found is None else found.processors
+    def look_up(self, members: tuple[Component, ...], host: Host) -> LookedUp | NotMeasured:
+        """Return the recorded answer."""
+        if not (unknown := to_be_measured(members)):
+            return FixedReservations().look_up(members, host)
+        names = names_of(members)
+        found = (each.answer for each in self.recorded if each.members == names and host.name in each.hosts)
+        return next(found, NotMeasured(components=unknown))
 
     def depends_on(self, host: Host) -> Hashable:
         """Logical processors, and what was recorded for the host."""
         own = (number for number, each in enumerate(self.recorded) if host.name in each.hosts)
         return host.logical_processors, tuple(own)
 
-    def job_ms(self, component: str, members: tuple[Component, ...], host: Host) -> float | None:
-        """The recorded time."""
-        found = self._of(members, host)
-        return None if found is None else found.job_ms.get(component)
 
-    def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
-        """The recorded remarks."""
-        found = self._of(members, host)
-        return () if found is None else found.remarks
-
-    def _of(self, members: tuple[Component, ...], host: Host) -> LookedUp | None:
-        names = names_of(members)
-        return next((each for each in self.recorded if each.members == names and host.name in each.hosts), None)
-
-
-def look_up(system: System, reservations: ReservationSource) -> tuple[LookedUp, ...]:
+def record(system: System, reservations: ReservationSource) -> tuple[RecordedAnswer, ...]:
     """Look up the measured reservation of each partition on each host that it may be on.
 
     Returns:
@@ -305,18 +220,10 @@ def look_up(system: System, reservations: ReservationSource) -> tuple[LookedUp, 
         for host in (host for host in system.hosts.values() if group.may_run_on(host.name)):
             alike.setdefault(reservations.depends_on(host), []).append(host)
         for hosts in alike.values():
-            answer = reservations.reservation(group.members, hosts[0])
-            if isinstance(answer, ProcessorTime):
-                job_ms = {each.name: reservations.job_ms(each.name, group.members, hosts[0]) for each in group.members}
-                looked_up = LookedUp(
-                    members=names_of(group.members),
-                    hosts=tuple(sorted(host.name for host in hosts)),
-                    reservation=answer.processors,
-                    processors=reservations.processors(group.members, hosts[0]),
-                    remarks=reservations.remarks(group.members, hosts[0]),
-                    job_ms={name: ms for name, ms in job_ms.items() if ms is not None},
-                )
-                found.append(looked_up)
+            answer = reservations.look_up(group.members, hosts[0])
+            if isinstance(answer, LookedUp):
+                names = tuple(sorted(host.name for host in hosts))
+                found.append(RecordedAnswer(members=names_of(group.members), hosts=names, answer=answer))
     return tuple(found)
 
 

@@ -7,7 +7,6 @@ from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.layout import Cause, Making, PlacedPartition
 from rarms_iac.model.processor_number import ProcessorSource, processor_number
 from rarms_iac.model.quantities import (
-    CpuAmount,
     LogicalProcessors,
     ProcessorTime,
     in_processors,
@@ -146,11 +145,10 @@ def unmeasured(answer: NotMeasured, host: Host) -> Cause:
 def wanted_reserve(group: Group, host: Host, reservations: ReservationSource) -> LogicalProcessors | NotMeasured:
     """Return what a partition is to have reserved on a host, before it is rounded."""
     own = group.request.cpu.reserve
-    if isinstance(own, Measured) or own is None:
-        answer: CpuAmount | NotMeasured = reservations.reservation(group.members, host)
-    else:
-        answer = own
-    return answer if isinstance(answer, NotMeasured) else in_processors(answer, host.logical_processors)
+    if not (isinstance(own, Measured) or own is None):
+        return in_processors(own, host.logical_processors)
+    answer = reservations.look_up(group.members, host)
+    return answer if isinstance(answer, NotMeasured) else answer.reservation
 
 
 def _processors(group: Group, host: Host, reservations: ReservationSource) -> int:
@@ -158,7 +156,8 @@ def _processors(group: Group, host: Host, reservations: ReservationSource) -> in
     found = processor_number(group.members, group.request.processors, host.logical_processors)
     if found.source is ProcessorSource.MANIFEST:
         return found.number
-    return reservations.processors(group.members, host) or found.number
+    answer = reservations.look_up(group.members, host)
+    return found.number if isinstance(answer, NotMeasured) else answer.processors or found.number
 
 
 def _quota_period(group: Group, host: Host, limit: int, processors: int) -> int | None:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib import metadata
-from typing import Any, ClassVar, Literal, cast
+from typing import Any, Literal, cast
 
 from rarms_iac.model.commands import PLAN_OUT, Wording, prose
 from rarms_iac.model.diagnostics import Finding
@@ -33,24 +33,11 @@ _WITH_THIS_VERSION = prose("Make the plan again with this version of rarms: ", P
 class PlanFileError(Exception):
     """The file is not a plan that may be applied; `message` tells what it is instead, `advice` what to do."""
 
-    finding: ClassVar[Finding]
-
-    def __init__(self, message: str, advice: Wording) -> None:
+    def __init__(self, message: str, advice: Wording, finding: Finding = UNREADABLE) -> None:
         super().__init__(message)
         self.message = message
         self.advice = advice
-
-
-class PlanUnreadable(PlanFileError):
-    """It is not a plan, or one of another version of rarms."""
-
-    finding = UNREADABLE
-
-
-class AnotherPlan(PlanFileError):
-    """Its inputs do not make the plan whose id it has."""
-
-    finding = ANOTHER_PLAN
+        self.finding = finding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,31 +152,31 @@ def decode_plan_file(data: bytes) -> PlanFile:
     """Return the content of a plan file.
 
     Raises:
-        PlanUnreadable: it is not one, or another version of rarms wrote it.
+        PlanFileError: it is not one, or another version of rarms wrote it.
     """
     advice = prose("Give a file that ", PLAN_OUT, " wrote.")
     try:
         document = parse_json(data.decode("utf-8-sig"))
     except ValueError as error:
-        raise PlanUnreadable("it is not a plan file: not JSON", advice) from error
+        raise PlanFileError("it is not a plan file: not JSON", advice) from error
     if not isinstance(document, dict) or "format_version" not in document:
-        raise PlanUnreadable("it is not a plan file", advice)
+        raise PlanFileError("it is not a plan file", advice)
     if document["format_version"] != FORMAT:
-        raise PlanUnreadable(
+        raise PlanFileError(
             f"it is of the format {quoted(document['format_version'])}, and this rarms reads {FORMAT}",
             _WITH_THIS_VERSION,
         )
     try:
         file = decode(PlanFile, document)
     except NotDecodable as error:
-        raise PlanUnreadable(str(error), _WITH_THIS_VERSION) from error
+        raise PlanFileError(str(error), _WITH_THIS_VERSION) from error
     own = file.inputs.versions.get("rarms", "")
     if own != __version__:
-        raise PlanUnreadable(f"rarms {quoted(own)} made it, and this is rarms {__version__}", _WITH_THIS_VERSION)
+        raise PlanFileError(f"rarms {quoted(own)} made it, and this is rarms {__version__}", _WITH_THIS_VERSION)
     return file
 
 
-def another_plan(file: PlanFile, message: str) -> AnotherPlan:
+def another_plan(file: PlanFile, message: str) -> PlanFileError:
     """Return the error for a file that does not make its plan, with the versions that differ from those here."""
     there, here = file.inputs.versions, versions()
     differing = [
@@ -198,4 +185,4 @@ def another_plan(file: PlanFile, message: str) -> AnotherPlan:
         if there.get(name) != here.get(name)
     ]
     made_with = f"it was made with {in_a_row(differing)}" if differing else "it was edited"
-    return AnotherPlan(f"{message}: {made_with}", prose("Make the plan again: ", PLAN_OUT, "."))
+    return PlanFileError(f"{message}: {made_with}", prose("Make the plan again: ", PLAN_OUT, "."), ANOTHER_PLAN)

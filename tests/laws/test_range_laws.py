@@ -9,7 +9,6 @@ from typing import Any, NewType, get_args, get_type_hints
 import pytest
 
 from rarms_iac.model.journal import RunClosed, RunStarted, ScriptStarted, StepRecorded
-from rarms_iac.model.plan import Plan
 from rarms_iac.model.series import Sample
 from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.model.state import State
@@ -18,10 +17,11 @@ from rarms_iac.providers.simulated.content import Content
 from rarms_iac.storage.codec import NotDecodable, decoder_of_field, has_numbers
 from rarms_iac.storage.datalog.decisions import Chosen, Proven, TuningRun
 from rarms_iac.storage.datalog.log import Header, Provenance, Remeasurement
+from rarms_iac.storage.plan_file import PlanFile
 from rarms_iac.storage.ranges import RANGES, range_of
 
 READ = (
-    *(State, Plan, RunStarted, StepRecorded, RunClosed, ScriptStarted, HostObservation, Content),
+    *(State, PlanFile, RunStarted, StepRecorded, RunClosed, ScriptStarted, HostObservation, Content),
     *(Header, Provenance, Remeasurement, SettingEvidence, Chosen, Proven, TuningRun),
     Sample,
 )

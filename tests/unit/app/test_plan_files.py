@@ -137,7 +137,10 @@ def swapped(document: dict[str, Any]) -> None:
         (lambda document: document["inputs"]["texts"].clear(), "no plan can be made of it"),
         (lambda document: document["inputs"]["observed"].update(four=document["inputs"]["observed"]["one"]), "no plan"),
         (lambda document: document["inputs"]["observed"]["one"]["serials"].update(fleet=3), "and was written for"),
-        (lambda document: document["inputs"]["reservations"][0].update(reservation="11/10"), "its layout does not"),
+        (
+            lambda document: document["inputs"]["reservations"][0]["answer"].update(reservation="11/10"),
+            "its layout does not",
+        ),
         (lambda document: document.update(id="0" * 12), "and was written for plan"),
     ],
 )
