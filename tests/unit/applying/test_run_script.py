@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import pytest
 
@@ -26,9 +25,9 @@ from rarms_iac.providers.interface import (
     WaitLimits,
 )
 from tests.builders_plan import facts
+from tests.cases.situations import CASES, made
 from tests.unit.powershell.plans import rendered_plan
 
-CASES = Path(__file__).parents[2] / "cases"
 ORDER = ScriptJob(
     run=RunKind.APPLY, plan="0123456789ab", script=ScriptBundle(runs="x.ps1", files={"x.ps1": ""}), earlier={}
 )
@@ -209,7 +208,9 @@ def test_finishing_counts_what_an_earlier_run_changed() -> None:
 
 def test_undo_script_names_foreign_values() -> None:
     """A host's script was written when the plan was made: its head has them, and it can leave out no step."""
-    script = (CASES / "changed-by-hand" / "onboard.undo.ps1").read_text(encoding="ascii")
+    plan = made(CASES / "changed-by-hand").plan
+    assert plan is not None
+    script = plan.hosts[0].scripts["onboard.undo.ps1"]
     started = ScriptStarted(
         run=RunKind.APPLY,
         plan="a",
