@@ -88,9 +88,6 @@ class KnownSettings:
         """Join the runs of a reservation that was measured.
 
         NOTE: once, since estimates are kept with the samples that they are made of.
-
-        Args:
-            reserve: the CR in per cent of P1's own processors.
         """
         if reserve not in self.joined:
             self.joined[reserve] = self.joined_with(reserve)
@@ -100,7 +97,6 @@ class KnownSettings:
         """Join the runs of a reservation with more.
 
         Args:
-            reserve: the CR in per cent of P1's own processors.
             more: runs that are not recorded yet.
         """
         runs = [run for run in self.runs if run.reserve == reserve]
@@ -111,7 +107,6 @@ class KnownSettings:
         """Sum the host's time that was spent on a reservation before.
 
         Args:
-            reserve: the CR in per cent of P1's own processors.
             seed: of the run that follows: a simulated host goes through the time of the same seed again.
 
         Returns:

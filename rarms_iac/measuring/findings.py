@@ -125,7 +125,6 @@ def failed_samples(failed: TooManyFailures, setting: str, places: Places, **valu
     """Make the finding that more samples failed than a component allows.
 
     Args:
-        failed: The verdict.
         setting: The setting or the layout, in words.
     """
     component, count = failed.component, len(failed.failures)
@@ -538,9 +537,6 @@ def work_of_settings(experiment: Experiment, settings: Sequence[Setting], places
 
 def unused_time(series_at: Mapping[int, Sequence[Series]]) -> float | None:
     """Return the processor time for each unit of response time of a component that only waits.
-
-    Args:
-        series_at: Series of one component, by the reserve of the setting.
 
     Returns:
         Less than `LEAST_USE`; None: it used more, a series has no `cpu_ms`, fewer than two reserves were measured, or

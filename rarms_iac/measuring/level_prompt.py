@@ -75,18 +75,10 @@ class LevelPrompt(Protocol):
         """
 
     def refused(self, problem: RequestError | UseCaseError) -> None:
-        """Tell why the level that was given cannot be had; the same component is asked again.
-
-        Args:
-            problem: with its findings, or a sentence.
-        """
+        """Tell why the level that was given cannot be had; the same component is asked again."""
 
     def written(self, outcome: Selection) -> None:
-        """Tell what follows from the level, which now stands in the manifest.
-
-        Args:
-            outcome: with the file that was written.
-        """
+        """Tell what follows from the level, which now stands in the manifest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -153,7 +153,6 @@ def ask_robot(
     """Have a robot do an experiment, and return the encoded result of its use case.
 
     Args:
-        listener: names the robot, and hears what it reports.
         command: `measure`, `tune`, `prove` or `run`.
         components: names of the components whose files must be equal on both sides.
         loads: names of the loads whose files must be equal on both sides.

@@ -133,9 +133,6 @@ def load_share(resources: MeasuringResources, setup: EnvironmentSetup, reserve: 
     kept for the host, it is part of the rest: in service the host may use it. Were it free, P1 would get a share of it
     here, and need more than was measured there. On Linux a limit keeps it from both.
 
-    Args:
-        reserve: the CR of P1, in per cent of its own processors.
-
     Returns:
         None: the host cannot give P1 so much.
     """

@@ -80,7 +80,6 @@ def shortfall_at(reserve: ReservePercent, settings: Iterable[Setting], experimen
     Strict, and with the error of a verdict, as a report judges a setting.
 
     Args:
-        reserve: the CR in per cent.
         experiment: its members say which thresholds.
 
     Returns:

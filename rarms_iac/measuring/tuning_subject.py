@@ -321,9 +321,6 @@ class Experiments:
     def worse(self, members: Members, reserve: ReservePercent) -> frozenset[str]:
         """Run this setting, unless its answer is known.
 
-        Args:
-            reserve: whole per cent of each of P1's processors.
-
         Returns:
             Those that were not shown to meet all their thresholds; none: it is enough.
 
@@ -387,7 +384,6 @@ def worse_on_the_curve(experiment: Experiment, settings: Sequence[Setting], rese
     Args:
         experiment: The members with their thresholds.
         settings: What was measured of them together.
-        reserve: The CR in question, in per cent of P1's processors.
 
     Returns:
         Names; none: all meet theirs.

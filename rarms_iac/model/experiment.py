@@ -33,11 +33,7 @@ class Budget:
     spent_ms: Mapping[ReservePercent, float] = field(default_factory=dict)  # beside these, by CR
 
     def at(self, reserve: ReservePercent) -> float:
-        """Return what the loads before leave of it at a reservation, in ms.
-
-        Args:
-            reserve: the CR in per cent of P1's own processors.
-        """
+        """Return what the loads before leave of it at a reservation, in ms."""
         return max(self.least_ms, self.most_ms - self.spent_ms.get(reserve, 0.0))
 
 
@@ -93,11 +89,7 @@ class Experiment(OutputText):
         return {member.name: member.apt for member in self.members}
 
     def with_processors(self, found: ProcessorNumber) -> "Experiment":
-        """Return the experiment with another number of virtual processors.
-
-        Args:
-            found: the number, with its source.
-        """
+        """Return the experiment with another number of virtual processors."""
         setup, limit = self.setup, self.setup.limit
         if limit < WHOLE:
             limit = min(WHOLE, -(-limit * setup.processors // found.number))
@@ -111,9 +103,6 @@ def experiments_of(
     """List the experiments with these components together in P1, one a load; the loads share the budget of a setting.
 
     Args:
-        system: as of `experiment_of`.
-        host: as of `experiment_of`.
-        members: as of `experiment_of`.
         interferences: names of `interference`, each once.
         samples: how many of each component; None: as its `run.until` says.
 
@@ -134,10 +123,6 @@ def experiment_of(
     """The experiment with these components together in P1; what a partition of just these asks for stands.
 
     Args:
-        system: names the components and the interference.
-        host: where it is to be.
-        members: in any order.
-        interference: a name of `interference`.
         used: how many processors components were seen to use at once.
 
     Returns:

@@ -49,8 +49,6 @@ def crossings_of(history: Sequence[SearchTrial], goal: Goal, failed: int, passed
     Args:
         history: the settings so far, with their verdicts.
         goal: every index of every member is asked on its own.
-        failed: CR in per cent.
-        passed: CR in per cent.
 
     Returns:
         One for each index of which the settings tell anything.

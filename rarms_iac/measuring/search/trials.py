@@ -195,7 +195,6 @@ def done_share(series: Series, reserve: ReservePercent, run: Run, host_ms: float
 
     Args:
         series: of one member, with a sample at least.
-        reserve: the CR of the setting in per cent.
         host_ms: the host's time that the setting took so far.
         goal: says its budget, and whether it ends at `run.until`.
 
@@ -352,9 +351,6 @@ def bracket_of(history: Sequence[SearchTrial], goal: Goal) -> Bracket | NotAchie
 def settings_below(history: Sequence[SearchTrial], reserve: ReservePercent) -> tuple[int | None, tuple[int, ...]]:
     """Find the highest lower setting that failed (None: none did), and those above it that have no steady state.
 
-    Args:
-        reserve: a CR in per cent.
-
     Returns:
         The CR that failed, and the ascending CRs without a steady state.
     """
@@ -367,9 +363,6 @@ def settings_below(history: Sequence[SearchTrial], reserve: ReservePercent) -> t
 
 def sufficient(history: Sequence[SearchTrial], reserve: ReservePercent) -> Sufficient:
     """Conclude that this CR, which passed, is enough, with what is known of less.
-
-    Args:
-        reserve: the CR in per cent.
 
     Returns:
         The conclusion.

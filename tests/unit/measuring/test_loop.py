@@ -86,16 +86,6 @@ def test_no_search_takes_more_settings_than_there_may_be_and_the_answer_is_what_
         assert ended.conclusion.more_settings == max(1, min(most, below))
 
 
-def test_the_papers_walk_ends_at_the_first_ten_that_is_not_worse(bench: Bench) -> None:
-    ended = bench.measure(bench.search("paper"))
-
-    assert ended.conclusion == Sufficient(reserve=50, failed=40)
-    assert bench.recorded == [10, 20, 30, 40, 50]
-    assert [setting.beside for setting in ended.settings] == [90, 80, 70, 60, 50]
-    assert bench.ran == [10, 20, 30, 40, 50]
-    assert bench.machines == []
-
-
 def test_a_search_finds_a_whole_per_cent_with_a_measured_fail_below(bench: Bench) -> None:
     ended = bench.measure()
 

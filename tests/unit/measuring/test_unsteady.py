@@ -19,7 +19,6 @@ from rarms_iac.model.setting import Setting
 from rarms_iac.providers.simulated.measuring import Simulate
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
-from rarms_iac.statistics.curves import curves_of, least_reserve
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.fluid import fluid
 from tests.unit.measuring.bench import Bench
@@ -122,13 +121,3 @@ def test_quick_jobs_that_have_a_processor_for_themselves_at_first_are_not_believ
     assert ended.conclusion.reserve >= 35
     lower = [setting for setting in ended.settings if setting.reserve < 30]
     assert all(isinstance(shortfall_at(setting.reserve, ended.settings, experiment), Missed) for setting in lower)
-
-
-@pytest.mark.parametrize("limit", [28, 100])
-def test_a_plan_reserves_what_the_search_found(limit: int, tmp_path: Path) -> None:
-    experiment = an_experiment("15 ms", "10 %", limit)
-    ended = searched(experiment, tmp_path, NEAR if limit == 28 else FIRST)
-    apts = {"coi": experiment.members[0].apt}
-
-    assert isinstance(ended.conclusion, Sufficient)
-    assert least_reserve(curves_of(ended.settings, experiment.runs, apts)) == ended.conclusion.reserve

@@ -18,6 +18,7 @@ from rarms_iac.measuring.search.trials import (
     judge_settings,
     settings_below,
 )
+from rarms_iac.measuring.strategies import Sweep, reserves_of
 from rarms_iac.model.outcomes import WIDTH, Measure, Missed, NotAchievable, NotResolved, SearchDecision, Sufficient
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Periodic, SampleCount
@@ -207,3 +208,9 @@ def test_a_member_that_misses_fails_a_setting_with_any_others() -> None:
 
     assert the_trial(Setting(reserve=45, series=(rising, slow)), goal).failed
     assert the_trial(Setting(reserve=45, series=(rising, quick)), goal).inconclusive
+
+
+def test_a_coarse_curve_is_clipped_to_what_the_host_can_give() -> None:
+    assert reserves_of(Sweep(), 100) == (10, 20, 30, 40, 50, 60, 70, 80, 90, 100)
+    assert reserves_of(Sweep(), 47) == (10, 20, 30, 40, 47)
+    assert reserves_of(Sweep(), 0) == (10,), "a setting that the host refuses, with its reason"

@@ -6,14 +6,14 @@ from fractions import Fraction
 import pytest
 
 from rarms_iac.manifest.text.positions import FirstLine
-from rarms_iac.measuring.findings import findings_of
+from rarms_iac.measuring.findings import findings_of, work_of_settings
 from rarms_iac.model.experiment import Experiment, experiment_of
 from rarms_iac.model.outcomes import NotAchievable, NotResolved, Sufficient
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Periodic
 from rarms_iac.model.series import Sample, Series
-from rarms_iac.model.setting import Setting
+from rarms_iac.model.setting import Setting, SettingEvidence
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series, a_setting
 
@@ -200,3 +200,27 @@ def test_fixed_processors_that_are_not_used_are_noted_with_what_fewer_would_save
 
     assert [diagnostic.code for diagnostic in found] == codes
     assert all("1.08 LP, and would be 0.54 LP with 1" in diagnostic.detail for diagnostic in found)
+
+
+def setting(reserve: int, response_ms: float, cpu_ms: float) -> Setting:
+    """Ten jobs with this response time each, and the processor time of all of them."""
+    samples = [Sample(began_ms=at * 100.0, response_ms=response_ms, successful=True) for at in range(10)]
+    series = Series(component="vision", samples=samples, elapsed_ms=1000.0, cpu_ms=cpu_ms)
+    return Setting(reserve=reserve, series=(series,), evidence=SettingEvidence(elapsed_ms=1000.0))
+
+
+@pytest.mark.parametrize(
+    ("settings", "found"),
+    [
+        ((setting(20, 100.0, 0.0), setting(80, 100.0, 0.0)), True),
+        ((setting(20, 100.0, 0.9), setting(80, 105.0, 0.9)), True),
+        ((setting(20, 100.0, 1.1), setting(80, 100.0, 1.1)), False),  # more than 1 ms a second
+        ((setting(20, 100.0, 0.0), setting(80, 50.0, 0.0)), False),  # a reservation helps
+        ((setting(20, 100.0, 0.0),), False),
+    ],
+)
+def test_waiting_without_processor_time_is_a_warning(settings: tuple[Setting, ...], found: bool) -> None:
+    told = list(work_of_settings(EXPERIMENT, settings, FirstLine("")))
+
+    assert [diagnostic.code for diagnostic in told] == ["RARMS393"] * found
+    assert all("the same at 20 % and at 80 % of its VPs" in diagnostic.detail for diagnostic in told)
