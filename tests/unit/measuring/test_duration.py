@@ -180,13 +180,13 @@ def test_the_rest_follows_from_the_settings_so_far_though_the_host_is_simulated(
     ]
 
 
-def test_a_data_log_is_the_same_on_a_slow_machine(tmp_path: Path) -> None:
+def test_recorded_settings_are_equal_on_a_slow_machine(tmp_path: Path) -> None:
     logs = []
     for speed in (0.1, 70.0):
         folder, times = tmp_path / str(speed), WallTimes(clock=clock_of(speed).__next__)
-        Bench(folder, experiment("vision")).measure(Sweep(reserves=(40, 50)), wall_times=times)
-        (log,) = folder.glob("logs/*")
-        logs.append(log.read_bytes())
+        bench = Bench(folder, experiment("vision"))
+        bench.measure(Sweep(reserves=(40, 50)), wall_times=times)
+        logs.append(bench.book.known.runs)
 
     assert logs[0] == logs[1]
 
