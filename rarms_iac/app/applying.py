@@ -60,7 +60,7 @@ def apply(
     A plan of several hosts that was interrupted goes on where it stopped. No question is asked.
 
     Args:
-        plan: as `planning.plan` made it, or as `files.read_plan_file` read it.
+        plan: as `planning.plan` made it, or as `plan_files.read_plan_file` read it.
         folder: what simulated hosts lie below; None: the folder of the manifest that the plan names.
         waits: how long to wait for a held host, and for the next word of a host's script.
         control: hears of each step, and is asked after each whether to stop; the run can be finished later.

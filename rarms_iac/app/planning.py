@@ -66,7 +66,7 @@ def plan(hosts: Hosts, request: PlanRequest | None = None) -> Plan:
         request: what it is for, and how far it may go, made of `plan_request`; None: all that the manifest asks for.
 
     Returns:
-        A plan that `applying.apply` can do, or that `files.write_plan_file` writes; it may have no changes.
+        A plan that `applying.apply` can do, or that `plan_files.write_plan_file` writes; it may have no changes.
 
     Raises:
         UseCaseError: a host cannot be read (failed), is busy or has an unfinished run (refused), or what the manifest

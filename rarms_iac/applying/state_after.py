@@ -7,7 +7,6 @@ from typing import assert_never
 from rarms_iac.diff.claims import NO_CLAIM, claim_of
 from rarms_iac.model.capacity import foreign_claims
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Update
-from rarms_iac.model.claims import Claim
 from rarms_iac.model.state import Partition, State
 from rarms_iac.model.totals import Totals, totals_of
 
@@ -56,11 +55,12 @@ def totals_after(observed: State, application: str, changes: Sequence[Change], n
         and otherwise not at all.
     """
     own = partitions_after(observed, application, changes)
-    return promised(own, others_after(observed, application, changes), named)
-
-
-def others_after(observed: State, application: str, changes: Sequence[Change]) -> tuple[Claim, ...]:
-    """List the claims of machines that are not this application's once the changes are made."""
+    claims = [claim_of(partition) for partition in own]
+    idle = [
+        partition.claim
+        for partition, claim in zip(own, claims, strict=True)
+        if claim == NO_CLAIM and partition.mark and partition.mark.name in named
+    ]
     taken = {change.before.id for change in changes if isinstance(change, Adopt)}
     strangers = [
         machine
@@ -68,15 +68,5 @@ def others_after(observed: State, application: str, changes: Sequence[Change]) -
         if machine.id not in taken and (machine.mark is None or machine.mark.application != application)
     ]
     released = [replace(change.before, mark=None) for change in changes if isinstance(change, Release)]
-    return foreign_claims(replace(observed, partitions=(*strangers, *released)), application)
-
-
-def promised(own: Sequence[Partition], others: Sequence[Claim], named: Collection[str]) -> Totals:
-    """Add up what a host has promised, with `own` partitions and claims of others, as `totals_after` does."""
-    claims = [claim_of(partition) for partition in own]
-    idle = [
-        partition.claim
-        for partition, claim in zip(own, claims, strict=True)
-        if claim == NO_CLAIM and partition.mark and partition.mark.name in named
-    ]
+    others = foreign_claims(replace(observed, partitions=(*strangers, *released)), application)
     return totals_of(claims, others, idle)

@@ -14,7 +14,7 @@ from rarms_iac.model.system import Disruption
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostContext:
-    """The host, and what only some changes need: what its steps depend on beside the changes themselves."""
+    """The host, and what only some changes need: what its steps depend on besides the changes."""
 
     facts: HostFacts
     guest_builds: Mapping[str, int] = field(default_factory=dict)  # by id of a machine: of its Windows; absent: unknown
@@ -46,23 +46,12 @@ class StepBudget:
     remaining: Mapping[str, str] = field(default_factory=dict)  # by partition: another host, where the plan leaves it
 
     def fits(self, claims: Iterable[Claim]) -> bool:
-        """Whether these claims of managed partitions fit the host beside the foreign ones.
+        """Tell whether these claims of managed partitions fit the host together with the foreign ones.
 
-        Args:
-            claims: of managed partitions, at most one each.
-
-        Returns:
-            False also where it is unknown whether virtual processors find logical ones (`model.capacity.fits`).
+        It is False also if it is unknown whether virtual processors find logical ones (`model.capacity.fits`).
         """
         return fits(self.capacity, (*self.foreign, *claims))
 
     def rank(self, partition: str) -> tuple[int, str]:
-        """Return what sorts partitions by criticality, the least critical first, then by name.
-
-        Args:
-            partition: its name; one without a known criticality counts as 0.
-
-        Returns:
-            Criticality and name.
-        """
+        """Return criticality, 0 if it is not known, and name: the least critical is sorted first."""
         return self.criticality.get(partition, 0), partition

@@ -1,5 +1,6 @@
 """With a key, only what was planned with it is done."""
 
+import json
 import os
 from pathlib import Path
 
@@ -80,6 +81,23 @@ def test_a_plan_without_a_fitting_signature_is_refused(
     assert "error[RARMS341]" in of_another_key.err
     monkeypatch.setenv(VARIABLE, "short")
     assert rarms("apply", signed).code == 64
+
+
+def test_the_signature_covers_the_whole_file(robot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also what changes nothing that the plan does."""
+    plan = tmp_path / "some.plan"
+    monkeypatch.setenv(VARIABLE, KEY)
+    assert rarms("plan", "-f", str(robot), "--out", str(plan)).code == 0
+    document = json.loads(plan.read_bytes())
+    document["inputs"]["texts"][0]["lines"][-1] += "# checked"
+    plan.write_text(json.dumps(document), encoding="utf-8")
+
+    refused = rarms("apply", str(plan))
+    monkeypatch.delenv(VARIABLE)
+    done = rarms("apply", str(plan))
+
+    assert (refused.code, done.code) == (3, 0)
+    assert "error[RARMS341]" in refused.err
 
 
 @pytest.mark.parametrize("words", [("-f", "{manifest}", "--auto-approve"), ("{plan}",)])
