@@ -23,7 +23,6 @@ from rarms_iac.model import commands
 from rarms_iac.storage import disk
 from tests.crashing import Crash, CrashingDisk, When
 from tests.files import copy_files
-from tests.fluid import without_scheduler
 from tests.measuring import leave_logs, rewrite_log, with_weak_load
 from tests.needs import CHECKOUT
 from tests.unit.cli.running import rarms
@@ -747,13 +746,6 @@ def id_of_vision() -> str:
     machines = json.loads(Path(".rarms/hosts/onboard.json").read_text(encoding="utf-8"))["content"]["machines"]
     (found,) = (key for key, machine in machines.items() if machine["settings"]["name"] == "vision")
     return str(found)
-
-
-@pytest.fixture(autouse=True)
-def quick_simulation() -> Iterator[None]:
-    """What is recommended depends on the situation, and not on what a scheduler does."""
-    with without_scheduler():
-        yield
 
 
 DONE: set[tuple[str, Files]] = set()

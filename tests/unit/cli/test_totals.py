@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.fluid import without_scheduler
 from tests.unit.cli.running import rarms
 
 HEAD = "schema: rarms/v1\napplication: { name: robot }\n"
@@ -61,7 +62,7 @@ MANIFESTS = {
 @pytest.mark.parametrize("manifest", MANIFESTS.values(), ids=MANIFESTS)
 def test_every_command_counts_what_is_placed(manifest: str, tmp_path: Path) -> None:
     (tmp_path / "rarms.yaml").write_text(HEAD + manifest, encoding="utf-8")
-    with chdir(tmp_path):
+    with chdir(tmp_path), without_scheduler():
         measured = rarms("measure", "--samples", "60", "--on-busy-host")
         text = " ".join(rarms("plan").out.split())
         applied = rarms("apply", "--auto-approve")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.fluid import without_scheduler
 from tests.unit.cli.running import rarms
 from tests.unit.measuring.test_measure import MANIFEST, write
 
@@ -48,7 +49,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A measured robot, and a component that was not measured."""
     folder = tmp_path_factory.mktemp("robot")
     write(folder, MANIFEST)
-    with chdir(folder):
+    with chdir(folder), without_scheduler():
         assert rarms("measure", "--samples", "60").code == 0
     return folder
 

@@ -82,8 +82,8 @@ def here(measured: Path, tmp_path: Path) -> Iterator[Path]:
 def test_it_does_not_fit_is_tuned_and_fits(tmp_path: Path) -> None:
     """With the scheduler: in the fluid model a compound needs exactly what its neediest part does."""
     (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    leave_logs(tmp_path, {"vision": 50, "paths": 32, "video": 28})
     with chdir(tmp_path):
-        assert rarms("measure", "--samples", "400").code == 0
         before = rarms("plan")
         declined = rarms("tune", "--samples", "60", "--dry-run", "--json")
         tuned = rarms("tune", "--samples", "60")
@@ -145,8 +145,8 @@ def test_what_tuning_finds_is_what_a_plan_reserves(tmp_path: Path) -> None:
     )
     manifest = manifest.replace("work: 20 ms, varies: 2 %", "work: 60 ms, blocked: 10 ms, varies: 25 %")
     (tmp_path / "rarms.yaml").write_text(manifest, encoding="utf-8", newline="\n")
+    leave_logs(tmp_path, {"vision": 56, "paths": 40, "video": 38})
     with chdir(tmp_path):
-        assert rarms("measure", "--samples", "400").code == 0
         found = json.loads(rarms("tune", "--samples", "400", "--json").out)["run"]
 
     assert found["ending"] == "successful"

@@ -1,8 +1,6 @@
 """What the page sends and is answered: work, its command and its end; levels that are shown and written; refusals."""
 
 import json
-import subprocess
-import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -11,8 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.storage import disk
 from rarms_iac.storage.lock import hold
 from rarms_iac.studio.actions import ACTIONS, MeasureAction, ProveAction, TuneAction
+from tests.crashing import Crash, CrashingDisk
+from tests.fluid import without_scheduler
 from tests.needs import CHECKOUT
 from tests.unit.cli.running import rarms
 from tests.unit.studio.studio_client import TIGHT, Client, studio
@@ -120,7 +121,8 @@ def test_a_level_is_shown_as_a_difference_and_written_onto_the_text_that_was_sho
 
 def test_levels_of_a_way_out_are_shown_and_written_together_or_not_at_all(client: Client, folder: Path) -> None:
     (folder / "rarms.yaml").write_text(TIGHT, encoding="utf-8", newline="\n")
-    assert rarms("measure", "-f", str(folder)).code == 0
+    with without_scheduler():
+        assert rarms("measure", "-f", str(folder)).code == 0
     way = [{**LEVEL, "component": "speech", "level": "60 ms"}, {**LEVEL, "component": "talk", "level": "70 ms"}]
     for level in way:
         alone = client.post("levels", {"levels": [level]}).data
@@ -230,13 +232,15 @@ def test_a_plan_that_was_applied_in_a_terminal_is_no_longer_offered(client: Clie
 
 
 def left_by_a_killed_measurement(folder: Path) -> None:
-    """What a measurement needs on the host, and the name of its process in the lock."""
-    words = ("measure", "control", "--from", "50%", "--to", "50%", "-f", str(folder))
-    for at in range(20, 200, 10):
-        subprocess.run([sys.executable, "-m", "tests.crashing", str(at), "before", *words], cwd=CHECKOUT)
-        if "test partition" in rarms("status", "-f", str(folder)).out:
-            return
-    raise AssertionError("no kill left a test partition")
+    """What a measurement needs on the host."""
+    killed(30, "measure", "control", "--from", "50%", "--to", "50%", "-f", str(folder))
+    assert "test partition" in rarms("status", "-f", str(folder)).out
+
+
+def killed(at: int, *words: str) -> None:
+    """Run a command that ends without clean-up at its effect of this number."""
+    with disk.use(CrashingDisk(at)), pytest.raises(Crash):
+        rarms(*words)
 
 
 def test_a_measurement_that_runs_in_a_terminal_is_not_taken_for_one_that_was_cut_off(
@@ -256,8 +260,7 @@ def test_a_measurement_that_runs_in_a_terminal_is_not_taken_for_one_that_was_cut
 
 
 def test_an_apply_that_runs_in_a_terminal_is_not_offered_to_be_finished(client: Client, folder: Path) -> None:
-    words = ("apply", "--auto-approve", "-f", str(folder))
-    subprocess.run([sys.executable, "-m", "tests.crashing", "70", "before", *words], cwd=CHECKOUT)
+    killed(70, "apply", "--auto-approve", "-f", str(folder))
     assert 'data-action="finish"' in client.get().text
 
     with hold(folder / ".rarms" / "hosts" / "onboard.lock", "ann@lab, process 7"):
