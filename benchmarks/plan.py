@@ -10,7 +10,7 @@ from benchmarks.timing import Figure, command, consumed, median_ratio, report, s
 from rarms_iac.cli.main import main as rarms
 from rarms_iac.storage import disk
 from tests.crashing import CrashingDisk
-from tests.fleet import manifest
+from tests.robots import fleet_manifest
 
 COMPONENTS = 1_000
 ROUNDS = 5
@@ -23,7 +23,7 @@ TIMES_VALIDATE = 3.0
 def applied(folder: Path) -> str:
     """The path of the manifest, which is applied; nothing is flushed, since no power will fail."""
     path = folder / "rarms.yaml"
-    path.write_text(manifest(COMPONENTS), encoding="utf-8", newline="\n")
+    path.write_text(fleet_manifest(COMPONENTS), encoding="utf-8", newline="\n")
     said = io.StringIO()
     with redirect_stdout(said), redirect_stderr(said), disk.use(CrashingDisk(0)):
         code = rarms(["apply", "-f", str(path), "--auto-approve"])
@@ -36,7 +36,7 @@ def untouched(folder: Path) -> str:
     """The path of the same manifest, of which nothing is applied."""
     path = folder / "untouched" / "rarms.yaml"
     path.parent.mkdir(exist_ok=True)
-    path.write_text(manifest(COMPONENTS), encoding="utf-8", newline="\n")
+    path.write_text(fleet_manifest(COMPONENTS), encoding="utf-8", newline="\n")
     return str(path)
 
 

@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 from benchmarks.timing import Figure, command, interleaved, median_ratio, report
-from tests.fleet import manifest
+from tests.robots import fleet_manifest
 
 ROUNDS = 31
 RICH = "import rich.console, rich.table, rich.text, rich.segment, rich.cells"
@@ -19,7 +19,7 @@ def main() -> int:
     rarms = str(Path(sys.executable).parent / "rarms")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "rarms.yaml")
-        path.write_text(manifest(3), encoding="utf-8", newline="\n")
+        path.write_text(fleet_manifest(3), encoding="utf-8", newline="\n")
         times = interleaved(
             {
                 "bare": command([sys.executable, "-c", "pass"]),

@@ -25,7 +25,7 @@ from rarms_iac.studio.server import serve
 from tests.browser import chromium, looks
 from tests.builders import a_component, a_host, a_run, a_system, at_most
 from tests.builders_measured import a_log, a_subject
-from tests.measured_robot import RESERVES, a_measured_setting, path_planning, report_of_logs
+from tests.robots import RESERVES, a_measured_setting, path_planning, report_of_logs
 from tests.unit.studio.studio_client import Closing
 
 if TYPE_CHECKING:

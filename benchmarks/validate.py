@@ -15,14 +15,14 @@ from benchmarks.timing import Figure, interleaved, median_ratio, report
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.validation import validate
 from rarms_iac.manifest.edit.formatting import format_text
-from tests.fleet import manifest
+from tests.robots import fleet_manifest
 
 ROUNDS = 15
 FORMATTED = 5
 
 
 def main() -> int:
-    text, larger = manifest(1000), manifest(4000)
+    text, larger = fleet_manifest(1000), fleet_manifest(4000)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rarms.yaml"
         path.write_text(text, encoding="utf-8", newline="\n")

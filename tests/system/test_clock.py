@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.app import hosts, measurement_files, requests
-from rarms_iac.measuring import experiment_log
+from rarms_iac.measuring import remeasuring
 from rarms_iac.storage import disk
 from tests.crashing import CrashingDisk
 from tests.disturbing import End, look
 from tests.effort import LONG, Attempt, tried
 from tests.fluid import without_scheduler
-from tests.measured_cell import MANIFEST
+from tests.robots import CELL
 from tests.unit.cli.running import rarms
 
 ROUTE = (
@@ -32,7 +32,7 @@ ROUTE = (
     ("history", "--json"),
     ("destroy", "--auto-approve"),
 )
-READERS = (hosts, measurement_files, requests, experiment_log)
+READERS = (hosts, measurement_files, requests, remeasuring)
 """The modules that ask for the time of day."""
 STEPS = (timedelta(milliseconds=100), timedelta(hours=1), timedelta(days=400))
 
@@ -63,7 +63,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[type[Falling]]:
 def walk(folder: Path, step: timedelta) -> tuple[list[int], End]:
     """Go the route with the clock going back so far at each reading; the codes of all, and what is there."""
     folder.mkdir()
-    (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    (folder / "rarms.yaml").write_text(CELL, encoding="utf-8", newline="\n")
     Falling.back, Falling.step = timedelta(days=0), step
     with chdir(folder), disk.use(CrashingDisk(0)):
         codes = [rarms(*words).code for words in ROUTE]
@@ -82,7 +82,7 @@ def test_a_clock_that_jumps_back_changes_no_end(tmp_path: Path, clock: type[Fall
 def test_a_proof_that_an_undo_made_worthless_stays_so_where_the_clock_went_back(
     tmp_path: Path, clock: type[Falling]
 ) -> None:
-    (tmp_path / "rarms.yaml").write_text(MANIFEST.replace("reserve: measured", "reserve: 60 %", 1), encoding="utf-8")
+    (tmp_path / "rarms.yaml").write_text(CELL.replace("reserve: measured", "reserve: 60 %", 1), encoding="utf-8")
     with chdir(tmp_path):
         for words in (*ROUTE[:5], ("undo", "--auto-approve")):
             clock.step = timedelta(days=1)

@@ -23,9 +23,9 @@ from tests.fake_powershell import program as powershell
 from tests.fake_powershell.observing import host_from
 from tests.files import copy_files
 from tests.fluid import without_scheduler
-from tests.measured_cell import MANIFEST
 from tests.recorded_hosts import document
 from tests.remote import pwsh
+from tests.robots import CELL
 from tests.unit.cli.running import rarms
 
 __all__ = ["pwsh"]
@@ -36,7 +36,7 @@ POINTS, POINTS_OF_A_SEARCH = (300, 60) if LONG else (12, 12)
 """The most points of a command, evenly over all of its. A search takes seconds a run, and repeats the same effects."""
 PAIRS, PAIRS_OF_A_SEARCH = (60, 12) if LONG else (6, 6)
 
-FIXED = MANIFEST.replace("reserve: measured", "reserve: 30 %")
+FIXED = CELL.replace("reserve: measured", "reserve: 30 %")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,8 +62,8 @@ SCENARIOS = {
         words=("import", "vision", "--id", "ID", "--auto-approve"),
         before=(APPLY, ("release", "vision", "--auto-approve")),
     ),
-    "measure": Scenario(words=MEASURE, manifest=MANIFEST, searches=True),
-    "tune": Scenario(words=("tune", "--samples", "60"), before=(MEASURE,), manifest=MANIFEST, searches=True),
+    "measure": Scenario(words=MEASURE, manifest=CELL, searches=True),
+    "tune": Scenario(words=("tune", "--samples", "60"), before=(MEASURE,), manifest=CELL, searches=True),
 }
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from rarms_iac.app.report_model import Report
 from rarms_iac.views.reports.spreadsheet import workbook
-from tests.measured_robot import a_robot, report_of_logs, the_logs
+from tests.robots import a_robot, report_of_logs, the_logs
 
 pytestmark = pytest.mark.needs("libreoffice")
 

@@ -25,6 +25,7 @@ from tests.files import copy_files
 from tests.needs import CHECKOUT
 from tests.recorded_hosts import document
 from tests.remote import pwsh
+from tests.robots import applied_delivery_robot
 from tests.unit.cli.running import rarms
 
 __all__ = ["pwsh"]
@@ -68,9 +69,7 @@ def in_an_empty_folder() -> None:
 
 
 def with_a_measured_robot() -> None:
-    copy_files(CHECKOUT / "manifests" / "delivery-robot", Path())
-    assert rarms("measure").code == 0
-    assert rarms("apply", "--auto-approve").code == 0
+    applied_delivery_robot(Path())
     assert rarms("select", "face-detection", "--at", "120 ms").code == 0
 
 

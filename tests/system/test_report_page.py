@@ -25,7 +25,7 @@ from rarms_iac.statistics.curves import curve_of, least_reserve
 from rarms_iac.views.reports.html import as_html
 from tests.browser import ask, chromium, looks, messages, whole_page
 from tests.builders_measured import TUNED
-from tests.measured_robot import a_robot, report_of_logs, the_logs
+from tests.robots import a_robot, report_of_logs, the_logs
 from tests.unit.views.reports.test_html import all_of
 
 if TYPE_CHECKING:

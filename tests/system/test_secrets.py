@@ -9,8 +9,8 @@ import pytest
 
 from rarms_iac.views.finding_forms import OutputFormat
 from tests.fluid import without_scheduler
-from tests.measured_cell import MANIFEST
 from tests.recorded_hosts import recorded_bytes
+from tests.robots import CELL
 from tests.unit.cli.running import rarms
 
 SECRET = "pl4nted-5ecret"
@@ -56,7 +56,7 @@ IN_CLEAR = "Pl4nted!5ecret+x"
 def test_a_secret_that_the_manifest_contains_is_found_and_not_shown(tmp_path: Path, form: OutputFormat) -> None:
     partition = f"partitions: {{ vision: {{ guest: {{ credential: '{IN_CLEAR}' }} }} }}\n"
     variable = f"    run: {{ command: [vision], environment: {{ API_TOKEN: '{IN_CLEAR}' }} }}\n    simulation:"
-    Path(tmp_path, "rarms.yaml").write_text(MANIFEST.replace("    simulation:", variable, 1) + partition, "utf-8")
+    Path(tmp_path, "rarms.yaml").write_text(CELL.replace("    simulation:", variable, 1) + partition, "utf-8")
 
     answer = rarms("validate", str(tmp_path), "--output", form)
 
@@ -99,7 +99,7 @@ def test_a_variable_that_is_referred_to_reaches_its_component_and_nothing_else(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("VISION_TOKEN", SECRET)
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
-    before, after = MANIFEST.split("    simulation:", 1)
+    before, after = CELL.split("    simulation:", 1)
     Path("rarms.yaml").write_text(f"{before}{RUN}    simulation:{after}", encoding="utf-8", newline="\n")
     Path("seen.py").write_text(PROGRAM, encoding="utf-8")
 

@@ -26,7 +26,7 @@ from rarms_iac.storage.datalog.log import Recorded
 from rarms_iac.storage.datalog.named_files import Files
 from tests.builders import at_most
 from tests.builders_measured import HELD, PROOF, PROVEN, TAKEN, a_bench
-from tests.measured_robot import a_measured_setting, face_detection
+from tests.robots import a_measured_setting, face_detection
 from tests.unit.cli.running import rarms
 from tests.unit.views.test_json import check
 

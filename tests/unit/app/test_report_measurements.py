@@ -14,7 +14,7 @@ from rarms_iac.views.reports.table import show_cell
 from rarms_iac.views.reports.tables import levels_table, totals_table
 from tests.builders import a_component, a_cpu, a_host, a_partition, a_run, a_system, at_most
 from tests.builders_measured import a_log, a_series, a_setting, a_subject
-from tests.measured_robot import a_log_of, a_robot, face_detection, path_planning, report_of_logs, the_logs
+from tests.robots import a_log_of, a_robot, face_detection, path_planning, report_of_logs, the_logs
 
 
 def measured(name: str, apt_ms: int | None = 100, criticality: int = 10) -> Component:

@@ -20,7 +20,7 @@ from rarms_iac.views.json_output import json_of
 from rarms_iac.views.measure import MeasuringProgress, share_done, summary_text
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series, a_setting
-from tests.measured_robot import a_measured_setting
+from tests.robots import a_measured_setting
 from tests.unit.views.test_json import check
 
 RUN, DEMAND = a_run(), a_simulation()

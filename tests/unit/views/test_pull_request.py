@@ -9,8 +9,8 @@ import pytest
 from rarms_iac.model.diagnostics import Finding, Place, Severity
 from rarms_iac.views.markdown import findings_markdown
 from rarms_iac.views.pull_request import LONGEST_COMMENT, failure_comment, marker
-from tests.fleet import manifest as fleet
 from tests.needs import require
+from tests.robots import fleet_manifest
 from tests.unit.cli.running import rarms
 
 HEAD = "schema: rarms/v1\napplication: { name: cell }\n"
@@ -62,7 +62,7 @@ def test_a_host_as_wanted_has_no_table(applied: Path) -> None:
 
 
 def test_the_comment_of_a_large_plan_is_short_enough(tmp_path: Path) -> None:
-    (tmp_path / "rarms.yaml").write_text(fleet(400), encoding="utf-8")
+    (tmp_path / "rarms.yaml").write_text(fleet_manifest(400), encoding="utf-8")
 
     text = comment(tmp_path)
 

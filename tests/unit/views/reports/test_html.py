@@ -13,7 +13,7 @@ from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.views.reports.html import as_html
 from rarms_iac.views.reports.tables import MOST_CANDIDATES, candidates_table
 from tests.builders_measured import PROOF
-from tests.measured_robot import a_robot, report_of_logs, the_logs
+from tests.robots import a_robot, report_of_logs, the_logs
 
 SYSTEM = a_robot()
 REPORT = report_of_logs(SYSTEM, the_logs(SYSTEM))

@@ -14,7 +14,7 @@ from rarms_iac.app.report_model import Report
 from rarms_iac.model.series import Sample
 from rarms_iac.views.reports.spreadsheet import TooManyRows, csv_text, workbook
 from rarms_iac.views.reports.tables import samples_table, settings_table
-from tests.measured_robot import a_robot, report_of_logs, the_logs
+from tests.robots import a_robot, report_of_logs, the_logs
 
 SYSTEM = a_robot()
 REPORT = report_of_logs(SYSTEM, the_logs(SYSTEM))

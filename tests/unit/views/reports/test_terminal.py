@@ -11,7 +11,7 @@ from rarms_iac.statistics.curves import curve_of
 from rarms_iac.views.console import render
 from rarms_iac.views.reports.terminal import ASCII, UNICODE, TerminalPlot, report_text
 from tests.builders import a_run, at_most
-from tests.measured_robot import a_robot, report_of_logs, the_logs
+from tests.robots import a_robot, report_of_logs, the_logs
 
 SYSTEM = a_robot()
 REPORT = report_of_logs(SYSTEM, the_logs(SYSTEM))

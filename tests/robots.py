@@ -1,10 +1,14 @@
-"""A robot that was measured: the delivery robot's shapes with noise of a fixed seed, as data logs in memory.
+"""Robots for tests: in memory with data logs, as a folder that was measured and applied, a small cell, and a fleet.
 
-Nothing of it is a simulation. It is there for tests of reports, plots and exports, which ask for many settings.
+`applied_delivery_robot` goes the route of the shipped delivery robot once a process; tests take a copy of its folder.
 """
 
 from collections.abc import Callable, Hashable, Sequence
+from contextlib import chdir
+from functools import cache
+from pathlib import Path
 from random import Random
+from tempfile import TemporaryDirectory
 
 from rarms_iac.app.data_logs import curves_in
 from rarms_iac.app.report_measurements import ReportedLog, report_of
@@ -18,6 +22,9 @@ from rarms_iac.planner.reservations import MeasuredReservations, names_of
 from rarms_iac.planner.totals import planned_totals
 from tests.builders import a_component, a_host, a_run, a_system, at_least, at_most
 from tests.builders_measured import a_log, a_subject
+from tests.files import copy_files
+from tests.needs import CHECKOUT
+from tests.unit.cli.running import rarms
 
 Shape = Callable[[int], float]
 """The mean response time in ms at a reserve."""
@@ -121,3 +128,86 @@ def _log(system: System, logs: Sequence[ReportedLog], platform: str, names: tupl
             records=logged.log,
         )
     return NotMeasured(components=names, interference=load)
+
+
+@cache
+def _applied() -> TemporaryDirectory[str]:
+    """Measure and apply the delivery robot in a folder that is removed when the process ends."""
+    folder = TemporaryDirectory(prefix="rarms-robot-")
+    copy_files(CHECKOUT / "manifests" / "delivery-robot", Path(folder.name))
+    with chdir(folder.name):
+        assert rarms("measure").code == 0
+        assert rarms("apply", "--auto-approve").code == 0
+    return folder
+
+
+def applied_delivery_robot(folder: Path) -> Path:
+    """Copy the shipped delivery robot, measured and applied, into a folder."""
+    return copy_files(Path(_applied().name), folder)
+
+
+CELL = """\
+schema: rarms/v1
+
+application: { name: cell }
+policy: { interference: busy-loop }
+
+hosts:
+  onboard: { logical_processors: 2, memory: 4 GiB }
+
+components:
+  vision:
+    criticality: 30
+    apt: { mean_response_time: { at_most: 41 ms } }
+    memory: 512 MiB
+    processors: 2
+    cpu: { reserve: measured }
+    simulation: { work: 20 ms, varies: 2 % }
+
+  paths:
+    criticality: 20
+    apt: { mean_response_time: { at_most: 65 ms } }
+    memory: 512 MiB
+    processors: 2
+    cpu: { reserve: measured }
+    simulation: { work: 20 ms, varies: 2 % }
+
+  video:
+    criticality: 10
+    apt: { mean_response_time: { at_most: 75 ms } }
+    memory: 512 MiB
+    processors: 2
+    cpu: { reserve: measured }
+    simulation: { work: 20 ms, varies: 2 % }
+"""
+
+
+def fleet_manifest(components: int) -> str:
+    """Its text; every component differs in name and numbers, and all of them fit."""
+    hosts = max(1, components // 20)
+    lines = ["schema: rarms/v1", "", "application:", "  name: fleet", "", "hosts:"]
+    for number in range(hosts):
+        lines += [f"  cell-{number:04}:", "    provider: simulated", "    platform: cell"]
+        lines += ["    logical_processors: 8", "    memory: 32 GiB"]
+    lines += ["", "components:"]
+    for number in range(components):
+        lines += _component(number)
+    return "\n".join(lines) + "\n"
+
+
+def _component(number: int) -> list[str]:
+    return [
+        f"  component-{number:04}:            # number {number} of the line",
+        f"    criticality: {1 + number % 97}",
+        "    apt:",
+        f"      mean_response_time: {{ at_most: {50 + number % 50} ms }}",
+        "    run:",
+        f"      command: [python3, components/c{number:04}.py]",
+        "      until: { samples: 200 }",
+        "      samples: { from: json_lines, response_time: { field: response, unit: ms } }",
+        f"    memory: {256 + number % 4 * 64} MiB",
+        "    cpu:",
+        f"      reserve: {1 + number % 5} %",
+        "      weight: 100",
+        "    processors: 2",
+    ]
