@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import chdir, contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from pathlib import Path
@@ -20,8 +20,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from tests.browser import chromium, looks, messages, whole_page
+from tests.files import copy_files
 from tests.needs import CHECKOUT, require
 from tests.system.test_report_page import LEAST_CONTRAST
+from tests.unit.cli import running
 from tests.unit.studio.studio_client import TIGHT
 
 if TYPE_CHECKING:
@@ -86,11 +88,33 @@ def studio(folder: Path, *options: str) -> Iterator[Studio]:
 
 
 def rarms(folder: Path, *words: str) -> str:
-    """A terminal beside the page."""
-    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
-    done = subprocess.run([*RARMS, *words], cwd=folder, env=environment, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    """Run a command in a terminal of this folder."""
+    with chdir(folder):
+        done = running.rarms(*words)
+    assert done.code == 0, done.err
+    return done.out
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the first manifest, whose component was measured; tests that change it take a copy."""
+    folder = tmp_path_factory.mktemp("measured")
+    rarms(folder, "init")
+    rarms(folder, "measure", "control")
+    return folder
+
+
+@pytest.fixture
+def robot(measured: Path, tmp_path: Path) -> Path:
+    """A copy of that folder."""
+    return copy_files(measured, tmp_path / "robot")
+
+
+@pytest.fixture(scope="module")
+def shared(measured: Path) -> Iterator["Studio"]:
+    """The studio of that folder, for tests that only look."""
+    with studio(measured) as served:
+        yield served
 
 
 @pytest.fixture(scope="module")
@@ -99,13 +123,26 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator["WebDriver"]:
         yield driver
 
 
+WATCH = """
+    const [...values] = arguments, done = values.pop();
+    const look = () => { const answer = read(...values); if (answer) { ended(); done(answer); } };
+    const watch = new MutationObserver(look), timer = setInterval(look, 500);
+    const ended = () => { watch.disconnect(); clearInterval(timer); };
+    watch.observe(document, { subtree: true, childList: true, attributes: true, characterData: true });
+    look();
+"""
+"""Look at the page after each of its changes; what no change shows is looked for twice a second."""
+
+
 def waits_for(page: "WebDriver", script: str, *values: object) -> Any:
-    """Until a script answers with something; its answer."""
-    until = time.monotonic() + LONGEST
-    while not (answer := page.execute_script(script, *values)):
-        assert time.monotonic() < until, f"{script}: {page.find_element('id', 'work').text}"
-        time.sleep(0.05)
-    return answer
+    """Wait until a script answers with something; its answer."""
+    from selenium.common.exceptions import TimeoutException
+
+    page.set_script_timeout(LONGEST)
+    try:
+        return page.execute_async_script(f"const read = function () {{ {script} }};\n{WATCH}", *values)
+    except TimeoutException:
+        raise AssertionError(f"{script}: {page.find_element('tag name', 'body').text}") from None
 
 
 def waits_for_end(page: "WebDriver", command: str) -> str:
@@ -292,15 +329,13 @@ def test_a_session_by_keys_alone(browser: "WebDriver", tmp_path: Path) -> None:
 
 
 def test_a_setting_is_measured_and_its_samples_and_the_scripts_difference_are_shown(
-    browser: "WebDriver", tmp_path: Path
+    browser: "WebDriver", robot: Path
 ) -> None:
-    rarms(tmp_path, "init")
-    rarms(tmp_path, "measure", "control")
-    rarms(tmp_path, "apply", "--auto-approve")
-    manifest = tmp_path / "rarms.yaml"
+    rarms(robot, "apply", "--auto-approve")
+    manifest = robot / "rarms.yaml"
     text = manifest.read_text(encoding="utf-8")
     manifest.write_text("memory: 768 MiB".join(text.rsplit("memory: 512 MiB", 1)), encoding="utf-8", newline="\n")
-    with studio(tmp_path) as served:
+    with studio(robot) as served:
         opens(browser, served)
         waits_for(browser, "return document.getElementById('m1-setting') !== null")
         words = "return document.querySelector('#m1 form.setting code').textContent"
@@ -331,7 +366,7 @@ def test_a_setting_is_measured_and_its_samples_and_the_scripts_difference_are_sh
         waits_for(browser, "return document.getElementById('the-plan') !== null")
         planned = shown(browser, "plan-text")
         assert "display" in planned
-        assert "memory 512 MiB -> 768 MiB" in planned
+        assert "512 MiB -> 768 MiB" in planned
         assert "Afterwards" in planned
         assert browser.find_element("id", "plan-text").is_displayed(), "what is to be applied is read before"
         browser.find_element("css selector", "#the-plan details:nth-of-type(2) summary").click()
@@ -344,15 +379,13 @@ def test_a_setting_is_measured_and_its_samples_and_the_scripts_difference_are_sh
 NASTY = "</pre><img src=x onerror='window.hit=1'><script>window.hit=1</script>"
 
 
-def test_hostile_text_that_comes_by_script_is_text(browser: "WebDriver", tmp_path: Path) -> None:
-    rarms(tmp_path, "init")
-    rarms(tmp_path, "measure", "control")
-    manifest = tmp_path / "rarms.yaml"
+def test_hostile_text_that_comes_by_script_is_text(browser: "WebDriver", robot: Path) -> None:
+    manifest = robot / "rarms.yaml"
     text = manifest.read_text(encoding="utf-8").replace("      mean_response", f"      # {NASTY}\n      mean_response")
     text = text.replace("# description: What it is for, in a sentence.", f'description: "{NASTY}"')
     manifest.write_text(text, encoding="utf-8", newline="\n")
     elements = "return [window.hit ?? 0, document.querySelectorAll('img, script:not([type])').length]"
-    with studio(tmp_path) as served:
+    with studio(robot) as served:
         opens(browser, served)
         assert NASTY in browser.find_element("tag name", "header").text
         browser.find_element("id", "m1-1-line").send_keys("\ue015")  # arrow down
@@ -374,15 +407,12 @@ def test_a_browser_that_is_closed_and_opened_again_finds_what_runs(slow: Path, t
             opens(first, served)
             press(first, "measure")
             waits_for(first, "return document.getElementById('work-rows').textContent.includes('samples')")
-        recorded = settings_in(slow)
-        until = time.monotonic() + LONGEST
-        while settings_in(slow) <= recorded + 1:
-            assert time.monotonic() < until, "the run goes on"
-            time.sleep(0.1)
+            setting = waits_for(first, SETTING)
         with chromium(tmp_path / "profile") as again:
             opens(again, served)  # by the first address, whose token was used
             waits_for(again, "return document.getElementById('work-status').textContent === 'runs.'")
             assert shown(again, "work-command") == "rarms measure"
+            waits_for(again, ANOTHER_SETTING, setting)
             again.find_element("id", "work-stop").click()
             assert waits_for_end(again, "rarms measure") == "was stopped."
         with chromium(tmp_path / "another") as another:
@@ -405,12 +435,8 @@ def slow(tmp_path: Path) -> Path:
     return folder
 
 
-def settings_in(folder: Path) -> int:
-    """How many settings the data logs hold."""
-    logs = (folder / "measurements").glob("*/*/*.jsonl")
-    return sum(path.read_text(encoding="utf-8").count('","reserve":') for path in logs)
-
-
+SETTING = "return document.querySelector('#work-rows tr:last-child td:nth-child(2)')?.textContent"
+ANOTHER_SETTING = f"const now = (() => {{ {SETTING} }})(); return now && now !== arguments[0]"
 ALIVE = "return document.getElementById('components') !== null && document.readyState === 'complete'"
 """Its scripts have run: what is pressed before that is lost."""
 
@@ -457,14 +483,10 @@ def test_a_measurement_is_stopped_in_the_middle_and_goes_on(browser: "WebDriver"
         browser.find_element("id", "work-stop").click()
         assert waits_for_end(browser, "rarms measure") == "was stopped."
         assert "run the same command to continue" in shown(browser, "work-lines")
-        recorded = settings_in(slow)
 
         press(browser, "measure")
         waits_for(browser, "return document.getElementById('work-status').textContent === 'runs.'")
-        until = time.monotonic() + LONGEST
-        while settings_in(slow) <= recorded:
-            assert time.monotonic() < until
-            time.sleep(0.1)
+        waits_for(browser, ANOTHER_SETTING, waits_for(browser, SETTING))
         waits_for(browser, "return document.querySelector('#m1 .dot') !== null")
         assert shown(browser, "work-status") == "runs.", "curves come while it is measured"
         assert served.closes() == 0, "closed in the middle, it stops as in the terminal"
@@ -613,52 +635,46 @@ ATTEMPTS = """
 """What a page of another origin may try; each answer that it could read, or `refused`."""
 
 
-def test_a_foreign_origin_gets_and_changes_nothing(browser: "WebDriver", tmp_path: Path) -> None:
-    rarms(tmp_path, "init")
+def test_a_foreign_origin_gets_and_changes_nothing(browser: "WebDriver", shared: Studio) -> None:
     seen: list[str] = []
     server = ThreadingHTTPServer(("127.0.0.1", 0), type("Handler", (Foreign,), {"cookies": seen}))
     Thread(target=server.serve_forever, daemon=True).start()
     try:
-        with studio(tmp_path) as served:
-            opens(browser, served)
-            before = shown(browser, "hosts")
-            browser.get(f"http://127.0.0.1:{server.server_port}/{served.page.rsplit('/', 2)[1]}x/")
-            tried = browser.execute_async_script(ATTEMPTS, served.page)
-            assert tried == dict.fromkeys(("post", "simple post", "read", "frame", "script"), "refused")
-            assert {"rarms-studio" in cookie for cookie in seen} == {False}, "the cookie is bound to a path"
-            browser.get(served.page)
-            waits_for(browser, "return document.getElementById('hosts') !== null")
-            assert shown(browser, "hosts") == before
-            assert browser.execute_script("return document.getElementById('work').hidden")
+        opens(browser, shared)
+        before = shown(browser, "hosts"), shown(browser, "work")
+        browser.get(f"http://127.0.0.1:{server.server_port}/{shared.page.rsplit('/', 2)[1]}x/")
+        tried = browser.execute_async_script(ATTEMPTS, shared.page)
+        assert tried == dict.fromkeys(("post", "simple post", "read", "frame", "script"), "refused")
+        assert {"rarms-studio" in cookie for cookie in seen} == {False}, "the cookie is bound to a path"
+        browser.get(shared.page)
+        waits_for(browser, ALIVE)
+        assert (shown(browser, "hosts"), shown(browser, "work")) == before
     finally:
         server.shutdown()
         server.server_close()
 
 
-def test_it_is_for_people(browser: "WebDriver", tmp_path: Path) -> None:
+def test_it_is_for_people(browser: "WebDriver", shared: Studio) -> None:
     require("axe")
     axe = files("axe_core_python").joinpath("axe.min.js").read_text(encoding="utf-8")
-    rarms(tmp_path, "init")
-    rarms(tmp_path, "measure", "control")
-    with studio(tmp_path) as served:
-        opens(browser, served)
-        press(browser, "plan")
-        waits_for(browser, "return document.getElementById('the-plan') !== null")
-        browser.find_element("css selector", "[data-preview=m1]").click()
-        waits_for(browser, "return document.querySelector('#m1 .edit:not([hidden])')")
-        for width, dark in ((1200, False), (1200, True), (600, False), (360, True)):  # 600: a screen of 1200 at 200 %
-            looks(browser, width=width, dark=dark)
-            keeps(browser, f"{width}-{'dark' if dark else 'light'}", width)
-            assert browser.execute_script("return document.documentElement.scrollWidth") <= width
-            assert browser.execute_script(LEAST_CONTRAST) >= 4.5
-            browser.execute_script(f"if (!window.axe) {{ {axe} }}")
-            found = browser.execute_async_script("axe.run().then((results) => arguments[0](results.violations))")
-            serious = [
-                (each["id"], [node["html"][:120] for node in each["nodes"]])
-                for each in found
-                if each["impact"] in {"serious", "critical"}
-            ]
-            assert serious == []
+    opens(browser, shared)
+    press(browser, "plan")
+    waits_for(browser, "return document.getElementById('the-plan') !== null")
+    browser.find_element("css selector", "[data-preview=m1]").click()
+    waits_for(browser, "return document.querySelector('#m1 .edit:not([hidden])')")
+    for width, dark in ((1200, False), (1200, True), (600, False), (360, True)):  # 600: a screen of 1200 at 200 %
+        looks(browser, width=width, dark=dark)
+        keeps(browser, f"{width}-{'dark' if dark else 'light'}", width)
+        assert browser.execute_script("return document.documentElement.scrollWidth") <= width
+        assert browser.execute_script(LEAST_CONTRAST) >= 4.5
+        browser.execute_script(f"if (!window.axe) {{ {axe} }}")
+        found = browser.execute_async_script("axe.run().then((results) => arguments[0](results.violations))")
+        serious = [
+            (each["id"], [node["html"][:120] for node in each["nodes"]])
+            for each in found
+            if each["impact"] in {"serious", "critical"}
+        ]
+        assert serious == []
 
 
 def test_a_level_that_no_reserve_achieves_leaves_the_headroom_unknown(browser: "WebDriver", tmp_path: Path) -> None:
@@ -686,21 +702,18 @@ def test_a_level_that_no_reserve_achieves_leaves_the_headroom_unknown(browser: "
 
 
 def test_a_bar_says_that_a_line_counts_though_the_manifest_fixes_the_reserve(
-    browser: "WebDriver", tmp_path: Path
+    browser: "WebDriver", shared: Studio
 ) -> None:
-    rarms(tmp_path, "init")
-    rarms(tmp_path, "measure", "control")
     remark = (
         " This counts control by the lines; the manifest fixes another reserve, which stays until it says measured."
     )
-    with studio(tmp_path) as served:
-        opens(browser, served)
-        waits_for(browser, "return document.querySelector('#fit-1 .sentence')?.textContent")
-        browser.find_element("id", "m1-1-line").send_keys("\ue013")  # up
-        assert shown(browser, "m1-reserve").endswith("LP")
-        assert browser.find_element("css selector", "#fit-1 .sentence").text.endswith(remark)
-        browser.find_element("id", "m1-reset").click()
-        assert remark not in browser.find_element("css selector", "#fit-1 .sentence").text
+    opens(browser, shared)
+    waits_for(browser, "return document.querySelector('#fit-1 .sentence')?.textContent")
+    browser.find_element("id", "m1-1-line").send_keys("\ue013")  # up
+    assert shown(browser, "m1-reserve").endswith("LP")
+    assert browser.find_element("css selector", "#fit-1 .sentence").text.endswith(remark)
+    browser.find_element("id", "m1-reset").click()
+    assert remark not in browser.find_element("css selector", "#fit-1 .sentence").text
 
 
 def test_commands_name_the_manifest_that_the_studio_was_started_with(browser: "WebDriver", tmp_path: Path) -> None:
@@ -819,15 +832,13 @@ WRITTEN = """
 """
 
 
-def test_read_only_shows_everything_and_changes_nothing(browser: "WebDriver", tmp_path: Path) -> None:
-    rarms(tmp_path, "init")
-    rarms(tmp_path, "measure", "control")
-    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
-    with studio(tmp_path, "--read-only") as served:
+def test_read_only_shows_everything_and_changes_nothing(browser: "WebDriver", robot: Path) -> None:
+    before = {path: path.read_bytes() for path in robot.rglob("*") if path.is_file()}
+    with studio(robot, "--read-only") as served:
         opens(browser, served)
         disabled = "return [...document.querySelectorAll(arguments[0])].map((each) => each.disabled)"
         assert set(browser.execute_script(disabled, "#measure button, #prove button, [data-measure], .write")) == {True}
         press(browser, "plan")
         waits_for(browser, "return document.getElementById('the-plan') !== null")
         assert browser.execute_script(disabled, "#apply button") == [True]
-    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+    assert {path: path.read_bytes() for path in robot.rglob("*") if path.is_file()} == before

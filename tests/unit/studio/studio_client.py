@@ -1,13 +1,14 @@
 """A studio that is served in this process, and a client that sends exactly what it is told."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http.client import HTTPConnection
 from pathlib import Path
 from queue import Queue
 from threading import Event, Thread
+from typing import Any
 from urllib.parse import urlsplit
 
 from rarms_iac.app.requests import ManifestSource
@@ -126,6 +127,14 @@ class Client:
 
     def work(self, ending: str | None = None) -> dict[str, object]:
         """The work that the next events tell of; with `ending`: the first that ended so, or in any way (`*`)."""
+
+        def is_wanted(state: Mapping[str, Any]) -> bool:
+            return ending is None or state["ending"] == ending or (ending == "*" and bool(state["ending"]))
+
+        return self.first(is_wanted)
+
+    def first(self, is_wanted: Callable[[Mapping[str, Any]], object]) -> dict[str, Any]:
+        """Wait for the first work of which the events tell that is as wanted."""
         connection = HTTPConnection("127.0.0.1", self.port, timeout=LONGEST)
         try:
             connection.request("GET", f"{self.path}events", headers={"Cookie": self.cookie})
@@ -133,8 +142,8 @@ class Client:
             while line := lines.readline():
                 if line.startswith(b'data: {"number"'):
                     state = json.loads(line.removeprefix(b"data: "))
-                    if ending is None or state["ending"] == ending or (ending == "*" and state["ending"]):
-                        assert isinstance(state, dict)
+                    assert isinstance(state, dict)
+                    if is_wanted(state):
                         return state
             raise AssertionError("the events ended")
         finally:
