@@ -44,18 +44,18 @@ def ended_by(number: signal.Signals, folder: Path) -> tuple[int, str, str]:
     """Exit code and output of a measurement that got this signal once its first log was begun."""
     (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
     process = subprocess.Popen(WORDS, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    until = time.monotonic() + 60
+    until = time.monotonic() + 120
     while not log_of(folder).exists() and process.poll() is None and time.monotonic() < until:
         time.sleep(0.02)
     process.send_signal(number)
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=300)
     return process.returncode, out, err
 
 
 def goes_on(folder: Path, known: int) -> None:
     """Run the same command again: it measures what is missing, and nothing that was recorded."""
     before = log_of(folder).read_bytes()
-    again = subprocess.run(WORDS, cwd=folder, capture_output=True, text=True, timeout=120)
+    again = subprocess.run(WORDS, cwd=folder, capture_output=True, text=True, timeout=300)
     assert again.returncode == 0, again.stderr
     assert log_of(folder).read_bytes().startswith(before[: before.rfind(b"\n") + 1])
     assert reserves(folder) == ALL

@@ -14,7 +14,7 @@ from rarms_iac.providers.cgroups.processor_use import ThreadLooks, looking_at
 
 pytestmark = pytest.mark.needs("linux")
 
-BUSY, IDLE = "while True: pass", "import time; time.sleep(60)"
+BUSY, IDLE = "print(flush=True)\nwhile True: pass", "import time; print(flush=True); time.sleep(600)"
 
 
 class Group:
@@ -29,19 +29,20 @@ class Group:
 
 @contextmanager
 def running(*programs: str) -> Iterator[Group]:
-    started = [subprocess.Popen([sys.executable, "-c", program]) for program in programs]
+    started = [subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) for program in programs]
     try:
+        for process in started:
+            assert process.stdout is not None
+            assert process.stdout.readline()
         yield Group([process.pid for process in started])
     finally:
         for process in started:
             process.kill()
-            process.wait()
+            process.communicate()
 
 
 def looked_at(group: Group) -> ThreadLooks:
     with looking_at(cast("GroupTree", group), "rarms-p1") as looks:
-        time.sleep(0.3)  # until they have started
-        looks.forget()
         time.sleep(0.5)
     return looks
 
