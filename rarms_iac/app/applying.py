@@ -18,12 +18,13 @@ from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.preconditions import marked_resources
 from rarms_iac.applying.refusals import MOVED, OTHERS_RUN
 from rarms_iac.applying.run_report import RunEnding, RunReport
-from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.applying.run_steps import RunControl
 from rarms_iac.applying.undo import (
+    UndoneStep,
     abandon,
     can_be_undone,
     repaired_addresses,
+    script_undone,
     steps_undone,
     undo,
     undo_findings,
@@ -348,7 +349,8 @@ class UndoPreview:
 
     host: str
     started: RunStarted | ScriptStarted
-    steps: tuple[UndoneStep, ...]  # in their order
+    steps: tuple[UndoneStep, ...]  # in their order; none where a script of the host does it
+    script: tuple[str, ...]  # what that script says of itself
     findings: tuple[Diagnostic, ...]  # what cannot be undone, and foreign values that are set again
     foreign: tuple[str, ...]  # addresses whose foreign values the apply replaced
     keeps: bool  # these stay as the apply left them
@@ -425,7 +427,8 @@ def preview(applies: Sequence[LastApply], *, keep: bool = False) -> Iterator[Und
             yield UndoPreview(
                 host=last.host.name,
                 started=last.journal.started,
-                steps=steps_undone(last.journal, spared),
+                steps=steps_undone(last.journal, spared) if isinstance(last.journal, Journal) else (),
+                script=script_undone(last.journal) if isinstance(last.journal, ScriptRun) else (),
                 findings=undo_findings(last.host, last.journal, spared),
                 foreign=tuple(sorted(map(str, foreign))),
                 keeps=keep,

@@ -4,6 +4,7 @@ The script takes the lock, keeps the journal and guards its steps; what it says 
 its end was not heard, nothing is guessed: the host's journal knows, and the next run asks it.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -13,11 +14,11 @@ from rarms_iac.applying.run_steps import UNATTENDED_RUN, RunControl
 from rarms_iac.model.commands import APPLY, DRIFT, prose, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.journal import RunKind, ScriptRun, StepStatus
-from rarms_iac.model.plan import HostPlan, UndoLevel
+from rarms_iac.model.plan import HostPlan
 from rarms_iac.model.shared_findings import SCRIPT_REFUSED
 from rarms_iac.model.wording import last_words
-from rarms_iac.powershell.inspection.inspect import inspect_recorded
 from rarms_iac.powershell.render import script_name
+from rarms_iac.powershell.syntax import unreadable
 from rarms_iac.powershell.templates import MODULE_FOLDER, shipped_module, without_signature
 from rarms_iac.providers.interface import (
     EventKind,
@@ -58,7 +59,7 @@ def finish_job(host: str, journal: ScriptRun) -> ScriptJob:
     """The unfinished run as the host's journal holds it, with any plan, manifest or version of rarms there is by now.
 
     Raises:
-        HostDamaged: the journal holds another script than rarms writes.
+        HostDamaged: PowerShell cannot read the journal's script.
     """
     started = journal.started
     earlier = {step.number: step.status for step in journal.steps if step.status is not StepStatus.BEGUN}
@@ -71,44 +72,36 @@ def undo_job(host: str, journal: ScriptRun) -> ScriptJob:
     """The undo script that the journal of an apply holds.
 
     Raises:
-        HostDamaged: the journal holds another script than rarms writes.
+        HostDamaged: PowerShell cannot read the journal's script.
     """
     script = _recorded_script(host, f"{host}.undo.ps1", journal.started.undo, journal.started.module)
     return ScriptJob(run=RunKind.UNDO, plan=journal.started.plan, script=script, earlier={})
 
 
 def _recorded_script(host: str, name: str, text: str, module: Mapping[str, str]) -> ScriptBundle:
-    """A script of the journal with its module, which any version of rarms may have made; signed, where they were.
+    """Return a script of the journal with its module, which any version of rarms may have made, signed or not.
+
+    The rights of its folder protect the journal; the script itself compares its module with the digests that it holds.
 
     Raises:
-        HostDamaged: it is no plan of rarms, or the module is not the one that it names.
+        HostDamaged: PowerShell cannot read it.
     """
-    for problem in _problems_of(name, text, module):
+    for problem in unreadable(without_signature(text).encode("utf-8", "surrogatepass"), name):
         line = f"line {problem.place.line}, " if problem.place else ""
-        message = f"{name} in its journal is no script of rarms: {line}{problem.detail}"
+        message = f"{name} in its journal is damaged: {line}{problem.detail}"
         raise HostDamaged(host, message, "look at what the last run did, then remove the journal")
     return _bundle(name, {name: text, **_module_files(module)})
 
 
 def _bundle(name: str, files: Mapping[str, str]) -> ScriptBundle:
-    """The script of this name with what lies beside it, and the longest wait among the calls of its steps."""
-    from rarms_iac.powershell.outline import outline
-
-    steps = outline(without_signature(files[name]).encode("ascii")).steps
-    graces = [call.parameters.get("GraceMs") for step in steps for call in step.calls]
-    longest = max((grace for grace in graces if isinstance(grace, int)), default=0)
-    return ScriptBundle(runs=name, files=files, longest_grace_ms=longest)
+    """Return the script of this name with what lies beside it, and the longest wait for a machine to stop."""
+    graces = map(int, re.findall(r"GraceMs(?: =)? ([0-9]+)", files[name]))
+    return ScriptBundle(runs=name, files=files, longest_grace_ms=max(graces, default=0))
 
 
 def _module_files(module: Mapping[str, str]) -> dict[str, str]:
     """The files of a module by their paths from the script that calls it."""
     return {f"{MODULE_FOLDER}/{name}": text for name, text in module.items()}
-
-
-def _problems_of(name: str, text: str, module: Mapping[str, str]) -> tuple[Diagnostic, ...]:
-    """Find what is wrong with a script of the journal; all of it must be ASCII, a signature, too."""
-    bare = without_signature(text) if text.isascii() else text
-    return inspect_recorded(bare.encode("utf-8", "surrogatepass"), name, module)
 
 
 def run_job(host: ScriptedHost, job: ScriptJob, control: RunControl) -> RunReport:
@@ -134,36 +127,16 @@ def abandon_script(host: ScriptedHost, journal: ScriptRun, waits: WaitLimits) ->
     return replace(listener.report(ended), hosts=())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UndoneStep:
-    """A step that an undo takes back, and how much of it."""
-
-    address: str
-    title: str
-    level: UndoLevel
+def description_of(script: str) -> tuple[str, ...]:
+    """Return what the help of a script says that it does, a line each."""
+    description = script.partition("\n.DESCRIPTION")[2].partition("\n.PARAMETER")[0]
+    return tuple(line.removeprefix("    ").rstrip() for line in description.splitlines()[1:])
 
 
-def steps_undone_by_script(journal: ScriptRun) -> tuple[UndoneStep, ...]:
-    """List what the stored undo script would take back, in its order; nothing where it cannot be read here."""
-    from rarms_iac.powershell.outline import outline
-
-    text = journal.started.script if journal.started.run is RunKind.UNDO else journal.started.undo
-    touched = {int(number) for number in journal.started.touched if number.isdecimal()} or journal.touched()
-    if _problems_of("undo.ps1", text, journal.started.module):
-        return ()
-    script = without_signature(text).encode("ascii")
-    return tuple(
-        UndoneStep(address=step.address, title=step.action, level=UndoLevel.FULL)
-        for step in outline(script).steps
-        if step.undoes in touched
-    )
-
-
-def lines_of_head(script: str, kind: str) -> tuple[str, ...]:
-    """Read the lines of one kind from an undo script's head: what it cannot bring back, or foreign values."""
-    begin = f"    {kind}: "
-    head = script.split("\n#>", 1)[0].splitlines()
-    return tuple(line.removeprefix(begin).strip() for line in head if line.startswith(begin))
+def lines_of_help(script: str, kind: str) -> tuple[str, ...]:
+    """Return the lines of one kind of an undo script's help: what it cannot bring back, or foreign values."""
+    begin = f"{kind}: "
+    return tuple(line.removeprefix(begin) for line in description_of(script) if line.startswith(begin))
 
 
 class RunListener:

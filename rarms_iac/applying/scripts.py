@@ -1,20 +1,18 @@
-"""The scripts of a plan: for Hyper-V hosts the exact texts that run, inspected before anybody sees them."""
+"""The scripts of a plan: for Hyper-V hosts the exact texts that run, which every PowerShell can read."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from itertools import groupby
 
 from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
-from rarms_iac.model.host import ProviderKind, SchedulerType
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import GuestTask, HostPlan, Plan
 from rarms_iac.model.shared_findings import SCRIPT_REFUSED
 from rarms_iac.model.state import State, TaskClass
-from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.literals import NoLiteral
-from rarms_iac.powershell.render import insides, render_guest, render_scripts, script_name
-from rarms_iac.powershell.templates import ScriptForm
+from rarms_iac.powershell.render import insides, render_scripts, script_name
+from rarms_iac.powershell.syntax import unreadable
 
 BY_HAND = Finding.note("RARMS160", "A guest's script is run by hand")
 
@@ -46,12 +44,10 @@ def guest_scripts_by_hand(host_plan: HostPlan, locate: Locate) -> Iterator[Diagn
     """That the scripts of guests do not run with the host's: nothing reaches into a guest."""
     if host_plan.facts.provider is not ProviderKind.HYPERV:
         return
-    observed = {inside for inside in insides(host_plan) if inside}
-    for inside in sorted(observed | {task.partition for task in host_plan.guest_tasks or ()}):
+    unseen = {task.partition for task in host_plan.guest_tasks or ()}
+    for inside in filter(None, insides(host_plan)):
         name = script_name(host_plan, inside)
-        how = (
-            "was looked into" if inside in observed else "could not be looked into: its own record decides what is done"
-        )
+        how = "could not be looked into: its own record decides what is done" if inside in unseen else "was looked into"
         yield BY_HAND.at(
             locate(Address(partition=inside)),
             "The task classes of {partition} lie in its guest, which {_how}. The plan holds the script that "
@@ -85,30 +81,12 @@ def with_scripts(plan: Plan) -> tuple[Plan, tuple[Diagnostic, ...]]:
         scripts: Mapping[str, bytes] = {}
         if part.facts.provider is ProviderKind.HYPERV:
             try:
-                scripts = scripts_of(part, plan)
+                scripts = render_scripts(part, plan)
             except NoLiteral as error:
                 findings.append(_no_literal(part, error))
-        findings += [problem for name, script in sorted(scripts.items()) for problem in inspect(script, name)]
+        findings += [problem for name, script in scripts.items() for problem in unreadable(script, name)]
         hosts.append(replace(part, scripts={name: text.decode("ascii") for name, text in scripts.items()}))
     return replace(plan, hosts=tuple(hosts)), tuple(findings)
-
-
-def scripts_of(host_plan: HostPlan, plan: Plan, form: ScriptForm = ScriptForm.MODULE) -> Mapping[str, bytes]:
-    """Every script of a host by its file name, undo scripts included; none for a Windows in which nothing is done.
-
-    Where the plan exists, a scheduler under which reserves have no effect was accepted, or no reserve is asked for.
-
-    Raises:
-        NoLiteral: a value cannot be written into a script.
-    """
-    accepted = host_plan.facts.scheduler is SchedulerType.ROOT
-    made = dict(render_scripts(host_plan, plan, accept_scheduler=accepted, form=form)) if host_plan.steps else {}
-    if all(step.address.task and step.address.partition for step in host_plan.steps):
-        for undo in (False, True):
-            made.pop(script_name(host_plan, undo=undo), None)
-    for inside, classes in groupby(host_plan.guest_tasks or (), key=lambda task: task.partition):
-        made |= render_guest(host_plan, plan, inside, tuple(classes), form)
-    return dict(sorted(made.items()))
 
 
 def _no_literal(part: HostPlan, error: NoLiteral) -> Diagnostic:

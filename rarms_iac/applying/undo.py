@@ -1,22 +1,14 @@
 """Taking the last run on a host back: its steps' undos, the last one first, as a run of its own."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import assert_never
 
 from rarms_iac.applying import refusals
 from rarms_iac.applying.preconditions import no_rights
 from rarms_iac.applying.robot_runs import RunJob, UndoJob, run_there
 from rarms_iac.applying.run_report import RunEnding, RunReport
-from rarms_iac.applying.run_script import (
-    UndoneStep,
-    abandon_script,
-    finish_job,
-    lines_of_head,
-    run_job,
-    steps_undone_by_script,
-    undo_job,
-)
+from rarms_iac.applying.run_script import abandon_script, description_of, finish_job, lines_of_help, run_job, undo_job
 from rarms_iac.applying.run_steps import UNATTENDED_RUN, RunControl, failed_run, run_steps
 from rarms_iac.model.changes import Address
 from rarms_iac.model.claims import Claim
@@ -145,35 +137,45 @@ def abandon(host: LiveHost, waits: WaitLimits = NO_WAITING) -> RunReport:
         return failed_run(error)
 
 
-def steps_undone(journal: Journal | ScriptRun, spared: frozenset[Address] = frozenset()) -> tuple[UndoneStep, ...]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UndoneStep:
+    """A step that an undo takes back, and how much of it."""
+
+    address: str
+    title: str
+    level: UndoLevel
+
+
+def steps_undone(journal: Journal, spared: frozenset[Address] = frozenset()) -> tuple[UndoneStep, ...]:
     """List what an undo would do, in its order, and what it cannot, for a person.
 
     Args:
         journal: the last run; of an undo that was interrupted, the steps that are left.
         spared: what is left as it was applied.
     """
-    match journal:
-        case Journal() if journal.started.run is RunKind.UNDO:
-            done = {record.number for record in journal.steps if record.status is not StepStatus.BEGUN}
-            return tuple(
-                UndoneStep(address=str(step.address), title=step.title, level=UndoLevel.FULL)
-                for number, step in enumerate(journal.started.steps)
-                if number not in done
-            )
-        case Journal():
-            changes = journal.started.host_plan.changes_by_address
-            return tuple(
-                UndoneStep(
-                    address=str(step.address),
-                    title=reversal(step, changes).title if step.undo.operation else step.title,
-                    level=step.undo.level,
-                )
-                for _, step in steps_to_undo(journal, spared)
-                if step.undo.operation is not None
-                or step.undo.level is not UndoLevel.FULL  # else it goes with its machine
-            )
-        case ScriptRun():
-            return steps_undone_by_script(journal)
+    if journal.started.run is RunKind.UNDO:
+        done = {record.number for record in journal.steps if record.status is not StepStatus.BEGUN}
+        return tuple(
+            UndoneStep(address=str(step.address), title=step.title, level=UndoLevel.FULL)
+            for number, step in enumerate(journal.started.steps)
+            if number not in done
+        )
+    changes = journal.started.host_plan.changes_by_address
+    return tuple(
+        UndoneStep(
+            address=str(step.address),
+            title=reversal(step, changes).title if step.undo.operation else step.title,
+            level=step.undo.level,
+        )
+        for _, step in steps_to_undo(journal, spared)
+        if step.undo.operation is not None or step.undo.level is not UndoLevel.FULL  # else it goes with its machine
+    )
+
+
+def script_undone(run: ScriptRun) -> tuple[str, ...]:
+    """Return what the host's undo script says of itself; findings have what it cannot bring back and foreign values."""
+    script = run.started.script if run.started.run is RunKind.UNDO else run.started.undo
+    return tuple(line for line in description_of(script) if not line.startswith((NOT_UNDONE, FOREIGN)))
 
 
 def steps_to_undo(journal: Journal, spared: frozenset[Address] = frozenset()) -> tuple[tuple[int, Step], ...]:
@@ -222,8 +224,8 @@ def undo_findings(
         case ScriptRun():
             script = journal.started.undo
             return (
-                *(refusals.undo_script_partial(host.name, lost) for lost in lines_of_head(script, NOT_UNDONE)),
-                *(refusals.undo_script_foreign(host.name, line) for line in lines_of_head(script, FOREIGN)),
+                *(refusals.undo_script_partial(host.name, lost) for lost in lines_of_help(script, NOT_UNDONE)),
+                *(refusals.undo_script_foreign(host.name, line) for line in lines_of_help(script, FOREIGN)),
             )
 
 

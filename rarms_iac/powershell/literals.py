@@ -5,12 +5,10 @@ and `('' + 'text' + [char]0x2019 + ...)` over UTF-16 units for what is not print
 can end a single-quoted string: the four other characters that PowerShell takes for it (windows.md 10) never appear.
 """
 
-import re
 from itertools import groupby
 from struct import iter_unpack
 
 from rarms_iac.model.wording import quoted
-from rarms_iac.powershell.tokens import Token, TokenKind, tokens
 
 Scalar = bool | int | str
 Literal = str
@@ -76,63 +74,3 @@ def _joined(text: str) -> Literal:
 def _parts(plain: bool, units: list[int]) -> list[str]:
     """A run of plain characters as one string, others as characters each."""
     return [_quoted("".join(map(chr, units)))] if plain else [f"[char]0x{unit:04X}" for unit in units]
-
-
-_CHARACTER = re.compile(r"0x[0-9A-Fa-f]{4}")
-_BOOLEANS = {"$true": True, "$false": False}
-
-
-class NotALiteral(ValueError):
-    """The text is none of the four forms of a literal."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__(f"{quoted(text, 60)} is no literal that rarms writes")
-        self.text = text
-
-
-def read_literal(text: str) -> Scalar:
-    """The value of a text that is one literal and nothing beside it.
-
-    Raises:
-        NotALiteral: it is not.
-        NotTokens: it ends inside a string.
-    """
-    read_tokens = tokens(text)
-    match read_tokens:
-        case (Token(kind=TokenKind.STRING, text=value),):
-            return value
-        case (Token(kind=TokenKind.WORD, text=word),) if word in _BOOLEANS:
-            return _BOOLEANS[word]
-        case (Token(kind=TokenKind.WORD, text=word),) if word.isascii() and word.isdigit():
-            return int(word)
-        case (Token(text="("), *inside, Token(text=")")):
-            return _sum(tuple(inside), text)
-        case _:
-            raise NotALiteral(text)
-
-
-def _sum(parts: tuple[Token, ...], text: str) -> str:
-    """The text of `'' + 'text' + [char]0x2019 + ...`."""
-    values: list[str] = []
-    at = 0
-    while at < len(parts):
-        if at and parts[at].text != "+":
-            raise NotALiteral(text)
-        at += 1 if at else 0
-        value, length = _part(parts[at : at + 4], text)
-        values.append(value)
-        at += length
-    if not parts or parts[0].kind is not TokenKind.STRING:
-        raise NotALiteral(text)
-    joined = "".join(values).encode("utf-16-le", "surrogatepass")
-    return joined.decode("utf-16-le", "surrogatepass")
-
-
-def _part(ahead: tuple[Token, ...], text: str) -> tuple[str, int]:
-    match ahead:
-        case (Token(kind=TokenKind.STRING, text=value), *_):
-            return value, 1
-        case (Token(text="["), Token(text="char"), Token(text="]"), Token(text=unit)) if _CHARACTER.fullmatch(unit):
-            return chr(int(unit, 16)), 4
-        case _:
-            raise NotALiteral(text)

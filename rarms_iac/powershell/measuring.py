@@ -15,7 +15,7 @@ from rarms_iac.model.state import HostFacts
 from rarms_iac.model.wording import remark
 from rarms_iac.powershell.literals import Scalar, literal
 from rarms_iac.powershell.pieces import call
-from rarms_iac.powershell.templates import MEASURING_ENTRY, ScriptForm, fact_lines, fill, impact_of, module_text
+from rarms_iac.powershell.templates import MEASURING_ENTRY, ScriptForm, fact_lines, fill, module_text
 from rarms_iac.storage.json_text import canonical
 
 UNPLANNED = "0" * 12
@@ -94,7 +94,7 @@ def render_measuring(
         "notes": (),
         "facts": fact_lines(_run(host, facts, application)),
         "entry": MEASURING_ENTRY,
-        "impact": impact_of("\n".join(lines)),
+        "impact": "Medium",
         "plan": lines,
         "module": module_text(ScriptForm.SINGLE, MEASURING_ENTRY),
     }

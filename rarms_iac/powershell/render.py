@@ -11,6 +11,7 @@ from math import floor
 
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.changes import Address
+from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.journal import RunKind
 from rarms_iac.model.operations import CreatePartition, RemovePartition, RestorePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import GuestTask, HostPlan, Plan, Readings, Step, owner_of
@@ -93,6 +94,11 @@ class _Target:
         return [step for step in self.host_plan.steps if _inside(step) == self.inside]
 
     @property
+    def unseen_tasks(self) -> list[GuestTask]:
+        """The task classes of a guest that could not be looked into."""
+        return [task for task in self.host_plan.guest_tasks or () if task.partition == self.inside]
+
+    @property
     def files(self) -> NewFiles:
         return NewFiles(plan=self.plan.id, disk_folder=self.host_plan.facts.disk_folder)
 
@@ -104,65 +110,57 @@ def script_name(host_plan: HostPlan, inside: str = "", *, undo: bool = False) ->
 
 
 def insides(host_plan: HostPlan) -> tuple[str, ...]:
-    """The operating systems that a plan changes: empty for the host itself, then partitions by name."""
-    return tuple(sorted({_inside(step) for step in host_plan.steps} | {""}))
+    """Return where a plan changes something: empty for the host itself, then partitions by name for their guests."""
+    unseen = {task.partition for task in host_plan.guest_tasks or ()}
+    return tuple(sorted({_inside(step) for step in host_plan.steps} | unseen))
 
 
-def render_scripts(
-    host_plan: HostPlan, plan: Plan, *, accept_scheduler: bool = False, form: ScriptForm = ScriptForm.MODULE
-) -> Mapping[str, bytes]:
-    """Every script of a host by its file name, undo scripts included.
+def render_scripts(host_plan: HostPlan, plan: Plan, form: ScriptForm = ScriptForm.MODULE) -> Mapping[str, bytes]:
+    """Return the scripts of a host by file name, each with the one that takes it back.
 
-    Args:
-        host_plan: of the host.
-        plan: the whole one, which names application and manifest.
-        accept_scheduler: whether they run under the root scheduler.
-        form: whether the module lies beside the scripts, as a plan has them, or in each.
+    A plan exists on a host with the root scheduler where that was accepted or no reserve is wanted: they run there.
 
     Raises:
         NoLiteral: a value cannot be written into a script.
     """
-    made: dict[str, bytes] = {}
+    scripts: dict[str, bytes] = {}
     for inside in insides(host_plan):
-        accept = accept_scheduler and not inside
-        made[script_name(host_plan, inside)] = render_apply(host_plan, plan, inside, accept_scheduler=accept, form=form)
-        made[script_name(host_plan, inside, undo=True)] = render_undo(host_plan, plan, inside, form=form)
-    return made
+        target = _Target(host_plan=host_plan, plan=plan, inside=inside)
+        undo = _fill(target, _steps_back(target), form)
+        scripts |= {target.name(): _fill(target, _steps_there(target), form, undo), target.name(undo=True): undo}
+    return dict(sorted(scripts.items()))
 
 
-def render_apply(
-    host_plan: HostPlan,
-    plan: Plan,
-    inside: str = "",
-    *,
-    accept_scheduler: bool = False,
-    form: ScriptForm = ScriptForm.MODULE,
-) -> bytes:
-    """The script that does the plan's steps in one operating system: the host's own, or a partition's guest.
-
-    With `accept_scheduler` it runs also under the root scheduler: the finding was accepted.
-
-    Raises:
-        NoLiteral: a value cannot be written into a script.
-    """
-    undo = render_undo(host_plan, plan, inside, form=form)
-    target = _Target(host_plan=host_plan, plan=plan, inside=inside)
-    steps = _clustered(_forward(target), host_plan)
-    return _fill(target, steps, form, accept_scheduler=accept_scheduler, undo=undo)
-
-
-def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, form: ScriptForm = ScriptForm.MODULE) -> bytes:
-    """The script that takes the same steps back, the last one first; it says what it cannot bring back.
+def script_steps(host_plan: HostPlan, plan: Plan, inside: str, *, undo: bool) -> tuple[ScriptPiece, ...]:
+    """Return the steps of one of a host's scripts, in their order.
 
     Raises:
         NoLiteral: a value cannot be written into a script.
     """
     target = _Target(host_plan=host_plan, plan=plan, inside=inside)
+    return tuple(guarded.piece for guarded in (_steps_back if undo else _steps_there)(target))
+
+
+def _steps_there(target: _Target) -> list[_GuardedPiece]:
+    if tasks := target.unseen_tasks:
+        application = target.plan.application
+        return [_GuardedPiece(piece=forward(task, application), steps=(step_of(task),)) for task in tasks]
+    return _clustered(_forward(target), target.host_plan)
+
+
+def _steps_back(target: _Target) -> list[_GuardedPiece]:
+    """Return the steps that take the plan's back, the last one first."""
+    if tasks := target.unseen_tasks:
+        return [
+            _GuardedPiece(piece=piece, steps=(replace(step_of(task), title=piece.action),), undoes=undoes)
+            for undoes, task in reversed([*enumerate(tasks)])
+            for piece in [back(task, target.plan.application)]
+        ]
     first: dict[int, tuple[int, Step]] = {}  # of each step its first part: what comes after goes with it
     for number, done in enumerate(_forward(target)):
         for step in done.steps:
             first.setdefault(id(step), (number, step))
-    changes = host_plan.changes_by_address
+    changes = target.host_plan.changes_by_address
     steps: list[_GuardedPiece] = []
     lost: dict[Address, int] = {}  # what was done to a machine before it was removed went with it
     for undoes, step in reversed(first.values()):
@@ -170,36 +168,17 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, form: Scri
             lost[step.address] = undoes
         if step.undo.operation is None or isinstance(step.undo.operation, RestorePartition):
             continue
-        back = reversal(step, changes)
-        if isinstance(back.operation, StopPartition):
-            back = replace(back, title=f"{back.title} ({describe_stop(back.operation.grace_ms, forces=True)})")
+        reversed_step = reversal(step, changes)
+        if isinstance(reversed_step.operation, StopPartition):
+            how = describe_stop(reversed_step.operation.grace_ms, forces=True)
+            reversed_step = replace(reversed_step, title=f"{reversed_step.title} ({how})")
         if isinstance(step.operation, CreatePartition):
-            pieces = creation_undo_pieces(back, step.operation, target.files)
+            pieces = creation_undo_pieces(reversed_step, step.operation, target.files)
         else:
-            pieces = pieces_of(back, target.files)
+            pieces = pieces_of(reversed_step, target.files)
         gone = lost.get(step.address)
-        steps += (_GuardedPiece(piece=piece, steps=(back,), undoes=undoes, lost=gone) for piece in pieces)
-    return _fill(target, _clustered(_joined(steps), host_plan), form)
-
-
-def render_guest(
-    host_plan: HostPlan, plan: Plan, inside: str, tasks: Sequence[GuestTask], form: ScriptForm
-) -> Mapping[str, bytes]:
-    """The script of a guest that could not be looked into, and its undo, by file name.
-
-    Raises:
-        NoLiteral: a value cannot be written into a script.
-    """
-    target = _Target(host_plan=host_plan, plan=plan, inside=inside)
-    last = len(tasks) - 1
-    pieces = [_GuardedPiece(piece=forward(task, plan.application), steps=(step_of(task),)) for task in tasks]
-    taken_back = []
-    for at, task in enumerate(reversed(tasks)):
-        piece = back(task, plan.application)
-        steps = (replace(step_of(task), title=piece.action),)
-        taken_back.append(_GuardedPiece(piece=piece, steps=steps, undoes=last - at))
-    undo = _fill(target, taken_back, form)
-    return {target.name(): _fill(target, pieces, form, undo=undo), target.name(undo=True): undo}
+        steps += (_GuardedPiece(piece=piece, steps=(reversed_step,), undoes=undoes, lost=gone) for piece in pieces)
+    return _clustered(_joined(steps), target.host_plan)
 
 
 def render_observe() -> bytes:
@@ -252,15 +231,8 @@ def _can_join(old: _GuardedPiece, new: _GuardedPiece) -> bool:
     return same and old.piece.joins and new.piece.joins
 
 
-def _fill(
-    target: _Target,
-    steps: Sequence[_GuardedPiece],
-    form: ScriptForm,
-    *,
-    accept_scheduler: bool = False,
-    undo: bytes = b"",
-) -> bytes:
-    """The script of these steps; `undo` is the one that takes them back, empty where it is that itself."""
+def _fill(target: _Target, steps: Sequence[_GuardedPiece], form: ScriptForm, undo: bytes = b"") -> bytes:
+    """Return the script of these steps; `undo` is the one that takes them back, empty where it is that itself."""
     host_plan, inside, kind = target.host_plan, target.inside, RunKind.APPLY if undo else RunKind.UNDO
     undo_digest = hashlib.sha256(undo).hexdigest() if undo else ""
     run = {
@@ -268,7 +240,7 @@ def _fill(
         "Guest": literal(_machine_of_guest(target, steps)),
         "Undo": literal(target.name(undo=True) if undo else ""),
         "UndoDigest": literal(undo_digest),
-        "AcceptScheduler": literal(accept_scheduler),
+        "AcceptScheduler": literal(host_plan.facts.scheduler is SchedulerType.ROOT),
         **_run(target),
     }
     if inside or not undo:  # neither asks what the host has to give
@@ -280,7 +252,7 @@ def _fill(
         **_head(kind, target, steps, digests),
         "facts": fact_lines(run),
         "entry": ENTRY,
-        "impact": impact_of("\n".join(map(_code, steps))),
+        "impact": impact_of(call for step in steps for call in step.piece.calls),
         "plan": list(plan_lines(_blocks(kind, host_plan, steps))),
         "module": module_text(form),
     }
@@ -430,12 +402,6 @@ def _without_implied(before: Readings, after: Readings) -> tuple[Readings, Readi
         for readings in (before, after)
     ]
     return tables[0], tables[1]
-
-
-def _code(guarded: _GuardedPiece) -> str:
-    """All of a step that calls anything."""
-    options = (value for _, value in _options(guarded))
-    return "\n".join([guarded.piece.read, *guarded.piece.calls, *options])
 
 
 def _options(guarded: _GuardedPiece) -> Iterable[tuple[str, Literal]]:

@@ -9,7 +9,6 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from rarms_iac.model.version import __version__
-from rarms_iac.powershell.tokens import TokenKind, tokens
 from rarms_iac.storage.shipped import shipped, shipped_text
 
 if TYPE_CHECKING:
@@ -53,8 +52,8 @@ def template_text(name: str) -> str:
     return shipped_text(f"{FOLDER}/{name}")
 
 
-PLAN, FACTS, TARGET, STEP_CALL = "$plan", "$script:Plan", "Use-Target", "Add-Step"
-"""The variable that holds a plan, the one that gets the run's facts, and what the plan calls."""
+TARGET, STEP_CALL = "Use-Target", "Add-Step"
+"""What a plan calls."""
 
 GUARD = "Test-Open"
 """What a call in a step of several asks first."""
@@ -83,10 +82,8 @@ _HOST_FACTS = (
     # What the host has to give: per cent of its processors, bytes of its memory.
     ("LogicalProcessors", "Cores", "ThreadsPerCore", "Percent", "Memory", "AcceptScheduler"),
 )
-FACT_NAMES = frozenset(name for row in _FACTS for name in row)
-"""The facts of a run that every script has."""
 HOST_FACT_NAMES = frozenset(name for row in _HOST_FACTS for name in row)
-"""Those that the script of a host has, too, but for its undo, which promises nothing."""
+"""Facts that only the script of a host has, but for its undo, which promises nothing."""
 
 
 def fact_lines(run: Mapping[str, str]) -> list[str]:
@@ -199,8 +196,8 @@ def without_signature(script: str) -> str:
     return re.sub(SIGNATURE, "", script)
 
 
-MODULE_BEGIN, MODULE_END = "#region The module of rarms", "#endregion"
-"""How the first line of what gives a script its module begins, and the last one."""
+NEW_MODULE = "$rarms = New-Module -Name Rarms -ScriptBlock {"
+"""The line behind which a script that is one file holds its module."""
 
 MODULE_FOLDER = "Rarms"
 MODULE_FILES = (f"{MODULE_FOLDER}.psd1", f"{MODULE_FOLDER}.psm1")
@@ -274,11 +271,7 @@ LOSING = frozenset(
 """Calls that stop, remove or delete what was there."""
 
 
-def impact_of(steps: str) -> str:
-    """What PowerShell asks a user before a script does these steps, if its `$ConfirmPreference` is not above that.
-
-    Raises:
-        NotTokens: the text ends inside a string.
-    """
-    words = {token.text.rpartition("\\")[2] for token in tokens(steps) if token.kind is TokenKind.WORD}
-    return "Medium" if LOSING.isdisjoint(words) else "High"
+def impact_of(calls: Iterable[str]) -> str:
+    """Return what PowerShell asks a user before a script does these calls, if `$ConfirmPreference` is not above it."""
+    names = {call.partition(" ")[0].rpartition("\\")[2] for call in calls}
+    return "Medium" if LOSING.isdisjoint(names) else "High"

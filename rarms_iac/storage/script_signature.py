@@ -27,15 +27,6 @@ def signed_scripts(scripts: Mapping[str, str], key: bytes) -> dict[str, str]:
     return {name: undo[name] if name in undo else _signed(rest[name], key) for name in scripts}
 
 
-def without_key_signature(text: str) -> str:
-    """Return a script as it was before it was signed.
-
-    Args:
-        text: of the script; its signature need not fit, and it need not have one.
-    """
-    return _REMARK.sub("", text)
-
-
 def is_signed_script(text: str, key: bytes) -> bool:
     """Tell whether a script has a signature that fits the key.
 

@@ -20,7 +20,7 @@ from rarms_iac.measuring.prove import ProveOutcome
 from rarms_iac.measuring.tune import TuningResult
 from rarms_iac.model.diagnostics import Findings
 from rarms_iac.model.plan import Plan
-from rarms_iac.powershell.outline import ScriptDifference
+from rarms_iac.powershell.comparison import ScriptDifference, TextDifference
 from rarms_iac.storage.finding_pages import FindingPage
 
 Answer = (
@@ -49,6 +49,7 @@ Answer = (
     | Selection
     | StartedPartitions
     | StepEnded
+    | TextDifference
     | TuningResult
     | WrittenFiles
 )

@@ -19,7 +19,7 @@ from rarms_iac.applying.run_report import (
     RunReporter,
     StepEnded,
 )
-from rarms_iac.applying.run_script import UndoneStep
+from rarms_iac.applying.undo import UndoneStep
 from rarms_iac.model.commands import UNDO, Wording, prose
 from rarms_iac.model.journal import RunKind, StepStatus
 from rarms_iac.model.plan import HostPlan, UndoLevel
@@ -43,6 +43,7 @@ def undo_text(undo: UndoPreview) -> "RenderableType":
     started = undo.started
     begun_by = "applied" if started.run is RunKind.APPLY else "begun"
     lines = [paragraph(_describe_undone(step), indent=2, more=2) for step in undo.steps]
+    lines += [f"  {visible(line, keep='')}" for line in undo.script]
     if undo.keeps:
         lines += [f"  {address}: stays as it was applied" for address in undo.foreign]
     return stack(

@@ -1,4 +1,4 @@
-"""Scripts for a reader: one with line numbers, or two compared by their steps."""
+"""Scripts for a reader: one with line numbers, or two compared."""
 
 from collections.abc import Iterator, Sequence
 from io import StringIO
@@ -9,9 +9,8 @@ from rarms_iac.model.commands import APPLY, Wording, prose
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.wording import natural_order
-from rarms_iac.powershell.inspection.parts import part_digest, split_script
-from rarms_iac.powershell.outline import Detail, ScriptDifference, StepDifference
-from rarms_iac.powershell.templates import ScriptForm
+from rarms_iac.powershell.comparison import Detail, ScriptDifference, StepDifference, TextDifference
+from rarms_iac.powershell.templates import ENTRY, MEASURING_ENTRY, ScriptForm, module_text
 from rarms_iac.views.console import BAD, CHANGED, GOOD, STRONG, paragraph, stack, styled
 
 if TYPE_CHECKING:
@@ -23,7 +22,7 @@ SYMBOLS = {"+": GOOD, "~": CHANGED, "-": BAD}
 def script_text(script: str, *, colour: bool = False, whole: bool = False) -> str:
     """The script with the numbers of its lines, as they are in the file; it ends with a line end.
 
-    Its lines are never wrapped, and it passed the inspection, so that it is printable ASCII.
+    Its lines are printable ASCII and are never wrapped.
 
     Args:
         script: its text.
@@ -34,10 +33,12 @@ def script_text(script: str, *, colour: bool = False, whole: bool = False) -> st
     lines = (_highlighted(plain) if colour else plain).split("\n")
     width = len(str(len(lines)))
     numbered = [f"{number:>{width}}  {line}".rstrip() for number, line in enumerate(lines, start=1)]
-    piece = split_script(plain + "\n").fixed
-    if not whole and piece is not None and piece.form is ScriptForm.SINGLE:
-        fixed = f"the module, fixed (SHA-256 {part_digest(piece.text)[:12]}); a pipe gets it"
-        numbered[piece.first - 1 : piece.last] = [f"{'':>{width}}  ... lines {piece.first} to {piece.last}: {fixed}"]
+    for entry in () if whole else (ENTRY, MEASURING_ENTRY):
+        before, module, _ = plain.partition(module_text(ScriptForm.SINGLE, entry))
+        if module:
+            first, last = before.count("\n"), (before + module).count("\n") + 1
+            told = f"... lines {first + 1} to {last}: the module of rarms; a pipe gets it"
+            numbered[first:last] = [f"{'':>{width}}  {told}"]
     return "\n".join(numbered) + "\n"
 
 
@@ -67,14 +68,15 @@ def left_out(plan: Plan, scripts: Sequence[PlanScript], selected: Sequence[PlanS
         yield f"Guests have scripts of their own: {', '.join(guests)} (--guest NAME)."
 
 
-def difference_text(difference: ScriptDifference) -> "RenderableType":
-    """Show the steps that differ: `+` only in the new script, `-` only in the old one, `~` in both and not the same."""
+def difference_text(difference: ScriptDifference | TextDifference) -> "RenderableType":
+    """Show what differs: `+` only in the new script, `-` only in the old one, `~` in both and not the same."""
     head = paragraph(f"From {difference.old} to {difference.new}:")
-    if difference.is_empty:
+    if isinstance(difference, TextDifference):
+        changed = [paragraph(line) for line in difference.lines[2:]]
+        return stack(head, *(changed or ["  they are equal, line by line."]))
+    if not difference.steps:
         return stack(head, "  they do the same, step by step.")
     parts = [head]
-    if difference.run:
-        parts += [_line("~", "the run as a whole"), *map(_detail, difference.run)]
     for step in difference.steps:
         text = f"{step.address}, {_describe_position(step)}: {step.action}"
         parts += [_line(_symbol(step), text), *map(_detail, step.details)]

@@ -1,4 +1,4 @@
-"""Situations of a Hyper-V host: what rarms makes of each lies beside it, passes the inspection, and does it."""
+"""Situations of a Hyper-V host: what rarms makes of each lies beside it, can be read, and does it."""
 
 import json
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.app.plan_files import plan_in
-from rarms_iac.powershell.inspection.inspect import inspect
+from rarms_iac.powershell.syntax import unreadable
 from rarms_iac.storage.plan_file import write_plan
 from tests.cases.situations import WITH_SCRIPTS, command_of, folders, made, outputs, stand_in
 from tests.fake_powershell.cell import apply, in_one_file, scripts_of, undo
@@ -34,7 +34,7 @@ def test_what_lies_beside_a_situation_is_what_rarms_makes_of_it(folder: Path) ->
     for name, data in sorted(lies.items()):
         assert data == fresh[name], f"{folder.name}/{name}: run `python -m tests.cases.situations`, read the difference"
     for name, text in scripts_of(plan).items() if (plan := made(folder).plan) else ():
-        assert inspect(text, name) == ()
+        assert unreadable(text, name) == ()
 
 
 @situations

@@ -7,14 +7,12 @@ from dataclasses import dataclass, replace
 from datetime import date
 
 from rarms_iac.applying.make_plan import PlanningResult, make_plan
-from rarms_iac.applying.scripts import scripts_of as rendered
 from rarms_iac.model.diagnostics import Places
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
-from rarms_iac.powershell.inspection.parts import NEW_MODULE
-from rarms_iac.powershell.render import script_name
-from rarms_iac.powershell.templates import MODULE_FOLDER, ScriptForm, shipped_module
+from rarms_iac.powershell.render import render_scripts, script_name
+from rarms_iac.powershell.templates import MODULE_FOLDER, NEW_MODULE, ScriptForm, shipped_module
 from tests.builders import PathPlaces
 from tests.fake_powershell.host import WindowsHost
 from tests.fake_powershell.observing import state_of
@@ -69,7 +67,7 @@ def with_module(scripts: Mapping[str, bytes]) -> Mapping[str, bytes]:
 def in_one_file(plan: Plan) -> Plan:
     """The plan with scripts that hold their module."""
     (part,) = plan.hosts
-    texts = {name: text.decode("ascii") for name, text in rendered(part, plan, ScriptForm.SINGLE).items()}
+    texts = {name: text.decode("ascii") for name, text in render_scripts(part, plan, ScriptForm.SINGLE).items()}
     return replace(plan, hosts=(replace(part, scripts=texts),))
 
 

@@ -8,13 +8,13 @@ from fnmatch import fnmatch
 from functools import cache
 from typing import TYPE_CHECKING
 
-from rarms_iac.powershell.tree import text_of
 from tests.fake_powershell import members
 from tests.fake_powershell.dotnet import content
 from tests.fake_powershell.expressions import Expression, expression, invoke, only, run_block
 from tests.fake_powershell.scopes import Block, Body, Exit, FunctionInfo, Scope
 from tests.fake_powershell.values import EMPTY, ScriptError, Thing, Unsupported, Value, number, text, truth
 from tests.powershell_lint.cmdlets import cmdlet, problems_of_call
+from tests.powershell_lint.tree import text_of
 
 if TYPE_CHECKING:
     from tree_sitter import Node

@@ -5,12 +5,11 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 
-from rarms_iac.powershell.templates import MODULE_BEGIN, MODULE_END
-from rarms_iac.powershell.tree import parse_strictly
 from tests.fake_powershell.expressions import binding_of, parameters_of
 from tests.fake_powershell.scopes import Binding, Body, Function, Parameter, Scope
 from tests.fake_powershell.statements import block_of
 from tests.fake_powershell.values import Value
+from tests.powershell_lint.tree import parse
 
 
 @lru_cache(maxsize=64)
@@ -27,7 +26,7 @@ def compiled(script: bytes) -> Function:
     return Function(name="", parameters=parameters, body=body, binding=binding)
 
 
-_EDGE = rf"(?={MODULE_BEGIN})|(?<={MODULE_END}\r\n)"
+_EDGE = r"(?=#region The module of rarms)|(?<=#endregion\r\n)"
 """Around what gives a script its module: the tree of the whole is those of its pieces, one by one."""
 
 
@@ -36,7 +35,7 @@ def _piece(text: str) -> Function:
     parameters: tuple[Parameter, ...] = ()
     binding: Binding | None = None
     bodies: list[Body] = []
-    for part in parse_strictly(text).children:
+    for part in parse(text).children:
         if part.type == "param_block":
             parameters, binding = parameters_of(part), binding_of(part)
         elif part.type == "statement_list":

@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import TYPE_CHECKING
 
-from rarms_iac.powershell.literals import read_literal
-from rarms_iac.powershell.tree import text_of
 from tests.fake_powershell import dotnet, members, operators
 from tests.fake_powershell.scopes import (
     Binding,
@@ -33,6 +31,7 @@ from tests.fake_powershell.values import (
     truth,
     unwrapped,
 )
+from tests.powershell_lint.tree import text_of
 
 if TYPE_CHECKING:
     from tree_sitter import Node
@@ -75,10 +74,10 @@ def _constant(value: Value) -> Expression:
 
 
 def _literal(node: Node) -> Expression:
-    value = read_literal(text_of(node))
-    if isinstance(value, int) and not isinstance(value, bool) and not -(2**31) <= value < 2**31:
-        value = Long(value)
-    return _constant(value)
+    shown = text_of(node)
+    if not shown.startswith("'"):
+        raise Unsupported(shown[:80])
+    return _constant(shown[1:-1].replace("''", "'"))
 
 
 def _integer(node: Node) -> Expression:

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from rarms_iac.powershell.tree import text_of
 from tests.fake_powershell import commands, members, operators
 from tests.fake_powershell.expressions import Expression, expression, function_of, only, type_of
 from tests.fake_powershell.host import Interrupted
@@ -24,6 +23,7 @@ from tests.fake_powershell.values import (
     truth,
     unwrapped,
 )
+from tests.powershell_lint.tree import text_of
 
 if TYPE_CHECKING:
     from tree_sitter import Node

@@ -12,8 +12,6 @@ from rarms_iac.cli.main import main
 from rarms_iac.measuring import measure
 from rarms_iac.measuring.measure_request import MeasureRequest
 from rarms_iac.model.outcomes import Sufficient
-from rarms_iac.powershell.inspection.inspect import inspect
-from rarms_iac.powershell.templates import MEASURING_ENTRY
 from rarms_iac.providers.hyperv import provider
 from rarms_iac.providers.hyperv.guest_samples import FORMAT, read_seen
 from tests.fake_powershell import guests
@@ -288,30 +286,6 @@ def test_what_windows_refuses_is_told_and_nothing_stays(
 
     assert words in str([finding.detail for finding in raised.value.findings])
     assert leftovers(host) == []
-
-
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("Add-GuestWork -Partition 'rarms-p1'", "Get-GuestSecret -Name 'rarms-p1'"),
-        ("-Program 'vision.exe'", "-Program (Get-PendingName -Name 'x' | Sort-Object)"),
-        ("['Invoke-RarmsMeasuring']", "['Invoke-RarmsPlan']"),
-        ("Stop-Process -Id $_.ProcessId -Force", "Stop-Computer -Force"),
-        ("    Add-TestPartition", "    Hyper-V\\Remove-VM -Name '*'\r\n    Add-TestPartition"),
-    ],
-)
-def test_a_script_that_another_tool_edited_must_not_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str
-) -> None:
-    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
-    monkeypatch.setattr(provider, "transport_to", lambda _host: FakePowerShellTransport(a_measurable_windows()))
-    script, removal = measure.measuring_scripts(app_hosts.load(str(tmp_path)))
-
-    assert [made.name for made in (script, removal)] == ["cell.vision.busy-loop.measure.ps1", "cell.remove.measure.ps1"]
-    assert old in script.text
-    for made in (script, removal):
-        assert inspect(made.text.encode("ascii"), entry=MEASURING_ENTRY) == ()
-    assert inspect(script.text.replace(old, new, 1).encode("ascii"), entry=MEASURING_ENTRY) != ()
 
 
 @pytest.mark.parametrize(

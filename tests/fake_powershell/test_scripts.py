@@ -11,8 +11,7 @@ import pytest
 
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.system import HypervPartition
-from rarms_iac.powershell.inspection.inspect import inspect
-from rarms_iac.powershell.outline import outline
+from rarms_iac.powershell.render import script_steps
 from rarms_iac.storage.append import records_in
 from tests.builders import a_component, a_partition
 from tests.effort import every_few
@@ -62,12 +61,6 @@ def test_machines_alike_are_made_started_changed_and_taken_back_in_rows(cell: Ma
 
 
 @cells
-def test_the_scripts_pass_their_inspection(cell: Make) -> None:
-    for name, text in scripts_of(cell().plan).items():
-        assert inspect(text, name) == ()
-
-
-@cells
 @pytest.mark.parametrize("windows_powershell", [True, False], ids=["5.1", "7"])
 def test_after_a_run_the_next_plan_has_nothing_to_do_on_the_host_itself(cell: Make, windows_powershell: bool) -> None:
     prepared = cell()
@@ -112,11 +105,6 @@ def test_what_if_touches_nothing(cell: Make) -> None:
     assert ran.events[-1]["status"] == "previewed"
 
 
-def parts_of(script: bytes) -> list[tuple[str, str]]:
-    """Address and action of every step of a script."""
-    return [(step.address, step.action) for step in outline(script).steps]
-
-
 @cells
 @pytest.mark.parametrize("as_json", [True, False], ids=["for a program", "for a person"])
 def test_every_action_of_a_plan_stands_in_its_preview(cell: Make, as_json: bool) -> None:
@@ -128,8 +116,8 @@ def test_every_action_of_a_plan_stands_in_its_preview(cell: Make, as_json: bool)
     ran = run(host, apply_script(prepared.plan), what_if=True, as_json=as_json)
 
     shown = [f"{event['detail']} {event['address']}" for event in ran.events] if as_json else list(ran.lines)
-    for address, action in parts_of(scripts[apply_script(prepared.plan)]):
-        assert any(action in line and address in line for line in shown), f"{action} of {address}\n{ran.says}"
+    for step in script_steps(prepared.plan.hosts[0], prepared.plan, "", undo=False):
+        assert any(step.action in line and step.address in line for line in shown), f"{step.action}\n{ran.says}"
 
 
 def test_a_preview_begins_with_what_is_stopped_removed_and_deleted() -> None:

@@ -176,3 +176,45 @@ VERBS = CHANGING_VERBS | words(
     Unregister Wait Block Grant Protect Revoke Unblock Unprotect Use
     """
 )
+
+_PLAN_CALLS = r"""
+Use-Target Address Read
+Add-Step Action Before After Same Set Fits Undoes Lost
+Test-Open Name
+Test-Capacity Processors Reserve Memory
+Get-PartitionReading Machine Clustered Name Disk
+Get-TaskClassReading Task
+Get-GuestTaskClassReading Task Application Replace
+Get-DiskReading Path Parent Everywhere
+Get-FolderReading From To
+Hyper-V\Get-VMHardDiskDrive VM
+Hyper-V\New-VM Name Generation MemoryStartupBytes NoVHD SwitchName Path
+Hyper-V\Add-VMHardDiskDrive VM Path
+Hyper-V\New-VHD Path ParentPath Differencing
+Hyper-V\Remove-VM VM Force
+Hyper-V\Remove-VMNetworkAdapter VM
+Hyper-V\Rename-VM VM NewName
+Hyper-V\Set-VM VM AutomaticStartAction AutomaticStopAction CheckpointType
+Hyper-V\Set-VMFirmware VM EnableSecureBoot SecureBootTemplate FirstBootDevice
+Hyper-V\Set-VMMemory VM DynamicMemoryEnabled StartupBytes
+Hyper-V\Set-VMProcessor VM Count Reserve Maximum RelativeWeight
+Hyper-V\Start-VM VM
+FailoverClusters\Update-ClusterVirtualMachineConfiguration VMId
+Write-Mark
+Stop-Partition GraceMs
+Write-TaskValue Task Name Type Value
+Remove-TaskValue Task Name Keep
+Remove-TaskClass Task
+Write-TaskRecord Task Application Robot Digest Before
+Remove-TaskRecord Task Application
+Save-TaskRecord Task Application Digest
+Restore-TaskClass Task Application
+Remove-DiskFile Path
+Add-Folder Path
+Move-NewPartition From To
+Remove-PartitionFolder From To
+Add-TestPartition Name Processors Memory Limit Weight Generation Image Type Folder SecureBoot
+Add-GuestWork Partition Credential Name Kind Program Arguments Folder Environment Files PeriodTicks TimeoutMs Instances
+"""
+PLAN_CALLS = {name: set(parameters) for name, *parameters in map(str.split, _PLAN_CALLS.strip().splitlines())}
+"""What plans call, by name with the parameters that they give: all that scripts do to a machine."""

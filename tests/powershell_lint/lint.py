@@ -1,7 +1,6 @@
 """What is held true of the templates of scripts once and for all: what they may be made of, calls that bind, names.
 
-In: the text of a script, whole. Out: problems, each `line: what is wrong`. What a user edits is not looked at by this:
-the package's own inspection compares it with these templates.
+In: the text of a script, whole. Out: problems, each `line: what is wrong`.
 """
 
 from collections import Counter
@@ -11,12 +10,9 @@ from functools import cached_property
 
 from tree_sitter import Node
 
-from rarms_iac.powershell.literals import NotALiteral, read_literal
-from rarms_iac.powershell.statements import CommandCall, calls_of
-from rarms_iac.powershell.tokens import NotTokens
-from rarms_iac.powershell.tree import line_number, parse_strictly, text_of, walk
 from tests.powershell_lint import allowed
 from tests.powershell_lint.cmdlets import cmdlet, problems_of_call
+from tests.powershell_lint.tree import CommandCall, calls_of, line_number, parse, text_of, walk
 
 Problem = tuple[Node, str]
 
@@ -56,9 +52,10 @@ class Script:
 
 def problems(text: str, *, reading: bool = False) -> list[str]:
     """Everything that is wrong with a script, in no order."""
-    script = Script(parse_strictly(text), reading)
+    script = Script(parse(text), reading)
     checks = (_constructs, _names, _commands, _style, _unused)
-    return [f"{line_number(node)}: {problem}" for check in checks for node, problem in check(script)]
+    joined = [f"{at}: the line is joined" for at, line in enumerate(text.splitlines(), start=1) if line.endswith(" `")]
+    return joined + [f"{line_number(node)}: {problem}" for check in checks for node, problem in check(script)]
 
 
 def _parameters(function: Node) -> dict[str, bool]:
@@ -75,6 +72,8 @@ def _constructs(script: Script) -> Iterator[Problem]:
     for node in script.nodes:
         text = text_of(node)
         match node.type:
+            case "command_name" | "command_parameter" | "generic_token" | "variable" if "`" in text:
+                yield node, f"{text} hides a character"
             case kind if node.is_named and kind not in allowed.CONSTRUCTS:
                 yield node, f"a {kind}"
             case "command_invokation_operator" if text != "&":
@@ -207,11 +206,8 @@ _TAKING_ALL = {"Force", "Recurse"}
 
 
 def _accepts(accepted: tuple[str, ...], text: str) -> bool:
-    """Whether a literal is one of the accepted values; what is no literal cannot be told here."""
-    try:
-        return not accepted or str(read_literal(text)) in accepted
-    except (NotALiteral, NotTokens):
-        return True
+    """Whether a literal is one of the accepted values; of anything else the text does not show it."""
+    return not accepted or not text.startswith("'") or text.strip("'") in accepted
 
 
 _ASKED_FOR = "SuppressMessageAttribute('PSUseShouldProcessForStateChangingFunctions', ''"

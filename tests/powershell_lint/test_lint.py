@@ -5,30 +5,19 @@ from typing import get_args
 
 import pytest
 
-from rarms_iac.applying.scripts import scripts_of
 from rarms_iac.model.changes import Address, Change, Create
 from rarms_iac.model.operations import Operation, RemoveDisk, RestorePartition, SetSecureBoot, WriteTaskClass
 from rarms_iac.model.plan import GuestTask, HostPlan
 from rarms_iac.model.state import Partition, Tie
 from rarms_iac.powershell import measuring
-from rarms_iac.powershell.inspection.inspect import inspect
-from rarms_iac.powershell.inspection.steps import _CAPACITY, _MEASURES, _READERS, _SETTERS, _VALUES
 from rarms_iac.powershell.render import render_observe, render_scripts
-from rarms_iac.powershell.statements import calls_of, plan_statements
-from rarms_iac.powershell.templates import (
-    ENTRY,
-    GUARD,
-    MEASURING_ENTRY,
-    STEP_CALL,
-    TARGET,
-    ScriptForm,
-    module_text,
-    template_text,
-)
-from rarms_iac.powershell.tree import parse_strictly
+from rarms_iac.powershell.syntax import unreadable
+from rarms_iac.powershell.templates import ENTRY, MEASURING_ENTRY, ScriptForm, module_text, template_text
 from rarms_iac.providers.hyperv.bootstrap import render_installed_receiver, render_loader, render_receiver
 from tests import builders_plan as build
+from tests.powershell_lint.allowed import PLAN_CALLS
 from tests.powershell_lint.lint import problems
+from tests.powershell_lint.tree import calls_of, parse, plan_of
 from tests.unit.powershell.plans import all_changes, rendered_plan
 
 
@@ -51,7 +40,7 @@ def filled_plan() -> HostPlan:
 
 
 HOST_PLAN = filled_plan()
-SCRIPTS = {name: text.decode("ascii") for name, text in scripts_of(HOST_PLAN, build.plan(HOST_PLAN)).items()}
+SCRIPTS = {name: text.decode("ascii") for name, text in render_scripts(HOST_PLAN, build.plan(HOST_PLAN)).items()}
 
 
 def measuring_script() -> bytes:
@@ -81,17 +70,17 @@ def test_every_operation_is_among_those_that_fill_the_templates() -> None:
 
 @pytest.mark.parametrize("name", sorted(SCRIPTS))
 def test_a_script_of_a_plan(name: str) -> None:
-    single = scripts_of(HOST_PLAN, build.plan(HOST_PLAN), ScriptForm.SINGLE)[name]
+    single = render_scripts(HOST_PLAN, build.plan(HOST_PLAN), ScriptForm.SINGLE)[name]
 
-    assert inspect(SCRIPTS[name].encode("ascii"), name) == ()
-    assert inspect(single, name) == ()
+    assert unreadable(SCRIPTS[name].encode("ascii"), name) == ()
+    assert unreadable(single, name) == ()
     assert problems(single.decode("ascii")) == []  # with the functions that it calls
 
 
 def test_a_script_that_measures() -> None:
     script = measuring_script()
 
-    assert inspect(script, entry=MEASURING_ENTRY) == ()
+    assert unreadable(script, "cell.measure.ps1") == ()
     assert problems(script.decode("ascii")) == []
 
 
@@ -134,14 +123,10 @@ def test_scripts_may_call_in_plans_what_rarms_writes_there_and_nothing_else() ->
     called: dict[str, set[str]] = {}
     clustered = [text.decode("ascii") for text in render_scripts(*rendered_plan(of_a_cluster())).values()]
     for script in (*SCRIPTS.values(), *clustered, measuring_script().decode("ascii")):
-        for statement in plan_statements(parse_strictly(script)):
-            for call in calls_of(statement):
-                called[call.name] = called.get(call.name, set()) | set(call.given)
+        for call in calls_of(parse(plan_of(script))):
+            called[call.name] = called.get(call.name, set()) | set(call.given)
 
-    for name in (STEP_CALL, TARGET):
-        del called[name]
-    assert called.pop(GUARD) == {"Name"}
-    assert called == {**_READERS, **_SETTERS, **_MEASURES, **_VALUES, **_CAPACITY}
+    assert called == PLAN_CALLS
 
 
 BAD = {
@@ -153,6 +138,8 @@ BAD = {
     "a switch with a value": "Hyper-V\\Remove-VM -Force 'x'",
     "a cmdlet without its module": "Get-VM -Name 'x'",
     "a cmdlet that is not needed": "Restart-Computer -Force",
+    "a line joined": "Get-Item `\n-LiteralPath 'x'",
+    "a character that is hidden": "Get-It`em -LiteralPath 'x'",
     "an alias": "gci -LiteralPath 'x'",
     "a program": "cmd /c del x",
     "a block from text": "[scriptblock]::Create('x')",

@@ -21,7 +21,7 @@ __all__ = ["pwsh"]
 
 @pytest.mark.needs("posix")
 @pytest.mark.usefixtures("pwsh")
-def test_the_scripts_are_shown_and_pass_the_inspection(
+def test_measuring_scripts_are_shown_and_can_be_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

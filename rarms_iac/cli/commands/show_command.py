@@ -14,7 +14,6 @@ from rarms_iac.app.scripts import (
     ScriptSelection,
     check_script,
     compare_with_file,
-    inspect_scripts,
     only_script,
     plan_scripts,
     scripts_to_write,
@@ -56,10 +55,12 @@ class ShowOptions:
         "--single-file", help="With --script: each script holds the module itself, instead of a folder beside it."
     )
     against: str | None = option(
-        "--against", metavar="FILE", help="With --script: how it differs from this script or plan, by steps."
+        "--against",
+        metavar="FILE",
+        help="With --script: how it differs from this plan, by steps, or from this script, by lines.",
     )
     check: str | None = option(
-        "--check", metavar="FILE", help="Inspect a script that was edited; exit code 2 where it may not run."
+        "--check", metavar="FILE", help="Check that PowerShell can read a script that was edited; exit code 2 if not."
     )
     transport: bool = flag("--transport", help="Show what takes scripts on a host, sent or installed.")
 
@@ -106,17 +107,15 @@ def _show_scripts(session: Session, plan: Plan, hosts: tuple[str, ...], options:
     selected = select_scripts(scripts, selection, plan)
     if options.out is not None:
         written = scripts_to_write(scripts, selected, selection)
-        inspect_scripts(written)
         for path in write_scripts(written, options.out):
             session.terminal.tell(f"Wrote {path}.")
         for sentence in left_out(plan, scripts, written):
             session.terminal.tell(sentence)
         return ExitCode.DONE
-    inspect_scripts(selected)
     against = options.against
     if against is not None:
         script = only_script(selected, "--against")
-        difference = compare_with_file(against, script)
+        difference = compare_with_file(against, plan, script)
         session.answer(lambda: json_of(difference), lambda: difference_text(difference))
         return ExitCode.DONE
     if session.as_json:
@@ -132,14 +131,14 @@ def _show_scripts(session: Session, plan: Plan, hosts: tuple[str, ...], options:
 
 
 def _check(session: Session, path: str) -> ExitCode:
-    """What is wrong with a script that was edited; nothing else is looked at."""
+    """Show why PowerShell cannot read a script that was edited."""
     text, findings = check_script(path)
     if session.as_json:
         session.terminal.data(json_of(Findings(findings=tuple(findings))))
     elif findings:
         session.terminal.show(findings_text(findings, {path: text}))
     else:
-        session.terminal.show(paragraph(f"{path} may run: it is made as rarms makes its scripts, for some values."))
+        session.terminal.show(paragraph(f"PowerShell can read {path}."))
     return ExitCode.FOUND if has_errors(findings) else ExitCode.DONE
 
 

@@ -11,7 +11,7 @@ from rarms_iac.applying.run_steps import RunControl
 from rarms_iac.applying.undo import undo_findings, why_not_kept
 from rarms_iac.model.journal import RunKind, ScriptRun, ScriptStarted, StepRecorded, StepStatus
 from rarms_iac.model.state import State
-from rarms_iac.powershell.render import render_apply
+from rarms_iac.powershell.render import render_scripts
 from rarms_iac.powershell.templates import shipped_module
 from rarms_iac.providers.interface import (
     EventKind,
@@ -178,7 +178,7 @@ def test_a_script_that_powershell_would_not_start_is_told_with_powershells_words
 
 
 def test_finishing_counts_what_an_earlier_run_changed() -> None:
-    script = render_apply(*rendered_plan()).decode("ascii")
+    script = render_scripts(*rendered_plan())["onboard.ps1"].decode("ascii")
     started = ScriptStarted(
         run=RunKind.APPLY,
         plan="a",

@@ -509,9 +509,9 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
             ("snapshot --host NAME --out FILE", "snapshot --script"),
         ),
     ),
-    "a script is none": (
+    "a script cannot be read": (
         given(MANIFEST, write("exit", "a.ps1")),
-        Ask("show --check a.ps1", "Give a script that", ("show --script --out FOLDER", "snapshot --script")),
+        Ask("show --check a.ps1", "and write it again", "show --script --out FOLDER"),
     ),
 }
 

@@ -9,7 +9,6 @@ from rarms_iac.model.changes import Adopt, Change, Create, Release
 from rarms_iac.model.layout import Making
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.state import Mark, Partition, TaskClass, TaskRecord
-from rarms_iac.powershell.tree import NotParsed, ShapeNode, parse_strictly, shape_of
 from tests import builders_plan as build
 
 
@@ -74,16 +73,3 @@ def rendered_plan(
     steps = [step for change in wanted for step in steps_for(change, context)]
     on = build.host_plan(changes=wanted, steps=steps)
     return on, build.plan(on)
-
-
-def shape(script: str) -> tuple[ShapeNode, ...]:
-    """The tree of a whole script."""
-    return shape_of([parse_strictly(script)])
-
-
-def same_structure(template: str, script: str) -> bool:
-    """Whether the trees are the same but for literals; a script that does not parse has no tree."""
-    try:
-        return shape(template) == shape(script)
-    except NotParsed:
-        return False

@@ -6,11 +6,11 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.powershell.templates import MEASURING_PARTS, part_text, template_text
-from rarms_iac.powershell.tokens import TokenKind, tokens
 from tests.fake_powershell.cell import apply, undo
 from tests.fake_powershell.cells import fresh
 from tests.fake_powershell.observing import PROFILE
 from tests.fake_powershell.values import Table, Unsupported
+from tests.powershell_lint.tree import parse, text_of, walk
 
 TEXTS = {
     "module": template_text("Rarms/Rarms.psm1"),
@@ -28,7 +28,8 @@ ORDINAL = {"ToLowerInvariant", "ToUpperInvariant"}
 @templates
 def test_no_word_of_a_template_depends_on_the_culture(name: str) -> None:
     """`-cmatch` and its like tell case; `-eq`, `-contains` and `-replace` go by the invariant culture."""
-    found = [token.text for token in tokens(TEXTS[name]) if token.kind is TokenKind.WORD]
+    leaves = [node for node in walk(parse(TEXTS[name])) if node.child_count == 0]
+    found = [text_of(leaf) for leaf in leaves if leaf.type not in {"comment", "verbatim_string_characters"}]
 
     assert [word for word in found if BY_CULTURE.fullmatch(word) and word not in ORDINAL] == []
     assert not [word for word in found if word.lower().endswith(("tolower", "toupper"))]
@@ -37,7 +38,7 @@ def test_no_word_of_a_template_depends_on_the_culture(name: str) -> None:
 @templates
 def test_no_number_is_shaped_by_the_culture(name: str) -> None:
     """Holes of `-f` have widths and hexadecimal digits, which are the same everywhere; no N, D or date."""
-    texts = [token.text for token in tokens(TEXTS[name]) if token.kind is TokenKind.STRING]
+    texts = [text_of(node) for node in walk(parse(TEXTS[name])) if node.type == "string_literal"]
     holes = [hole for text in texts for hole in re.findall(r"\{[0-9]+(?:,-?[0-9]+)?(:[^}]*)?\}", text)]
 
     assert set(holes) <= {"", ":x4"}

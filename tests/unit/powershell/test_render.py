@@ -5,16 +5,23 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.model.changes import Change
+from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.renaming import BETWEEN
 from rarms_iac.powershell.literals import NoLiteral
-from rarms_iac.powershell.render import render_apply, render_scripts, render_undo, script_name
+from rarms_iac.powershell.render import render_scripts, script_name
 from rarms_iac.powershell.templates import ScriptForm, fill, template_text
 from rarms_iac.providers.marks import write_mark
 from tests import builders_plan as build
 from tests.builders import a_mark
 from tests.effort import examples
+from tests.powershell_lint.tree import structure
 from tests.unit.powershell.hostile import hostile_texts
-from tests.unit.powershell.plans import all_changes, marked, rendered_plan, same_structure
+from tests.unit.powershell.plans import all_changes, marked, rendered_plan
+
+
+def host_script(on: HostPlan, plan: Plan) -> bytes:
+    """The script of the host itself that does this plan."""
+    return render_scripts(on, plan)["onboard.ps1"]
 
 
 def steps_of(script: bytes) -> str:
@@ -46,11 +53,12 @@ def test_one_script_and_its_undo_for_each_operating_system() -> None:
 
 def test_a_script_knows_its_undo_by_its_bytes() -> None:
     on, plan = rendered_plan()
+    scripts = render_scripts(on, plan)
 
-    digest = hashlib.sha256(render_undo(on, plan)).hexdigest()
+    digest = hashlib.sha256(scripts[script_name(on, undo=True)]).hexdigest()
 
-    assert f"UndoDigest = '{digest}'" in steps_of(render_apply(on, plan))
-    assert f"Undo = '{script_name(on, undo=True)}'" in steps_of(render_apply(on, plan))
+    assert f"UndoDigest = '{digest}'" in steps_of(scripts[script_name(on)])
+    assert f"Undo = '{script_name(on, undo=True)}'" in steps_of(scripts[script_name(on)])
 
 
 def test_both_forms_have_the_same_head_plan_and_end_but_for_the_digest_of_the_undo() -> None:
@@ -71,7 +79,7 @@ def test_each_start_stands_under_a_banner_that_names_its_partition() -> None:
     host_plan, plan = rendered_plan()
     starts = [step.address for step in host_plan.steps if step.title == "start it"]
 
-    told = re.findall(r"# === ([a-z]+): start it .*", steps_of(render_apply(host_plan, plan)))
+    told = re.findall(r"# === ([a-z]+): start it .*", steps_of(host_script(host_plan, plan)))
 
     assert starts
     assert told == [address.partition for address in starts]
@@ -80,7 +88,7 @@ def test_each_start_stands_under_a_banner_that_names_its_partition() -> None:
 def test_a_child_of_an_older_disk_has_its_parents_format() -> None:
     new = build.create(marked(replace(build.partition(build.settings("planning")), id="")))
 
-    text = steps_of(render_apply(*rendered_plan([new], image="D:\\images\\old.VHD")))
+    text = steps_of(host_script(*rendered_plan([new], image="D:\\images\\old.VHD")))
 
     disk = "D:\\vms\\planning\\planning-0123456789ab.vhd"
     assert f"-Path '{disk}' -ParentPath 'D:\\images\\old.VHD' -Differencing\n" in text
@@ -88,17 +96,17 @@ def test_a_child_of_an_older_disk_has_its_parents_format() -> None:
 
 def test_nothing_that_a_value_says_changes_the_structure() -> None:
     harmless = all_changes()[5]
-    template = render_apply(*rendered_plan([renamed(harmless, "x", "y")])).decode("ascii")
+    template = structure(host_script(*rendered_plan([renamed(harmless, "x", "y")])).decode("ascii"))
 
     for text in hostile_texts(examples(5), seed=23):
         named = renamed(harmless, f"a{text}", text or "because")
-        script = render_apply(*rendered_plan([named])).decode("ascii")
-        assert same_structure(template, script)
+        script = host_script(*rendered_plan([named])).decode("ascii")
+        assert structure(script) == template
 
 
 def test_half_a_character_has_no_literal() -> None:
     with pytest.raises(NoLiteral):
-        render_apply(*rendered_plan([renamed(all_changes()[5], "\ud800", "why")]))
+        host_script(*rendered_plan([renamed(all_changes()[5], "\ud800", "why")]))
 
 
 def test_a_template_that_asks_for_more_fails() -> None:

@@ -6,7 +6,6 @@ import re
 import pytest
 
 from rarms_iac.model.version import __version__
-from rarms_iac.powershell.inspection.parts import split_script, without_fixed
 from rarms_iac.powershell.render import render_observe, render_scripts
 from rarms_iac.powershell.templates import (
     MODULE_FILES,
@@ -17,8 +16,8 @@ from rarms_iac.powershell.templates import (
     template_text,
     without_signature,
 )
-from rarms_iac.powershell.tree import ShapeNode, parse_strictly, text_of
-from tests.unit.powershell.plans import all_changes, rendered_plan, shape
+from tests.powershell_lint.tree import parse, text_of
+from tests.unit.powershell.plans import all_changes, rendered_plan
 
 SCRIPTS = {
     (form, name): text.decode("ascii")
@@ -29,11 +28,6 @@ scripts = pytest.mark.parametrize(("form", "name"), sorted(SCRIPTS, key=str))
 MODULE = template_text("Rarms/Rarms.psm1")
 
 
-def statements(script: str) -> list[ShapeNode]:
-    """The tree below the list of all statements; between two of them a remark hangs elsewhere than at an end."""
-    return [leaf for leaf in shape(script) if leaf.depth > 1 and leaf.label != "comment"]
-
-
 def test_the_module_can_be_read_in_one_sitting() -> None:
     assert MODULE.count("\n") <= 1500
     assert max(map(len, MODULE.split("\n"))) <= 125
@@ -41,7 +35,7 @@ def test_the_module_can_be_read_in_one_sitting() -> None:
 
 def test_nothing_runs_while_the_module_is_imported() -> None:
     """At its top stand settings, constants and functions."""
-    (program,) = [node for node in parse_strictly(MODULE).children if node.type == "statement_list"]
+    (program,) = [node for node in parse(MODULE).children if node.type == "statement_list"]
     texts = [text_of(node) for node in program.children if node.type not in {"comment", "function_statement"}]
 
     assert [text for text in texts if not re.match(r"Set-StrictMode -Version 3.0$|\$[A-Za-z:]+ = ['@\[]", text)] == []
@@ -97,32 +91,3 @@ def test_a_changed_reserve_is_a_short_script() -> None:
 
     assert script.count("\n") <= 80
     assert undo.count("\n") <= 80
-
-
-@scripts
-def test_the_tree_of_a_script_is_the_trees_of_its_pieces_one_after_another(form: ScriptForm, name: str) -> None:
-    whole = SCRIPTS[form, name]
-    parts = split_script(whole)
-    assert parts.fixed is not None
-    pieces = [parts.plan, parts.fixed.text, parts.end]
-
-    assert statements(whole) == [leaf for piece in pieces for leaf in statements(piece.replace("\n", "\r\n"))]
-
-
-@scripts
-def test_without_what_is_fixed_every_line_keeps_its_number(form: ScriptForm, name: str) -> None:
-    whole, left = SCRIPTS[form, name].split("\r\n"), without_fixed(SCRIPTS[form, name]).split("\r\n")
-
-    assert len(left) == len(whole)
-    assert {(line, other) for line, other in zip(whole, left, strict=True) if line != other and other} == set()
-    assert left[-2] == "exit $code"
-
-
-@pytest.mark.parametrize("form", ScriptForm)
-def test_what_was_changed_is_looked_at_whole(form: ScriptForm) -> None:
-    script = SCRIPTS[form, "onboard.ps1"]
-    for edited in (
-        script.replace("$rarms = ", "$rarm = "),
-        "Get-Item -LiteralPath 'x'\r\n" + script,
-    ):
-        assert without_fixed(edited) == edited

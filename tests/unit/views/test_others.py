@@ -10,7 +10,7 @@ from rarms_iac.app.graph import graph_of_layout
 from rarms_iac.app.status import History
 from rarms_iac.applying.refusals import UNDO_PARTIAL
 from rarms_iac.applying.run_report import HostReport, RunBegun, RunEnding, RunReport
-from rarms_iac.applying.run_script import UndoneStep
+from rarms_iac.applying.undo import UndoneStep
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import Closing, PastRun, RunKind, RunStarted, StepStatus
@@ -205,7 +205,9 @@ def test_an_undo_says_what_comes_back_and_what_stays() -> None:
         UndoneStep(address="partition/old", title="remove the machine", level=UndoLevel.NONE),
     ]
 
-    shown = UndoPreview(host="onboard", started=a_start(), steps=tuple(steps), findings=(), foreign=(), keeps=False)
+    shown = UndoPreview(
+        host="onboard", started=a_start(), steps=tuple(steps), script=(), findings=(), foreign=(), keeps=False
+    )
 
     assert render(undo_text(shown)).splitlines()[-2:] == [
         "  partition/vision: reserve 40 -> 70 %",

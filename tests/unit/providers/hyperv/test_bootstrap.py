@@ -6,7 +6,6 @@ import pytest
 
 from rarms_iac.model.host import Connect, Receiver
 from rarms_iac.model.version import __version__
-from rarms_iac.powershell.tokens import TokenKind, tokens
 from rarms_iac.providers.channel import ssh_words
 from rarms_iac.providers.hyperv.bootstrap import (
     RemotePowerShell,
@@ -17,6 +16,7 @@ from rarms_iac.providers.hyperv.bootstrap import (
     render_receiver,
 )
 from rarms_iac.providers.interface import ScriptBundle, WaitLimits
+from tests.powershell_lint.tree import parse, text_of, walk
 
 SCRIPT = ScriptBundle(runs="cell.ps1", files={"cell.undo.ps1": "undo\r\n", "cell.ps1": "do\r\n"})
 
@@ -26,11 +26,10 @@ LONGEST_LOADER = 4000
 
 
 def test_what_travels_is_the_same_without_remarks_and_indentation() -> None:
-    def words(text: str) -> list[tuple[TokenKind, str]]:
-        skipped = (TokenKind.COMMENT, TokenKind.NEWLINE)
-        return [(token.kind, token.text) for token in tokens(text) if token.kind not in skipped]
+    def leaves(text: str) -> list[str]:
+        return [text_of(node) for node in walk(parse(text)) if node.child_count == 0 and node.type != "comment"]
 
-    assert words(command()) == words(render_loader().decode("ascii"))
+    assert leaves(command()) == leaves(render_loader().decode("ascii"))
 
 
 def test_the_loader_runs_no_other_receiver_than_this_one() -> None:
