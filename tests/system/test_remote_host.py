@@ -82,7 +82,7 @@ def journal_of(remote: Remote) -> list[dict[str, object]]:
 
 def after_steps(remote: Remote, count: int) -> None:
     """Wait until a run on the host has recorded so many."""
-    until = time.monotonic() + 60
+    until = time.monotonic() + 120
     while time.monotonic() < until:
         file = remote.host.file(JOURNAL)
         if file is not None and file.data is not None and file.data.count(b'"status":"changed"') >= count:

@@ -222,7 +222,7 @@ def test_ctrl_c_ends_the_component_and_the_command(tmp_path: Path) -> None:
         assert process.stdout is not None
         process.stdout.readline()
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=30)
+        process.communicate(timeout=120)
 
     assert process.returncode == 130
     pid = int((tmp_path / "pid").read_text(encoding="ascii"))
