@@ -18,7 +18,7 @@ from rarms_iac.model.plan import Purpose
 from rarms_iac.model.shared_findings import NO_TARGET
 from rarms_iac.model.state import Mark, Partition, RunState, StartAction, State, StoppedBy
 from rarms_iac.model.system import Disruption
-from rarms_iac.model.wording import natural_order, quoted, suggestion
+from rarms_iac.model.wording import natural_order, suggestion
 from rarms_iac.storage.mark_digests import set_of_settings
 
 Locator = Callable[[Address], Place | None]
@@ -205,19 +205,17 @@ def _release_changes(state: State, request: PlanRequest, locate: Locator) -> Ite
     if before is None and name in unmarked:
         return  # also where a run was killed after its last step, and its user gives the command again
     if before is None:
-        known = ", ".join(sorted(managed, key=natural_order))
         yield NO_TARGET.at(
             place,
-            f"On {state.facts.name} no partition {quoted(name)} carries a mark of {quoted(application)}; "
-            + (f"these do: {known}.{suggestion(name, managed)}" if managed else "no partition does."),
+            "On {host} no partition {partition:quoted} carries a mark of {application:quoted}; "
+            + ("these do: {managed:each}.{_suggestion}" if managed else "no partition does."),
             "Give one of these names." if managed else "There is nothing to release.",
             address=f"partition/{name}",
-            values={
-                "host": state.facts.name,
-                "partition": name,
-                "application": application,
-                "managed": tuple(sorted(managed)),
-            },
+            host=state.facts.name,
+            partition=name,
+            application=application,
+            managed=tuple(sorted(managed, key=natural_order)),
+            _suggestion=suggestion(name, managed),
         )
         return
     yield Release(

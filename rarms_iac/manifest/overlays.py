@@ -15,7 +15,7 @@ from rarms_iac.manifest.text.reading import ParsedText
 from rarms_iac.manifest.text.tree import Collection, Entry, Node, entries_by_key, is_null, place_of_node, plain
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
 from rarms_iac.model.shared_findings import WRONG_VALUE
-from rarms_iac.model.wording import Suggestions, quoted
+from rarms_iac.model.wording import Suggestions
 
 UNKNOWN_NAME = Finding.warning("RARMS400", "A name in an overlay is not in the manifest")
 
@@ -112,12 +112,13 @@ def _unknown_name(entry: Entry, kind: str, known: Sequence[str], suggestions: Su
     advice = f"Correct the name; if the {kind} is new, give it `new: true`."
     if removes:
         advice = "Correct the name, or delete the line."
+    facts: dict[str, Any] = {kind: name, "similar": similar, "removes": removes, "_suggestion": suggestion}
     return UNKNOWN_NAME.at(
         place_of_node(entry.key),
-        f"The overlay {does} the {kind} {quoted(name)}, which the manifest does not have.{suggestion}",
+        f"The overlay {does} the {kind} {{{kind}:quoted}}, which the manifest does not have.{{_suggestion}}",
         advice,
-        values={kind: name, "similar": similar, "removes": removes},
         address=f"{kind}/{name}",
+        **facts,
     )
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
+from typing import Any
 
 from rarms_iac.app.hosts import Hosts, observe_host
 from rarms_iac.app.planning import plan_from_states, plan_request
@@ -11,7 +12,7 @@ from rarms_iac.applying.state_after import totals_after
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.proof import AppliedLayout
 from rarms_iac.model.commands import APPLY, PLAN, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Facts
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, Disruption, RunsOn
@@ -94,10 +95,13 @@ def _refuse_off(states: Mapping[str, State], application: str, wanted: Collectio
         if partition.mark and partition.mark.name in wanted and not partition.settings.running
     )
     if off:
-        message = f"These partitions do not run: {', '.join(off)}."
         advice = prose("Start them, and prove again: ", command("start", *off), ".")
         finding = findings.NOT_APPLIED.at(
-            None, message, advice, address=f"partition/{off[0]}", values={"partitions": tuple(off)}
+            None,
+            "These partitions do not run: {partitions:each}.",
+            advice,
+            address=f"partition/{off[0]}",
+            partitions=tuple(off),
         )
         raise UseCaseError(Outcome.REFUSED, [finding])
 
@@ -144,6 +148,6 @@ def _host_components(hosts: Hosts, name: str, measurable: tuple[str, ...]) -> It
             yield component
 
 
-def _not_applied(message: str, address: str, values: Facts) -> Diagnostic:
+def _not_applied(message: str, address: str, values: dict[str, Any]) -> Diagnostic:
     advice = prose("See what is missing with ", PLAN, ", and bring it there with ", APPLY, ".")
-    return findings.NOT_APPLIED.at(None, message, advice, address=address, values=values)
+    return findings.NOT_APPLIED.at(None, "{_message}", advice, address=address, _message=message, **values)

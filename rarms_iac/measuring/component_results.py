@@ -90,31 +90,30 @@ def findings_of_run(result: ComponentRunResult, manifest: Manifest, *, reserved:
         count = counted(result.failed, "failed sample")
         yield FAILURES.at(
             places.key("components", name, "run"),
-            f'"{name}" had {count} and may have {result.run.failures}: '
-            f"{'; '.join(reasons[:FAILURES_SHOWN])}. Such a setting gets no verdict.",
+            '"{component}" had {_count} and may have {allowed_failures}: {reasons:;}. Such a setting gets no verdict.',
             MORE_MEMORY
             if result.killed_for_memory
             else "Look at what it says on standard error (shown above), and whether `run.samples` fits its output; "
             "each line must be written at once (flushed). `run.failures` allows some; a job of `per_run` may end with "
             "any exit code where the APT has a `success_rate`.",
             address=address,
-            values={
-                "component": name,
-                "failed_samples": result.failed,
-                "allowed_failures": result.run.failures,
-                "reasons": tuple(reasons[:FAILURES_SHOWN]),
-            },
+            component=name,
+            failed_samples=result.failed,
+            allowed_failures=result.run.failures,
+            reasons=tuple(reasons[:FAILURES_SHOWN]),
+            _count=count,
         )
         return
     missed = [index for index, verdict in result.verdicts.items() if isinstance(verdict, Missed)]
     for index in () if reserved else missed:
         yield MISSED_UNRESERVED.at(
             places.key("components", name, "apt", index),
-            f'"{name}" misses its {index} on this machine although nothing takes processor time from it but what '
-            "runs here anyway: no reservation would help it.",
+            '"{component}" misses its {index} on this machine although nothing takes processor time from '
+            "it but what runs here anyway: no reservation would help it.",
             "Relax the APT, mend or speed up the component, or run it on the machine that it is meant for.",
             address=address,
-            values={"component": name, "index": index},
+            component=name,
+            index=index,
         )
 
 
@@ -123,12 +122,13 @@ def cannot_start(manifest: Manifest, problem: CannotStart) -> Diagnostic:
     name = problem.component
     return CANNOT_RUN.at(
         manifest.places.key("components", name, "run"),
-        f'"{name}" cannot be started: {problem.message}.',
+        '"{component}" cannot be started: {reason}.',
         problem.advice
         or "Words of `run.command` that name files, and `run.folder`, are relative to the manifest; a program is "
         "looked for on the PATH. A module of `run.call` is found from the manifest's folder.",
         address=f"component/{name}",
-        values={"component": name, "reason": problem.message},
+        component=name,
+        reason=problem.message,
     )
 
 
@@ -140,10 +140,11 @@ def load_problem(name: str, message: str) -> Diagnostic:
     """
     return CANNOT_RUN.at(
         None,
-        f'The interference "{name}" does not run: {message}.',
+        'The interference "{interference}" does not run: {reason}.',
         "Try its program by hand. Browsers need chromium or a relative of it on the PATH.",
         address=f"interference/{name}",
-        values={"interference": name, "reason": message},
+        interference=name,
+        reason=message,
     )
 
 
@@ -151,8 +152,8 @@ def nothing_to_run(manifest: Manifest, name: str) -> Diagnostic:
     """Make the finding of a component that does not say how it is run."""
     return CANNOT_RUN.at(
         manifest.places.key("components", name),
-        f'"{name}" has no `run`.',
+        '"{component}" has no `run`.',
         "Add `run` with a `command` or a `call`.",
         address=f"component/{name}",
-        values={"component": name},
+        component=name,
     )

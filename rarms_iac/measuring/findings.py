@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import ceil, isfinite
 from statistics import fmean
-from typing import assert_never
+from typing import Any, assert_never
 
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.applying.state_after import totals_after
@@ -121,7 +121,7 @@ def findings_of(
             assert_never(conclusion)
 
 
-def failed_samples(failed: TooManyFailures, setting: str, places: Places, **values: float) -> Diagnostic:
+def failed_samples(failed: TooManyFailures, setting: str, places: Places, **values: Any) -> Diagnostic:
     """Make the finding that more samples failed than a component allows.
 
     Args:
@@ -133,11 +133,18 @@ def failed_samples(failed: TooManyFailures, setting: str, places: Places, **valu
     allow = f"Or allow that: `run: {{ failures: {count} }}`."
     return FAILURES.at(
         places.key("components", component),
-        f"{component} {setting}: {counted(count, 'sample')} failed, and `run.failures` allows {failed.allowed}: "
-        f"{reasons}.{why_out_of_memory(failed)}",
+        "{component} {setting}: {failed_samples:sample} failed, and `run.failures` allows {allowed}: "
+        "{reasons}.{_why_out_of_memory}",
         MORE_MEMORY if failed.out_of_memory else prose(run_alone, allow),
         address=f"component/{component}",
-        values={"component": component, "failed_samples": count, "killed_for_memory": failed.out_of_memory, **values},
+        component=component,
+        failed_samples=count,
+        killed_for_memory=failed.out_of_memory,
+        setting=setting,
+        allowed=failed.allowed,
+        reasons=reasons,
+        _why_out_of_memory=why_out_of_memory(failed),
+        **values,
     )
 
 
@@ -162,7 +169,7 @@ def show_index(measured: MeasuredIndex, *, helps: bool = True) -> str:
     return f"{measured.index} {value} ({show_range(index, measured.estimate.lower, measured.estimate.upper)})"
 
 
-def index_facts(measured: MeasuredIndex) -> Facts:
+def index_facts(measured: MeasuredIndex) -> dict[str, Any]:
     """The numbers of an index against its threshold, in its own unit.
 
     Args:
@@ -201,8 +208,7 @@ def _not_achievable(
             several = len(experiment.apts[measured.component]) > 1
             yield NOT_ACHIEVABLE.at(
                 places.value("components", measured.component, "apt", measured.index),
-                f"{measured.component} at {reserve} % of its VPs: {show_index(measured, helps=helps)}, and its "
-                f"threshold is {show_threshold(index_named(measured.index), measured.threshold)}.{most}",
+                "{component} at {reserve_percent} % of its VPs: {_measured}, and its threshold is {_asked}.{_most}",
                 NO_MORE_CPU
                 if not helps
                 else prose(
@@ -211,7 +217,11 @@ def _not_achievable(
                     f" says which level holds){'.' if most else f', {last_resort}'}",
                 ),
                 address=f"component/{measured.component}",
-                values={**index_facts(measured), "reserve_percent": reserve},
+                reserve_percent=reserve,
+                _measured=show_index(measured, helps=helps),
+                _asked=show_threshold(index_named(measured.index), measured.threshold),
+                _most=most,
+                **index_facts(measured),
             )
 
 
@@ -235,10 +245,12 @@ def _not_resolved(
     for reserve, component, why in unsteady:
         yield NO_STEADY_STATE.at(
             places.key("components", component),
-            f"{component} at {reserve} % of its VPs: {why}.",
+            "{component} at {reserve_percent} % of its VPs: {reason}.",
             f"Look for what grows while it runs{_or_more_time(settings[-1], experiment)}.",
             address=f"component/{component}",
-            values={"component": component, "reserve_percent": reserve, "reason": why},
+            component=component,
+            reserve_percent=reserve,
+            reason=why,
         )
     if unsteady:
         return
@@ -249,14 +261,19 @@ def _not_resolved(
     advice, numbers = _how_to_show(end, highest, experiment)
     yield NOT_RESOLVED.at(
         places.value("components", first, "apt"),
-        f"{experiment.name}: {'; '.join((end.reason, *shown))}.{early}",
+        "{experiment}: {_parts:;}.{_early}",
         advice,
         address=f"component/{first}",
-        values={"components": tuple(member.name for member in experiment.members), "reason": end.reason, **numbers},
+        components=tuple(member.name for member in experiment.members),
+        reason=end.reason,
+        experiment=experiment.name,
+        _parts=(end.reason, *shown),
+        _early=early,
+        **numbers,
     )
 
 
-def _how_to_show(end: NotResolved, highest: Setting | None, experiment: Experiment) -> tuple[Wording, Facts]:
+def _how_to_show(end: NotResolved, highest: Setting | None, experiment: Experiment) -> tuple[Wording, dict[str, Any]]:
     """What would tell whether a threshold holds, and the numbers behind that."""
     there = min((len(series.samples) for series in highest.series), default=0) if highest else 0
     taken = counted(there, "sample")
@@ -332,17 +349,21 @@ def _less_unknown(
     lowest = f"; {end.failed} % of them is too little" if end.failed else ""
     yield LESS_UNKNOWN.at(
         places.value("components", experiment.members[0].name, "apt"),
-        f"{experiment.name}: {end.reserve} % of its VPs is enough{lowest}. "
-        f"Of {in_a_row(end.inconclusive)} % of them nothing is known: "
-        f"{pronoun} reached no steady state ({component} at {reserve} % of its VPs: {reason}).",
+        "{experiment}: {reserve_percent} % of its VPs is enough{_lowest}. Of {unsteady_percent:all} % of them "
+        "nothing is known: {_pronoun} reached no steady state ({component} at {_reserve} % of its VPs: "
+        "{reason}).",
         f"Look for what grows in {component} while it runs{more_time}. Or leave it.",
         address=f"component/{experiment.members[0].name}",
-        values={
-            "components": tuple(member.name for member in experiment.members),
-            "reserve_percent": end.reserve,
-            "failed_percent": end.failed or 0,
-            "unsteady_percent": tuple(map(str, end.inconclusive)),
-        },
+        components=tuple(member.name for member in experiment.members),
+        reserve_percent=end.reserve,
+        failed_percent=end.failed or 0,
+        unsteady_percent=tuple(map(str, end.inconclusive)),
+        experiment=experiment.name,
+        _lowest=lowest,
+        _pronoun=pronoun,
+        component=component,
+        _reserve=reserve,
+        reason=reason,
     )
 
 
@@ -353,12 +374,15 @@ def _fixed_anyway(experiment: Experiment, reserve: ReservePercent, places: Place
             continue
         yield FIXED_ANYWAY.at(
             places.value("components", member.name, "cpu", "reserve"),
-            f"{member.name} meets its thresholds with {show_reserve(reserve, experiment.setup.processors)}, and the "
-            f"manifest reserves {show_amount(member.cpu.reserve)} for it all the same.",
+            "{component} meets its thresholds with {_show_reserve}, and the manifest reserves {fixed} for "
+            "it all the same.",
             "For a plan to take what was measured, write `reserve: measured`, or "
             f"`reserve: {show_processors(guaranteed(reserve, experiment.setup.processors))}`.",
             address=f"component/{member.name}",
-            values={"component": member.name, "measured_percent": reserve, "fixed": show_amount(member.cpu.reserve)},
+            component=member.name,
+            measured_percent=reserve,
+            fixed=show_amount(member.cpu.reserve),
+            _show_reserve=show_reserve(reserve, experiment.setup.processors),
         )
 
 
@@ -373,16 +397,18 @@ def _wasted_processors(
     now, then = (show_processors(guaranteed(reserve, count)) for count in (processors, used))
     yield VPS_USED.at(
         places.key("components", experiment.members[0].name),
-        f"{names} used at most {used} of the {processors} virtual processors that the manifest fixes at once. A CR of "
-        f"{reserve} % of its VPs is {now}, and would be {then} with {used}.",
+        "{_names} used at most {used_processors} of the {processors} virtual processors that the manifest "
+        "fixes at once. A CR of {reserve_percent} % of its VPs is {_now}, and would be {_then} with "
+        "{used_processors}.",
         prose("Leave `processors` out, and measure again: ", command("measure", *experiment.setup.members), "."),
         address=f"component/{experiment.members[0].name}",
-        values={
-            "components": tuple(experiment.setup.members),
-            "processors": processors,
-            "used_processors": used,
-            "reserve_percent": reserve,
-        },
+        components=tuple(experiment.setup.members),
+        processors=processors,
+        used_processors=used,
+        reserve_percent=reserve,
+        _names=names,
+        _now=now,
+        _then=then,
     )
 
 
@@ -396,16 +422,14 @@ def more_processors(experiment: Experiment, used: int, places: Places) -> Diagno
     processors = experiment.setup.processors
     return VPS_USED.at(
         places.key("components", experiment.members[0].name),
-        f"{in_a_row(experiment.setup.members)} used {used} processors at once, and at most {processors} when its "
-        f"number of virtual processors was chosen. It is measured with {used} from here on; settings with {processors} "
-        "stay in the log and no longer count.",
+        "{components:all} used {used_processors} processors at once, and at most {processors} when its "
+        "number of virtual processors was chosen. It is measured with {used_processors} from here on; "
+        "settings with {processors} stay in the log and no longer count.",
         "Nothing. To keep a number, write it: `processors`.",
         address=f"component/{experiment.members[0].name}",
-        values={
-            "components": tuple(experiment.setup.members),
-            "processors": processors,
-            "used_processors": used,
-        },
+        components=tuple(experiment.setup.members),
+        processors=processors,
+        used_processors=used,
     )
 
 
@@ -453,15 +477,14 @@ def work_outside(
         )
     yield WORK_OUTSIDE.at(
         place,
-        " ".join(sentences),
+        "{_sentences}",
         _ADVICE,
         address=address,
-        values={
-            "components": tuple(members),
-            "processes": tuple(work.name for work in found),
-            "groups": tuple(work.group for work in found),
-            "outside_cpu_ms": sum(work.cpu_ms for work in found),
-        },
+        components=tuple(members),
+        processes=tuple(work.name for work in found),
+        groups=tuple(work.group for work in found),
+        outside_cpu_ms=sum(work.cpu_ms for work in found),
+        _sentences=" ".join(sentences),
     )
 
 
@@ -483,10 +506,12 @@ def memory_kills(killed: Mapping[str, int], places: Places) -> Iterator[Diagnost
     for component, count in sorted(killed.items()):
         yield MEMORY_KILLS.at(
             places.key("components", component),
-            f"{component}: {_kills(count)}",
+            "{component}: {_kills}",
             MORE_MEMORY,
             address=f"component/{component}",
-            values={"component": component, "killed_for_memory": count},
+            component=component,
+            killed_for_memory=count,
+            _kills=_kills(count),
         )
 
 
@@ -527,11 +552,15 @@ def work_of_settings(experiment: Experiment, settings: Sequence[Setting], places
             low, high = min(series_at), max(series_at)
             yield WORK_OUTSIDE.at(
                 places.key("components", name),
-                f"{name} used {_shown(use * 1000)} of processor time in each second of response time, and "
-                f"its response times are the same at {low} % and at {high} % of its VPs.",
+                "{component} used {_shown} of processor time in each second of response time, and its "
+                "response times are the same at {lowest} % and at {highest} % of its VPs.",
                 prose("Find out where its work runs. A reservation does not shorten the wait for another machine."),
                 address=f"component/{name}",
-                values={"component": name, "cpu_ms_per_second": use * 1000, "lowest": low, "highest": high},
+                component=name,
+                cpu_ms_per_second=use * 1000,
+                lowest=low,
+                highest=high,
+                _shown=_shown(use * 1000),
             )
 
 
@@ -599,7 +628,7 @@ def describe_idle(load: str, evidence: SettingEvidence, host: Host) -> str:
     return " ".join((idle, *(reasons or ["No other process and no limit had it: the load waited."])))
 
 
-def idle_facts(evidence: SettingEvidence, host: Host) -> Facts:
+def idle_facts(evidence: SettingEvidence, host: Host) -> dict[str, Any]:
     """Return the numbers behind `describe_idle`."""
     return {
         "idle_percent": 100 * idle_share(evidence, shared_processors(host, host.logical_processors)),
@@ -661,19 +690,21 @@ def proof_findings(
             index, load = index_named(measured.index), proof.interference
             with_load = f" beside {load}" if load else ""
             finding, advice = _finding_of(verdict, ways, more_samples)
+            facts: dict[str, Any] = {**index_facts(measured), **({"interference": load} if load else {})}
+            if verdict.samples_needed:
+                facts["samples_needed"] = verdict.samples_needed
+            if isinstance(verdict.verdict, Missed):
+                facts |= ways.facts
             yield finding.at(
                 hosts.manifest.places.value("components", measured.component, "apt", measured.index),
-                f"{measured.component} on {proof.host}{with_load}: {show_index(measured, helps=ways.helps)}, and its "
-                f"threshold is {show_threshold(index, measured.threshold)}.",
+                "{component} on {host}{_with_load}: {_measured}, and its threshold is {_asked}.",
                 advice,
                 address=f"component/{measured.component}",
-                values={
-                    **index_facts(measured),
-                    "host": proof.host,
-                    **({"interference": load} if load else {}),
-                    **({"samples_needed": verdict.samples_needed} if verdict.samples_needed else {}),
-                    **(ways.facts if isinstance(verdict.verdict, Missed) else {}),
-                },
+                host=proof.host,
+                _with_load=with_load,
+                _measured=show_index(measured, helps=ways.helps),
+                _asked=show_threshold(index, measured.threshold),
+                **facts,
             )
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Literal
+from typing import Any, Literal
 
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.options import argument, busy_host_option, flag, lock_timeout_option, option, samples_option
@@ -14,7 +14,7 @@ from rarms_iac.measuring.findings import UNABLE, describe_idle, idle_facts
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
 from rarms_iac.measuring.strategies import PAPER, USUAL_STEP, Method, Search, Sweep
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Facts
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import Experiment, experiments_of
 from rarms_iac.model.host import Host
 from rarms_iac.model.loads import BUSY_LOOP, Browser, could_take_all
@@ -36,7 +36,6 @@ from rarms_iac.model.setting import Setting, SettingEvidence, join_skipped
 from rarms_iac.model.shared_findings import MISSING
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.weak_loads import advice_on_weak_loads
-from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.error_probability import ERROR
 
@@ -283,17 +282,22 @@ def weak_answer(
     loads = tuple(idle)
     seen = {name: evidence for name, evidence in idle.items() if evidence is not None}
     idle_loads = "".join(f" {describe_idle(name, evidence, host)}" for name, evidence in seen.items())
-    facts: Facts = next((idle_facts(evidence, host) for evidence in seen.values()), {})
+    facts: dict[str, Any] = next((idle_facts(evidence, host) for evidence in seen.values()), {})
     again = BUSY_LOOP in loads and could_take_all(hosts.system.interference[BUSY_LOOP], host.logical_processors)
     measure = command("measure", *members, interference=BUSY_LOOP, together=len(members) > 1, again=again)
     advice = advice_on_weak_loads(hosts.system, host, members, loads, measure)
     return findings.WEAK_ANSWER.at(
         hosts.manifest.places.key("components", members[0]),
-        f"{in_a_row(loads)} {'did' if idle_loads else 'can'} not take all that {in_a_row(members)} did not reserve on "
-        f"{host.name}.{idle_loads} The reservation that is enough with it may be too small with other loads.",
+        "{loads:all} {_verb} not take all that {components:all} did not reserve on {host}.{_idle_loads} "
+        "The reservation that is enough with it may be too small with other loads.",
         prose(advice, " Or use it all the same: --weak-load."),
         address=f"component/{members[0]}",
-        values={"components": tuple(members), "loads": loads, "host": host.name, **facts},
+        components=tuple(members),
+        loads=loads,
+        host=host.name,
+        _verb="did" if idle_loads else "can",
+        _idle_loads=idle_loads,
+        **facts,
     )
 
 
@@ -369,10 +373,9 @@ def _nothing_to_measure(hosts: Hosts) -> UseCaseError:
         "Say how well one must do: `apt: { mean_response_time: { at_most: 50 ms } }`; or name one with --from, --to."
     )
     place = hosts.manifest.places.key("components")
-    message = "No component has an `apt`, so there is nothing to measure for."
     return UseCaseError(
         Outcome.NEGATIVE,
-        [MISSING.at(place, message, advice, values={})],
+        [MISSING.at(place, "No component has an `apt`, so there is nothing to measure for.", advice)],
         hosts.manifest.sources,
     )
 
@@ -403,11 +406,13 @@ def _hosts_to_measure_on(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Hos
             [
                 UNABLE.at(
                     None,
-                    f"{', '.join(members)} may run on: {names}. None of them is simulated, this Linux machine, "
-                    "or a Hyper-V host whose `hyperv.credential` is named.",
+                    "{components:each} may run on: {_names}. None of them is simulated, this Linux machine, or a "
+                    "Hyper-V host whose `hyperv.credential` is named.",
                     "Name another with --host, or measure on a simulated host of the same platform.",
                     address=f"component/{members[0]}",
-                    values={"components": tuple(members), "hosts": tuple(host.name for host in allowed)},
+                    components=tuple(members),
+                    hosts=tuple(host.name for host in allowed),
+                    _names=names,
                 )
             ],
         )

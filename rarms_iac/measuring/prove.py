@@ -32,7 +32,7 @@ from rarms_iac.measuring.proof import (
 )
 from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, refuse_what_cannot_run
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Facts
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.outcomes import TooManyFailures, verdict_word
@@ -315,11 +315,18 @@ def _real_components(hosts: Hosts, layouts: Mapping[str, AppliedLayout]) -> Iter
 def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:
     measurable = tuple(name for name in hosts.chosen if hosts.can_run_on(name))
     if not measurable:
-        message = f"rarms can run components on none of these hosts: {', '.join(hosts.chosen) or 'there are none'}."
         advice = "Run the components there by hand, and compare what they show with their thresholds."
         raise UseCaseError(
             Outcome.FAILED,
-            [UNABLE.at(None, message, advice, values={"hosts": tuple(hosts.chosen)})],
+            [
+                UNABLE.at(
+                    None,
+                    "rarms can run components on none of these hosts: {_shown}.",
+                    advice,
+                    hosts=tuple(hosts.chosen),
+                    _shown=", ".join(hosts.chosen) or "there are none",
+                )
+            ],
         )
     return measurable
 
@@ -364,10 +371,14 @@ def _conditions(
 def _make_load(load: Interference, room: MeasuringResources, name: str, host: str) -> LoadPartition:
     partition = load_partition(load, room)
     if partition is None:
-        message = f"{host} has no memory left for a partition that holds {name}."
-        values: Facts = {"host": host, "interference": name}
         advice = prose("Free some, or prove what it is without a load: ", command("prove", without_load=True), ".")
-        finding = OCCUPIED.at(None, message, advice, values=values)
+        finding = OCCUPIED.at(
+            None,
+            "{host} has no memory left for a partition that holds {interference}.",
+            advice,
+            host=host,
+            interference=name,
+        )
         raise UseCaseError(Outcome.NEGATIVE, [finding])
     return partition
 

@@ -134,12 +134,10 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
     except UnreadableFile as problem:
         advice = "Compare it with what the kernel documents; a tool may have put a file over it."
-        finding = CANNOT_RUN.at(None, f"{problem}.", advice, values={"reason": str(problem)})
+        finding = CANNOT_RUN.at(None, "{reason}.", advice, reason=str(problem))
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
     except RunningError as problem:
-        finding = CANNOT_RUN.at(
-            None, f"{problem}.", "It was ended from outside: run it again.", values={"reason": str(problem)}
-        )
+        finding = CANNOT_RUN.at(None, "{reason}.", "It was ended from outside: run it again.", reason=str(problem))
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
     for result in results:
         findings += findings_of_run(result, manifest, reserved=places[result.component.name] != ProcessPlace())

@@ -240,7 +240,7 @@ def tuning_findings(end: TuningConclusion, strategy: TuningStrategy, places: Pla
             if end.lacks_memory
             else "Correct the component's `run`, allow more `run.failures`, or keep it `apart`; then run it again."
         )
-        yield planning_findings.NO_ANSWER.at(None, end.unanswered, correct, values={"reason": end.unanswered})
+        yield planning_findings.NO_ANSWER.at(None, "{reason}", correct, reason=end.unanswered)
     elif end.ending == "unable":
         reserved, capacity = map(show_lp_percent, (end.before, end.subject.capacity))
         asked = "tried" if strategy == "paper" else "allowed"
@@ -257,14 +257,13 @@ def tuning_findings(end: TuningConclusion, strategy: TuningStrategy, places: Pla
             advice = prose(advice, "\nOr have a reserve measured: `cpu: { reserve: measured }`.")
         yield planning_findings.UNABLE.at(
             places.key("hosts", end.subject.host.name),
-            message,
+            "{_message}",
             advice,
             address=f"host/{end.subject.host.name}",
-            values={
-                "reserved_lp": end.before / 100,
-                "capacity_lp": end.subject.capacity / 100,
-                **relaxed_levels(ways),
-            },
+            reserved_lp=end.before / 100,
+            capacity_lp=end.subject.capacity / 100,
+            _message=message,
+            **relaxed_levels(ways),
         )
     yield from _doubtful_compounds(end)
 
@@ -311,14 +310,15 @@ def _doubtful_compounds(end: TuningConclusion) -> Iterator[Diagnostic]:
     for contradiction in end.contradictions:
         yield planning_findings.CONTRADICTION.at(
             None,
-            f"{contradiction.message}. So nothing is proved: what was found holds, and another layout may be better.",
+            "{_message}. So nothing is proved: what was found holds, and another layout may be better.",
             prose(
                 "Measure the parts again (",
                 command("measure", *contradiction.members, again=True),
                 "), or tune with more samples: `--samples 2000`, after removing the compound's data log.",
             ),
             address=f"component/{contradiction.members[0]}",
-            values={"components": tuple(contradiction.members)},
+            components=tuple(contradiction.members),
+            _message=contradiction.message,
         )
     for compound in end.compounds:
         separate = total(end.parts_of(compound))
@@ -326,14 +326,14 @@ def _doubtful_compounds(end: TuningConclusion) -> Iterator[Diagnostic]:
             together = show_lp_percent(compound.cost)
             yield planning_findings.CONTRADICTION.at(
                 None,
-                f"{', '.join(compound.members)} reserve {together} together, and {show_lp_percent(separate)} apart.",
+                "{components:each} reserve {_together} together, and {_show_lp_percent} apart.",
                 "The paper's procedure counts this as successful; the default strategy drops such compounds.",
                 address=f"partition/{compound.name}",
-                values={
-                    "components": tuple(compound.members),
-                    "together_lp": compound.cost / 100,
-                    "alone_lp": separate / 100,
-                },
+                components=tuple(compound.members),
+                together_lp=compound.cost / 100,
+                alone_lp=separate / 100,
+                _together=together,
+                _show_lp_percent=show_lp_percent(separate),
             )
 
 
@@ -344,7 +344,7 @@ def _still_too_much(hosts: Hosts, end: TuningConclusion) -> Iterator[Diagnostic]
     now, capacity = map(show_lp_percent, (end.after, end.subject.capacity))
     yield planning_findings.RESERVATIONS.at(
         None,
-        f"{now} are reserved now; the capacity is {capacity}.",
+        "{_now} are reserved now; the capacity is {_capacity}.",
         prose(
             "Go on: ",
             _tune_again(end.subject, strategy="paper", repeat=True),
@@ -355,7 +355,10 @@ def _still_too_much(hosts: Hosts, end: TuningConclusion) -> Iterator[Diagnostic]
             ".",
         ),
         address=f"host/{end.subject.host.name}",
-        values={"reserved_lp": end.after / 100, "capacity_lp": end.subject.capacity / 100},
+        reserved_lp=end.after / 100,
+        capacity_lp=end.subject.capacity / 100,
+        _now=now,
+        _capacity=capacity,
     )
 
 

@@ -248,7 +248,6 @@ def _refuse_several_platforms(hosts: Hosts) -> None:
         names.setdefault(hosts.system.hosts[name].platform, []).append(name)
     platforms = sorted(names)
     if len(platforms) > 1:
-        message = f"The hosts are of the platforms {', '.join(platforms)}, and measurements hold for one."
         tunes = [piece for platform in platforms for piece in (", ", command("tune", host=names[platform][0]))]
         advice = prose(
             "Tune one after the other: ",
@@ -257,7 +256,14 @@ def _refuse_several_platforms(hosts: Hosts) -> None:
         )
         raise UseCaseError(
             Outcome.NEGATIVE,
-            [planning_findings.PLATFORMS.at(None, message, advice, values={"platforms": tuple(platforms)})],
+            [
+                planning_findings.PLATFORMS.at(
+                    None,
+                    "The hosts are of the platforms {platforms:each}, and measurements hold for one.",
+                    advice,
+                    platforms=tuple(platforms),
+                )
+            ],
         )
 
 
@@ -273,15 +279,14 @@ def tuning_host(hosts: Hosts) -> Host:
     for name in hosts.chosen:
         if hosts.open_to_measure(name) is not None:
             return hosts.system.hosts[name]
-    message = f"rarms can run components on none of these hosts: {', '.join(hosts.chosen)}."
     raise UseCaseError(
         Outcome.FAILED,
         [
             UNABLE.at(
                 None,
-                message,
+                "rarms can run components on none of these hosts: {hosts:each}.",
                 "Tune on a Linux host, or on a simulated host of the same platform: --host.",
-                values={"hosts": tuple(hosts.chosen)},
+                hosts=tuple(hosts.chosen),
             )
         ],
     )

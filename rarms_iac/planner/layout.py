@@ -306,7 +306,9 @@ def _deadlines(answer: Layout, problem: Problem, views: Mapping[str, HostView], 
         for name, message, advice in deadline_problems(deadlines, host, processors, admitted):
             place = places.key(problem.system.section_of(name), name)
             values: dict[str, Any] = {"partition": name, "host": host.name, "admitted_percent": admitted}
-            yield planning_findings.DEADLINES.at(place, message, advice, address=f"partition/{name}", values=values)
+            yield planning_findings.DEADLINES.at(
+                place, "{_message}", advice, address=f"partition/{name}", _message=message, **values
+            )
 
 
 def _placement(answer: Layout, places: Places) -> Iterator[Diagnostic]:

@@ -198,9 +198,12 @@ def _choice_finding(error: StructureError, path: Path, value: Any) -> Diagnostic
     detail = f"{dotted(path)} is {_show(value)}. It must be {allowed}."
     return WRONG_VALUE.at(
         error.places.value(*path),
-        detail,
+        "{_detail}",
         advice,
-        values={"path": dotted(path), "value": _fact(value), "allowed": tuple(map(str, known))},
+        path=dotted(path),
+        value=_fact(value),
+        allowed=tuple(map(str, known)),
+        _detail=detail,
     )
 
 
@@ -220,7 +223,9 @@ def _tag(error: StructureError) -> Diagnostic:
     """An alternative that is chosen by `kind`."""
     if not isinstance(error.value, dict):
         detail = f"{error.name} must be a map, but it is {_kind_of(error)}."
-        return WRONG_VALUE.at(error.place, detail, "Write a map with the key kind.", values=_facts(error))
+        return WRONG_VALUE.at(
+            error.place, "{_detail}", "Write a map with the key kind.", _detail=detail, **_facts(error)
+        )
     path = (*error.path, "kind")
     if "kind" not in error.value:
         advice = f"Write kind: {in_a_row(choices_at(path), 'or')}."
@@ -244,7 +249,7 @@ def _quantity(error: StructureError) -> Diagnostic:
             detail = f"{error.name} is {_show(text)}{problem}."
             meant = did_you_mean(str(text), (word,)) if word else None
             advice = question(meant) or better or advice
-    return WRONG_VALUE.at(error.place, detail, advice, values={**_facts(error), "units": units})
+    return WRONG_VALUE.at(error.place, "{_detail}", advice, units=units, _detail=detail, **_facts(error))
 
 
 def _quantity_problem(text: str, units: tuple[str, ...], *, positive: bool) -> tuple[str, str]:
@@ -328,14 +333,18 @@ def _range(error: StructureError) -> Diagnostic:
     bound = "at least" if error.kind == "greater_than_equal" else "at most"
     limit = error.facts.get("ge", error.facts.get("le"))
     detail = f"{error.name} is {_show_written(error)}. It must be {bound} {limit}."
-    return WRONG_VALUE.at(error.place, detail, describe(error.path), values={**_facts(error), "limit": limit})
+    return WRONG_VALUE.at(error.place, "{_detail}", describe(error.path), limit=limit, _detail=detail, **_facts(error))
 
 
 def _empty(error: StructureError) -> Diagnostic:
     is_text = error.kind == "string_too_short"
     detail = f"{error.name} is an empty text." if is_text else f"{error.name} is empty. It needs at least one entry."
     return WRONG_VALUE.at(
-        error.place, detail, describe(error.path) or "Write one, or remove the key.", values={"path": error.name}
+        error.place,
+        "{_detail}",
+        describe(error.path) or "Write one, or remove the key.",
+        path=error.name,
+        _detail=detail,
     )
 
 
@@ -435,7 +444,7 @@ def _foreign_block(error: StructureError) -> Diagnostic:
 
 def _no_such_day(error: StructureError) -> Diagnostic:
     detail = f"{error.name} is {error.value}. There is no such day."
-    return WRONG_VALUE.at(error.place, detail, "Check the month and the day.", values=_facts(error))
+    return WRONG_VALUE.at(error.place, "{_detail}", "Check the month and the day.", _detail=detail, **_facts(error))
 
 
 def _not_read(error: StructureError) -> Diagnostic:
