@@ -21,6 +21,7 @@ from rarms_iac.model.loads import BUSY_LOOP, could_take_all
 from rarms_iac.model.processor_number import ProcessorNumber, Used, processor_number
 from rarms_iac.model.quantities import Bytes, guaranteed, write_bytes
 from rarms_iac.model.setting import SHORT, Setting, most_used
+from rarms_iac.model.shared_findings import DIFFERENT
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Component, PartitionRequest, System, Threshold, run_of
 from rarms_iac.model.weak_loads import advice_on_weak_loads
@@ -318,7 +319,7 @@ def _left_idle(system: System, group: Group, host: Host, logs: Sequence[Measured
         address=f"component/{to_be_measured(group.members)[0]}",
         message=f"{in_a_row(paths)}: the load left more than {100 * SHORT:.0f} % of the processors idle. What is "
         "enough there need not be enough beside others.",
-        code=planning_findings.DIFFERENT.code,
+        code=DIFFERENT.code,
         values={"logs": tuple(paths)},
         advice=advice_on_weak_loads(system, host, names_of(group.members), loads, measure),
     )
@@ -446,11 +447,11 @@ def _remarks(log: DataLog, found: Present, group: Group, path: str, cut: str) ->
     if differences := tuple(map(str, found.comparison.warns)):
         message = f"{path} was measured with another {_list_some(differences)}."
         advice = "Measure again if that can matter to the component."
-        yield remark(planning_findings.DIFFERENT, message, advice, differences=differences)
+        yield remark(DIFFERENT, message, advice, differences=differences)
     if differences := tuple(map(str, found.other_hardware)):
         message = f"{path} was measured on two kinds of hardware, and the later one counts: {_list_some(differences)}."
         advice = "Give each kind of machine data logs of its own: `platform: NAME` below its host."
-        yield remark(planning_findings.DIFFERENT, message, advice, differences=differences)
+        yield remark(DIFFERENT, message, advice, differences=differences)
     if found.others:
         message = f"{path} has {counted(found.others, 'setting')} from other conditions."
         advice = "Nothing has to be done. They count again when the conditions are the same again."
@@ -459,7 +460,7 @@ def _remarks(log: DataLog, found: Present, group: Group, path: str, cut: str) ->
         message = f"{path} was measured while {_list_some(running)} ran on the host."
         again = _measuring(names_of(group.members)).also(again=True)
         alone = prose("Measure it once more with the host to itself, and this no longer counts: ", again, ".")
-        yield remark(planning_findings.DIFFERENT, message, alone, partitions=running)
+        yield remark(DIFFERENT, message, alone, partitions=running)
 
 
 def _list_some(things: tuple[object, ...]) -> str:

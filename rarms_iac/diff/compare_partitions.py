@@ -10,13 +10,12 @@ from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Upd
 from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
-from rarms_iac.model.shared_findings import FOREIGN_AT_NAME
+from rarms_iac.model.shared_findings import FOREIGN_AT_NAME, MAY_NOT_CHANGE
 from rarms_iac.model.state import Facet, Partition, PartitionSettings, RunState, State, StoppedBy
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import in_a_row, quoted
 
 FOREIGN_MARK = Finding.warning("RARMS151", "A mark that does not count")
-PROTECTED = Finding.error("RARMS152", "A protected partition would be removed")
 NOT_AT_REST = Finding.error("RARMS155", "A partition is in a state that it cannot be changed in")
 
 
@@ -223,7 +222,7 @@ def machine_in_the_way(machine: Partition, place: Place | None) -> Diagnostic:
 
 
 def _protected(name: str, why: str, place: Place | None) -> Diagnostic:
-    return PROTECTED.at(
+    return MAY_NOT_CHANGE.at(
         place,
         "Partition {partition:quoted} says `protect: true`, and {reason}.",
         "Take `protect` out first, in a change of its own, or keep the partition.",
@@ -234,7 +233,7 @@ def _protected(name: str, why: str, place: Place | None) -> Diagnostic:
 
 
 def _protected_before(name: str) -> Diagnostic:
-    return PROTECTED.at(
+    return MAY_NOT_CHANGE.at(
         None,
         "Partition {partition:quoted} said `protect: true` when it was last applied, and the manifest no "
         "longer names it.",

@@ -43,7 +43,7 @@ from rarms_iac.model.outcomes import Conclusion, Measure, Stopped
 from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource, processor_number
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting, most_used
-from rarms_iac.model.shared_findings import MISSING
+from rarms_iac.model.shared_findings import DIFFERENT, MISSING
 from rarms_iac.model.state import Partition
 from rarms_iac.model.wording import counted
 from rarms_iac.planner.groups import groups_of
@@ -397,7 +397,7 @@ def _work_of_others(hosts: Hosts, running: Sequence[Partition]) -> Iterator[Part
 
 def _busy_warning(experiment: Experiment, running: Sequence[Partition]) -> Diagnostic:
     names = tuple(partition.shown_name for partition in running)
-    return findings.MEASURED_BUSY.of_host(
+    return DIFFERENT.of_host(
         experiment.host.name,
         "{_experiment} was measured while these ran on {host}: {_names}. Its log says so.",
         "Measure it again on a quiet host with --again: then this no longer counts.",

@@ -2,11 +2,14 @@
 
 from rarms_iac.model.diagnostics import Finding
 
-MISSING = Finding.error("RARMS016", "Something that is needed here is missing")
-
+CLASS_ORDER = Finding.warning("RARMS128", "Priorities do not follow the criticalities")
 DAMAGED = Finding.error("RARMS190", "What the host keeps for rarms is damaged")
+DIFFERENT = Finding.warning("RARMS105", "A data log was measured under other conditions")
 FOREIGN_AT_NAME = Finding.error("RARMS150", "Something that rarms did not make is in the way")
 GENERATION = Finding.error("RARMS256", "This does not go with the machine's generation")
+MAY_NOT_CHANGE = Finding.error("RARMS152", "A partition or machine may not be changed")
+MISSING = Finding.error("RARMS016", "Something that is needed here is missing")
+NEIGHBOURS = Finding.note("RARMS129", "Other threads may run before a robotic one")
 NOTHING_CHANGED = Finding.note("RARMS174", "Nothing was changed")
 NOT_DONE = Finding.error("RARMS179", "The command cannot be done as it is given")
 NOT_READ = Finding.error("RARMS001", "A file cannot be read")

@@ -1,7 +1,7 @@
 """Kinds of problems that planning finds (RARMS014, RARMS100-109, RARMS120-139, RARMS104)."""
 
 from rarms_iac.model.diagnostics import Finding
-from rarms_iac.model.shared_findings import UNUSABLE_RESERVE
+from rarms_iac.model.shared_findings import DIFFERENT, UNUSABLE_RESERVE
 
 CONTRADICTION = Finding.warning("RARMS306", "A compound contradicts what the proof assumes")
 
@@ -10,10 +10,6 @@ UNABLE = Finding.error("RARMS305", "Unable to reduce total CPU reservation by co
 NOT_VERIFIED = Finding.note("RARMS104", "A data log was not used in full")
 
 NOT_PROVEN = Finding.note("RARMS301", "A better layout may exist")
-
-NEIGHBOURS = Finding.note("RARMS129", "Priorities of different criticality may meet")
-
-DIFFERENT = Finding.warning("RARMS105", "A data log was measured under other conditions")
 
 
 RESERVATIONS = Finding.error("RARMS014", "Reservations exceed the platform")
@@ -25,7 +21,6 @@ MEMORY = Finding.error("RARMS120", "Memory exceeds the platform")
 PACKING = Finding.error("RARMS121", "Virtual processors do not fit the logical ones")
 PLACEMENT = Finding.error("RARMS122", "No placement on the hosts was found")
 SMALLER = Finding.warning("RARMS126", "The host is smaller than the manifest says")
-CLASS_ORDER = Finding.warning("RARMS128", "Task classes cannot express the order of criticalities")
 MEASURED_STEADY = Finding.warning("RARMS313", "Measured under loads that never pause, and others may")
 ON_NEIGHBOURS = Finding.note("RARMS324", "A threshold depends on its neighbours")
 DEADLINES = Finding.error("RARMS314", "SCHED_DEADLINE cannot keep a reservation")

@@ -10,11 +10,10 @@ from typing import Any
 
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.mmcss import PriorityValues, thread_priority
+from rarms_iac.model.shared_findings import CLASS_ORDER, NEIGHBOURS
 from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, TaskRequest
-from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import most_critical_first
-from rarms_iac.planner.planning_findings import NEIGHBOURS
 from rarms_iac.planner.task_class_values import ALL, REAL_TIME, chosen_values, masks_of
 
 CLOCK_RATE = 10_000
@@ -138,7 +137,7 @@ def _out_of_order(decided: Sequence[ClassValues], inside: str, places: Places) -
                 wrong,
                 key=lambda class_values: (class_values.criticality, class_values.thread_priority, class_values.name),
             )
-            yield planning_findings.CLASS_ORDER.at(
+            yield CLASS_ORDER.at(
                 places.key("components", upper.user),
                 "In {_where}, {upper} (criticality {upper_criticality}) runs at {upper_priority}, not above {lower} "
                 "(criticality {lower_criticality}) at {lower_priority}.",

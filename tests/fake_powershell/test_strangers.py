@@ -89,7 +89,7 @@ def test_a_plan_for_a_machine_of_a_cluster_needs_the_partitions_word_and_tells_t
     plan = cell(host, 20, clustered=True).plan()
     ran = apply(host, plan)
 
-    assert (refused.plan, "RARMS366" in [finding.code for finding in refused.findings]) == (None, True)
+    assert (refused.plan, "RARMS152" in [finding.code for finding in refused.findings]) == (None, True)
     assert ran.code == 0, ran.says
     assert (the_machine(host).reserve, the_machine(host).cluster_knows) == (20, True)
     assert apply(host, plan).code == 0
@@ -101,7 +101,7 @@ def test_a_machine_of_a_cluster_is_not_removed_also_where_its_partition_says_oth
 
     found = cell(host, clustered=True).prepare(purpose=Purpose.DESTROY)
 
-    assert (found.plan, "RARMS366" in [finding.code for finding in found.findings]) == (None, True)
+    assert (found.plan, "RARMS152" in [finding.code for finding in found.findings]) == (None, True)
 
 
 def test_a_replica_that_is_off_takes_no_room_from_a_promise() -> None:

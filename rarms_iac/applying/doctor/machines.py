@@ -8,8 +8,8 @@ from rarms_iac.model.state import RunState
 
 UNFIT_MACHINE = Finding.warning("RARMS245", "A machine is not as rarms needs it")
 
+
 CPU_GROUP = Finding.warning("RARMS235", "A machine is in a CPU group")
-CLUSTERED = Finding.warning("RARMS244", "A machine belongs to a cluster")
 
 
 def check_cpu_group(host: Examination) -> Iterator[Diagnostic]:
@@ -32,7 +32,7 @@ def check_cluster(host: Examination) -> Iterator[Diagnostic]:
     for machine, condition in host.machines():
         if condition.clustered:
             yield host.machine_finding(
-                CLUSTERED,
+                UNFIT_MACHINE,
                 machine,
                 f"{machine_title(machine)} on {host.name} belongs to a failover cluster: it may move to another "
                 "host, or come from one, and takes its reserve along.",

@@ -12,7 +12,7 @@ from rarms_iac.model.commands import DRIFT, HISTORY, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.operations import CreatePartition, RemoveDisk, RemovePartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Purpose, Step, UndoLevel
-from rarms_iac.model.shared_findings import GENERATION, UNKNOWN_NAME
+from rarms_iac.model.shared_findings import GENERATION, MAY_NOT_CHANGE, UNKNOWN_NAME
 from rarms_iac.model.state import Partition, Tie
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import suggestion
@@ -30,7 +30,6 @@ NOT_ASKED = Finding.warning("RARMS255", "A guest is turned off without being ask
 DISK_REMOVED = Finding.warning("RARMS253", "A virtual disk is deleted")
 DISK_STAYS = Finding.warning("RARMS254", "A virtual disk stays although its removal was asked for")
 CHANGED_OUTSIDE = Finding.note("RARMS311", "The host was changed since rarms wrote it")
-TIED = Finding.error("RARMS366", "A machine that something else decides over is not changed")
 
 
 def review_changes_from_outside(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
@@ -107,7 +106,7 @@ def review_tied_machines(request: PlanRequest, plan: HostPlan) -> Iterator[Diagn
             if tie is Tie.CLUSTER and is_clustered:
                 continue
             message, advice = _TIES[tie]
-            yield TIED.at(
+            yield MAY_NOT_CHANGE.at(
                 change.reason.place,
                 "Machine {name:quoted} ({machine}) {message}, so this plan cannot change it.",
                 advice,

@@ -17,7 +17,7 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import HostPlan, Purpose
 from rarms_iac.model.quantities import guaranteed, show_bytes, show_processors
-from rarms_iac.model.shared_findings import NO_ORDER
+from rarms_iac.model.shared_findings import NEIGHBOURS, NO_ORDER
 from rarms_iac.model.state import Partition, PartitionSettings, RegistryValue, TaskClass, ValueKind
 from rarms_iac.model.system import TaskCategory
 from rarms_iac.model.wording import in_a_row, list_names
@@ -28,7 +28,6 @@ NO_MEMORY_LEFT = Finding.error("RARMS403", "The memory does not fit the host")
 
 
 UNMANAGED_GETS_LESS = Finding.warning("RARMS223", "A machine that is not managed gets less")
-CLASSES_ABOVE = Finding.note("RARMS226", "Other task classes run above a robotic one")
 
 SMT_COSTS = Finding.note("RARMS231", "Logical processors stand idle beside partitions with a reserve")
 
@@ -141,7 +140,7 @@ def _no_memory_left(host: str, more: Mapping[str, int], host_left: int, freed: i
 
 
 def review_cpu_groups(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
-    """Find CPU groups that limit unchanged partitions; the plan is refused for changed ones (RARMS366)."""
+    """Find CPU groups that limit unchanged partitions; the plan is refused for changed ones (RARMS152)."""
     if request.purpose is Purpose.APPLY:
         changed = {change.before.id for change in plan.changes if isinstance(change.before, Partition)}
         own = desired.observed.of(request.application)
@@ -241,7 +240,7 @@ def review_task_classes(request: PlanRequest, desired: Desired, plan: HostPlan) 
         systems.setdefault(f"{task_class.name} ({priority})", []).append(inside or "the host itself")
     if systems:
         concerned = sorted({system for names in systems.values() for system in names})
-        yield CLASSES_ABOVE.of_host(
+        yield NEIGHBOURS.of_host(
             desired.host,
             "On {host}, threads of {_join} run above robotic ones in {_join_}, when a program joins these classes.",
             "Keep programs that play or record sound and video out of these systems. The classes themselves stay as "

@@ -27,7 +27,7 @@ from rarms_iac.model.quantities import (
     show_amount,
     show_processors,
 )
-from rarms_iac.model.shared_findings import NO_EFFECT, OVER_HOST, ROUNDED, UNUSABLE_RESERVE
+from rarms_iac.model.shared_findings import CLASS_ORDER, NO_EFFECT, OVER_HOST, ROUNDED, UNUSABLE_RESERVE
 from rarms_iac.model.system import (
     MOST_WEIGHT,
     USUAL_WEIGHT,
@@ -267,7 +267,7 @@ def _caps(limit: CpuAmount, processors: int | None, components: Sequence[Compone
     return on_every(hosts, is_below)
 
 
-@check(Finding.warning("RARMS330", "Different criticalities give the same weight"))
+@check(CLASS_ORDER)
 def criticalities_alike(system: System) -> Iterator[Violation]:
     """Different criticalities that end in the same, highest weight."""
     if system.policy.headroom is not Headroom.BY_CRITICALITY:

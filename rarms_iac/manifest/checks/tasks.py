@@ -7,7 +7,7 @@ from rarms_iac.manifest.checks.system_lookups import known_tasks, operating_syst
 from rarms_iac.manifest.checks.violation import Path, Violation, check, violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
-from rarms_iac.model.shared_findings import UNKNOWN_NAME
+from rarms_iac.model.shared_findings import CLASS_ORDER, UNKNOWN_NAME
 from rarms_iac.model.system import Component, System
 from rarms_iac.model.task_names import ROBOTIC_TASKS, is_shipped_task
 from rarms_iac.model.wording import Suggestions
@@ -73,7 +73,7 @@ def task_differs_in_case(system: System) -> Iterator[Violation]:
             )
 
 
-@check(Finding.warning("RARMS057", "Components of different criticality share a task class"))
+@check(CLASS_ORDER)
 def shared_task(system: System) -> Iterator[Violation]:
     """The less critical users of a class, whose threads get the priority of the most critical one."""
     for group in operating_systems(system):

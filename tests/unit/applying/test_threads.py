@@ -76,7 +76,7 @@ def test_what_a_maker_added_is_told_once_a_host_where_classes_change() -> None:
     assert list(review_task_classes(*reviewed(vendor, plan=plan))) == []
     with_threads = reviewed(vendor, plan=replace(plan, threads=ROBOTIC))
     (finding,) = review_task_classes(*with_threads)
-    assert (finding.code, finding.address, "Vendor Sound (26)" in finding.detail) == ("RARMS226", "host/onboard", True)
+    assert (finding.code, finding.address, "Vendor Sound (26)" in finding.detail) == ("RARMS129", "host/onboard", True)
 
 
 def test_classes_are_listed_system_by_system_with_who_names_them() -> None:

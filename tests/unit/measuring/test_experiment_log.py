@@ -132,7 +132,7 @@ def test_what_was_measured_on_a_busy_host_no_longer_counts_after_a_pass_that_had
     busy = rarms(*searched, "--on-busy-host")
     measured = manifest.replace("reserve: 1 % }", "reserve: measured }", 1)
     (here / "rarms.yaml").write_text(measured, encoding="utf-8", newline="\n")
-    assert (busy.code, "RARMS263" in busy.err) == (0, True), busy.err
+    assert (busy.code, "RARMS105" in busy.err) == (0, True), busy.err
     assert "RARMS105" in rarms("plan").out
     assert code_of(rarms(*searched, "--again")) == (3, "RARMS115")
     assert the_log("vision").remeasurements == (), "what is refused begins nothing"

@@ -253,7 +253,7 @@ def test_what_runs_is_in_the_way_and_can_be_borne(here: Path) -> None:
     assert rarms("measure", *words).code == 0, "what is recorded needs no host"
     borne = rarms("measure", "--from", "40%", "--to", "40%", "--on-busy-host")
     assert borne.code == 0, borne.err
-    assert "RARMS263" in borne.err
+    assert "RARMS105" in borne.err
     log = here / "measurements" / "onboard" / "vision" / "busy-loop.jsonl"
     assert json.loads(log.read_text(encoding="utf-8").splitlines()[-1])["provenance"]["beside"] == ["vision"]
 

@@ -89,7 +89,7 @@ CASES = {
     ),
     "32 bits": ("RARMS233", "host/onboard", how(bits=32)),
     "minroot": ("RARMS243", "host/onboard", how(seen_processors=1)),
-    "cluster": ("RARMS244", "partition/vision", odd(clustered=True)),
+    "cluster": ("RARMS245", "partition/vision", odd(clustered=True)),
     "critical": ("RARMS245", "partition/vision", examination(machines=(replace(VISION, state=RunState.CRITICAL),))),
     "wide": (
         "RARMS245",

@@ -30,7 +30,7 @@ def test_a_class_that_is_shared_loses_the_order() -> None:
     together = [components[0], a_component("map", criticality=10, task="localization", together=["vision"])]
 
     assert found(a_system(components=components)) == []
-    assert found(a_system(components=together)) == [("RARMS057", "components.map.task")]
+    assert found(a_system(components=together)) == [("RARMS128", "components.map.task")]
 
 
 def test_components_on_the_only_host_share_its_operating_system() -> None:
@@ -40,4 +40,4 @@ def test_components_on_the_only_host_share_its_operating_system() -> None:
     ]
     host = a_host(keep_processor="10 %", keep_memory="1 GiB")
 
-    assert found(a_system(hosts=[host], components=on_host)) == [("RARMS057", "components.b.task")]
+    assert found(a_system(hosts=[host], components=on_host)) == [("RARMS128", "components.b.task")]
