@@ -1,4 +1,4 @@
-"""Findings: what a user can cause, told once and rendered anywhere."""
+"""Findings: problems that a user can cause or correct, as values that every view renders."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -30,7 +30,7 @@ Given: TypeAlias = Fact | Fraction
 
 
 class Severity(StrEnum):
-    """How much a finding weighs: only an error stops a command."""
+    """Only an error stops a command."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -54,7 +54,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Related:
-    """A second place that belongs to the same problem, with a word on what it shows."""
+    """A second place of the same problem, with a label."""
 
     place: Place
     message: str
@@ -62,10 +62,7 @@ class Related:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """A kind of problem: its stable code and the summary that is the same for every case of it.
-
-    Each stands in the file that looks for it; its page is `docs/findings/<code>.md`.
-    """
+    """A kind of problem: its stable code and the summary of every case. Its page is `docs/findings/<code>.md`."""
 
     code: str
     severity: Severity
@@ -192,14 +189,7 @@ class Diagnostic:
 
 
 def in_order(diagnostics: "list[Diagnostic] | tuple[Diagnostic, ...]") -> tuple[Diagnostic, ...]:
-    """Findings sorted by place, then code, then text; those without a place come first.
-
-    Args:
-        diagnostics: in any order.
-
-    Returns:
-        All of them.
-    """
+    """Sort findings by place, then code, then text; those without a place come first."""
 
     def key(diagnostic: Diagnostic) -> tuple[str, int, int, str, str, str]:
         file, line, column = (
@@ -215,15 +205,7 @@ MOST_OF_A_KIND = 1_000
 
 
 def first_of_each_kind(diagnostics: "Sequence[Diagnostic]") -> "tuple[Diagnostic, ...]":
-    """The findings that are shown: so many of one kind come from a program, and no reader reads more.
-
-    Args:
-        diagnostics: in the order in which they are shown.
-
-    Returns:
-        Of each kind (code and summary) the first `MOST_OF_A_KIND`, and one without a place that says how many follow.
-        Asked again for these, the same.
-    """
+    """Return the first `MOST_OF_A_KIND` findings of each kind (code and summary), and one that says how many follow."""
     totals = Counter((diagnostic.code, diagnostic.summary) for diagnostic in diagnostics)
     if all(total <= MOST_OF_A_KIND + 1 for total in totals.values()):
         return tuple(diagnostics)
@@ -240,15 +222,7 @@ def first_of_each_kind(diagnostics: "Sequence[Diagnostic]") -> "tuple[Diagnostic
 
 
 def remainder(shown: Diagnostic, number: int) -> Diagnostic:
-    """Make the finding that says how many follow of a kind.
-
-    Args:
-        shown: a case of the kind.
-        number: of those that are not shown.
-
-    Returns:
-        It, without a place and without an address.
-    """
+    """Return the finding, without a place and an address, that says how many follow of the kind of `shown`."""
     return replace(
         shown,
         detail=f"{number:,} more of this kind follow.",
@@ -261,26 +235,12 @@ def remainder(shown: Diagnostic, number: int) -> Diagnostic:
 
 
 def has_errors(diagnostics: "list[Diagnostic] | tuple[Diagnostic, ...]") -> bool:
-    """Whether one of them is an error.
-
-    Args:
-        diagnostics: in any order.
-
-    Returns:
-        False: warnings and notes at most.
-    """
+    """Whether one of them is an error."""
     return any(diagnostic.severity is Severity.ERROR for diagnostic in diagnostics)
 
 
 def count_severities(diagnostics: Sequence[Diagnostic]) -> dict[str, int]:
-    """Count findings by how much they weigh.
-
-    Args:
-        diagnostics: in any order.
-
-    Returns:
-        `{"errors": 1, "warnings": 0, "notes": 2}`.
-    """
+    """Count findings by severity: `{"errors": 1, "warnings": 0, "notes": 2}`."""
     return {
         f"{severity.value}s": sum(diagnostic.severity is severity for diagnostic in diagnostics)
         for severity in Severity
@@ -289,7 +249,7 @@ def count_severities(diagnostics: Sequence[Diagnostic]) -> dict[str, int]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Findings:
-    """What a command found, and what the policy accepts of it: its answer where it has no other."""
+    """The findings of a command, and those that the policy accepts."""
 
     kind: Literal["findings"] = "findings"
     findings: tuple[Diagnostic, ...]

@@ -451,11 +451,7 @@ def _not_read(error: StructureError) -> Diagnostic:
     """An error without words of its own: still a place, the value, and what the field is for."""
     advice = describe(error.path) or "Check the manifest reference."
     return WRONG_VALUE.at(
-        error.place,
-        "{path} cannot be {_show_written}.",
-        advice,
-        _show_written=_show_written(error),
-        **_facts(error),
+        error.place, "{path} cannot be {_show_written}.", advice, _show_written=_show_written(error), **_facts(error)
     )
 
 
