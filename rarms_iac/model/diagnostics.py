@@ -89,7 +89,6 @@ class Finding:
         template: str,
         advice: Wording,
         *,
-        values: Facts | None = None,
         address: str = "",
         related: tuple[Related, ...] = (),
         **facts: Given,
@@ -105,7 +104,7 @@ class Finding:
             facts: Names and numbers for the template and for programs. A fact with an underscore in front is for the
                 template alone.
         """
-        detail, known = (template, values) if values is not None else fill_template(template, facts)
+        detail, values = fill_template(template, facts)
         return Diagnostic(
             code=self.code,
             severity=self.severity,
@@ -115,14 +114,14 @@ class Finding:
             place=place,
             address=address,
             related=related,
-            values=known,
+            values=values,
         )
 
     def of_host(
         self, host: str, template: str, advice: Wording, *, place: Place | None = None, **facts: Given
     ) -> "Diagnostic":
         """Return one case that is about a host: its address is `host/<name>`, and `host` is one of its facts."""
-        return self.at(place, template, advice, values=None, address=f"host/{host}", related=(), host=host, **facts)
+        return self.at(place, template, advice, address=f"host/{host}", related=(), host=host, **facts)
 
 
 UNITS: Mapping[str, tuple[str, Callable[[Any], str]]] = {

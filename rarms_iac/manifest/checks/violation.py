@@ -44,7 +44,6 @@ def violation(
             advice,
             address=next((f"{kind}/{name}" for kind, name in _owner(path).items()), "") if address is None else address,
             related=tuple(Related(place=_place(places, other, key), message=label) for other, key, label in related),
-            values=None,
             **{**_owner(path), **facts},
         )
 

@@ -14,7 +14,6 @@ from rarms_iac.app.data_logs import path_of, subject_of
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.report import not_yet_proven
 from rarms_iac.app.requests import ManifestSource, today_utc
-from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.indexes import index_named
 from rarms_iac.planner.planning_findings import ON_NEIGHBOURS
 from rarms_iac.storage.append import LogLine
@@ -246,8 +245,7 @@ def test_a_proof_says_what_is_no_longer_as_it_was(robot: Path) -> None:
 def test_a_note_that_neighbours_decide_a_threshold_goes_where_the_proof_held(
     proof: bool, changes: dict[str, Any], stays: bool
 ) -> None:
-    values: Facts = {"component": "vision", "indexes": ("p99_response_time",)}
-    note = ON_NEIGHBOURS.at(None, "It depends.", "Prove it.", values=values)
+    note = ON_NEIGHBOURS.at(None, "It depends.", "Prove it.", component="vision", indexes=("p99_response_time",))
     proven = replace(PROOF, index=index_named("p99_response_time"))
 
     found = not_yet_proven([note], [replace(proven, **changes)] if proof else [])

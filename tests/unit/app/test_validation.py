@@ -229,7 +229,7 @@ def test_an_acceptance_is_held_against_all_findings_before_the_rest_is_only_coun
     policy = Policy(accept={"RARMS159": Acceptance(code="RARMS159", at=(hosts[-1],), reason="known", until=None)})
 
     shown, accepted = apply_acceptances(
-        [kind.at(None, "", "", address=host, values={}) for host in hosts], policy, PathPlaces(), SOURCE.today
+        [kind.at(None, "", "", address=host) for host in hosts], policy, PathPlaces(), SOURCE.today
     )
 
     assert [finding.address for finding in accepted] == [hosts[-1]]

@@ -47,7 +47,7 @@ def run_with(
         (KeyboardInterrupt(), ExitCode.INTERRUPTED),
         (Interrupted(ExitCode.TERMINATED), ExitCode.TERMINATED),
         (PermissionError(13, "Permission denied", "rarms.yaml"), ExitCode.FAILED),
-        (UseCaseError(Outcome.NEGATIVE, [BUG.at(None, "what", "do", values={})]), ExitCode.NO),
+        (UseCaseError(Outcome.NEGATIVE, [BUG.at(None, "what", "do")]), ExitCode.NO),
         (ZeroDivisionError("division by zero"), ExitCode.FAILED),
         (RecursionError(), ExitCode.FAILED),
         (MemoryError(), ExitCode.FAILED),

@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
+from typing import Any
 
 import click
 import jsonschema
@@ -11,7 +12,7 @@ import pytest
 
 from rarms_iac.cli.table import COMMANDS, load_command
 from rarms_iac.manifest.load import load_system
-from rarms_iac.model.diagnostics import Fact, Finding, with_places
+from rarms_iac.model.diagnostics import Finding, with_places
 from tests.needs import require
 from tests.unit.cli.running import rarms
 from tests.unit.views.test_finding_forms import SARIF_SCHEMA
@@ -96,7 +97,7 @@ def test_a_manifest_that_is_not_there_has_a_location(tmp_path: Path) -> None:
         ("host/elsewhere", {}, 1),
     ],
 )
-def test_addresses_and_values_name_lines(address: str, values: dict[str, Fact], line: int, tmp_path: Path) -> None:
+def test_addresses_and_values_name_lines(address: str, values: dict[str, Any], line: int, tmp_path: Path) -> None:
     manifest = tmp_path / "rarms.yaml"
     manifest.write_text(
         "schema: rarms/v1\napplication: { name: robot }\nhosts:\n"
@@ -104,7 +105,7 @@ def test_addresses_and_values_name_lines(address: str, values: dict[str, Fact], 
         "components:\n  vision: { criticality: 1 }\n  hearing: { criticality: 2 }\n",
         encoding="utf-8",
     )
-    finding = Finding.note("RARMS000", "Something").at(None, "It is so.", "", address=address, values=values)
+    finding = Finding.note("RARMS000", "Something").at(None, "It is so.", "", address=address, **values)
 
     (placed,) = with_places([finding], load_system(str(manifest), (), today=TODAY).places)
 

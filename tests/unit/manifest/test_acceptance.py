@@ -14,7 +14,7 @@ LAST_DAY = date(2026, 1, 31)
 
 
 def case(address: str, finding: Finding = WARNING) -> Diagnostic:
-    return finding.at(None, "Why.", "What to do.", address=address, values={})
+    return finding.at(None, "Why.", "What to do.", address=address)
 
 
 def policy(code: str = "RARMS058", *at: str, until: date | None = LAST_DAY) -> Policy:

@@ -88,7 +88,9 @@ class Reader(HTMLParser):
 
 
 def content(text: str) -> Content:
-    finding = Finding.error("RARMS999", "x").at(Place(file="x", line=1, column=1), text, text, values={"x": text})
+    finding = Finding.error("RARMS999", "x").at(
+        Place(file="x", line=1, column=1), "{_detail}", text, _detail=text, x=text
+    )
     reader = Reader()
     reader.feed(render_studio(REPORT, (finding,), {"x": text}, with_texts(STUDIO, text)).decode())
     reader.close()

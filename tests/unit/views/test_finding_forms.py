@@ -35,7 +35,7 @@ ERROR = EXCEEDED.at(
     prose("Relax an APT: ", command("select", "vision", at="100 ms"), "."),
     address="host/onboard",
     related=(Related(place=PLACE, message="here"),),
-    values={"needed_percent": 120},
+    needed_percent=120,
 )
 COMMAND = {
     "verb": "select",
@@ -43,7 +43,7 @@ COMMAND = {
     "options": [{"name": "--at", "value": "100 ms"}],
     "text": "rarms select vision --at '100 ms'",
 }
-WARNING = RESTART.at(None, "It stops.", "Wait.", address="partition/vision", values={})
+WARNING = RESTART.at(None, "It stops.", "Wait.", address="partition/vision")
 FIRST_LINE = FirstLine("rarms.yaml")
 SARIF_SCHEMA = Path(__file__).parents[4] / "shared" / "sarif" / "sarif-schema-2.1.0.json"
 
@@ -153,7 +153,7 @@ def test_junit_without_findings_has_a_case_that_passes() -> None:
 
 
 def test_github_annotates_the_span_and_escapes_what_would_end_it() -> None:
-    finding = EXCEEDED.at(PLACE, "120 %:\nno, really", "::error::x", values={})
+    finding = EXCEEDED.at(PLACE, "120 %:\nno, really", "::error::x")
 
     assert as_github([finding]) == (
         "::error file=manifests/my robot.yaml,line=31,endLine=31,col=5,endColumn=8,"
@@ -164,11 +164,11 @@ def test_github_annotates_the_span_and_escapes_what_would_end_it() -> None:
 def test_github_properties_escape_colon_and_comma() -> None:
     place = Place(file="a,b:c%.yaml", line=1, column=1)
 
-    assert "file=a%2Cb%3Ac%25.yaml," in as_github([EXCEEDED.at(place, "x", "y", values={})])
+    assert "file=a%2Cb%3Ac%25.yaml," in as_github([EXCEEDED.at(place, "x", "y")])
 
 
 def test_github_calls_a_note_a_notice_and_needs_no_place() -> None:
-    note = Finding(code="RARMS086", severity=Severity.NOTE, summary="Not used").at(None, "x", "y", values={})
+    note = Finding(code="RARMS086", severity=Severity.NOTE, summary="Not used").at(None, "x", "y")
 
     assert as_github([note]) == "::notice title=RARMS086 Not used::x%0Ay\n"
 

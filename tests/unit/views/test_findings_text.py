@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rarms_iac.model.commands import prose
-from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding, Place, Related, Severity, Sources
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity, Sources
 from rarms_iac.views.console import columns, render
 from rarms_iac.views.findings_text import findings_summary, findings_text
 from rarms_iac.views.harmless import visible
@@ -24,7 +24,7 @@ def as_text(diagnostics: Sequence[Diagnostic], sources: Sources) -> str:
 
 def shown(source: str, place: Place) -> list[str]:
     """The source line and the caret line as they are rendered."""
-    return as_text([EXCEEDED.at(place, "Why.", "What to do.", values={})], {"robot.yaml": source}).splitlines()[2:4]
+    return as_text([EXCEEDED.at(place, "Why.", "What to do.")], {"robot.yaml": source}).splitlines()[2:4]
 
 
 def test_the_form_is_code_place_line_detail_advice_and_a_count() -> None:
@@ -32,7 +32,6 @@ def test_the_form_is_code_place_line_detail_advice_and_a_count() -> None:
         at(2, 25, path="hosts.onboard.logical_processors"),
         "FDP 1.4 LP, SRP 0.6 LP and PPP 0.4 LP need 2.4 LP; onboard has 2 LP to promise.",
         "Relax an APT, or let `rarms tune` combine the least critical CoIs.",
-        values={},
     )
 
     text = as_text([finding], {"robot.yaml": "hosts:\n    logical_processors: 2\n"})
@@ -99,7 +98,7 @@ def test_a_line_of_megabytes_is_no_reason_to_be_slow() -> None:
 
 def test_a_place_outside_the_text_or_a_file_without_text_has_no_snippet() -> None:
     assert shown("a: 1", at(7, 1)) == ["  Why.", "  What to do."]
-    assert "  1 |" not in as_text([EXCEEDED.at(at(1, 1, file="-"), "Why.", "Do.", values={})], {})
+    assert "  1 |" not in as_text([EXCEEDED.at(at(1, 1, file="-"), "Why.", "Do.")], {})
 
 
 def test_a_caret_may_stand_behind_the_end_of_its_line() -> None:
@@ -107,9 +106,7 @@ def test_a_caret_may_stand_behind_the_end_of_its_line() -> None:
 
 
 def test_a_second_place_is_shown_with_what_it_says() -> None:
-    finding = EXCEEDED.at(
-        at(2, 1), "Twice.", "Remove one.", related=(Related(place=at(1, 1), message="first here"),), values={}
-    )
+    finding = EXCEEDED.at(at(2, 1), "Twice.", "Remove one.", related=(Related(place=at(1, 1), message="first here"),))
 
     text = as_text([finding], {"robot.yaml": "a: 1\na: 2\n"})
 
@@ -117,8 +114,8 @@ def test_a_second_place_is_shown_with_what_it_says() -> None:
 
 
 def test_only_a_warning_says_the_address_that_an_acceptance_names() -> None:
-    warning = RESTART.at(at(1, 1, path="partitions.vision"), "Why.", "Do.", address="partition/vision", values={})
-    error = EXCEEDED.at(at(1, 1, path="hosts.onboard"), "Why.", "Do.", address="host/onboard", values={})
+    warning = RESTART.at(at(1, 1, path="partitions.vision"), "Why.", "Do.", address="partition/vision")
+    error = EXCEEDED.at(at(1, 1, path="hosts.onboard"), "Why.", "Do.", address="host/onboard")
 
     text = as_text([warning, error], {})
 
@@ -136,11 +133,9 @@ def test_only_a_warning_says_the_address_that_an_acceptance_names() -> None:
     ],
 )
 def test_the_last_line_counts(diagnostics: list[Finding], accepted: int, expected: str) -> None:
-    silenced = [RESTART.at(None, "", "", values={})] * accepted
+    silenced = [RESTART.at(None, "", "")] * accepted
 
-    assert (
-        findings_summary([diagnostic.at(None, "", "", values={}) for diagnostic in diagnostics], silenced) == expected
-    )
+    assert findings_summary([diagnostic.at(None, "", "") for diagnostic in diagnostics], silenced) == expected
 
 
 diagnostics = st.builds(
@@ -173,7 +168,7 @@ def test_every_text_can_be_written_and_colour_is_only_added(some: list[Diagnosti
 
 
 def test_findings_of_one_kind_are_one_finding_with_a_list() -> None:
-    some = [EXCEEDED.at(at(line, 1, path="hosts"), f"Why {line}.", "Do it.", values={}) for line in (1, 2)]
+    some = [EXCEEDED.at(at(line, 1, path="hosts"), "{_detail}", "Do it.", _detail=f"Why {line}.") for line in (1, 2)]
 
     assert as_text(some, {}).splitlines() == [
         "error[RARMS014] Reservations exceed the platform (2)",
@@ -186,7 +181,7 @@ def test_findings_of_one_kind_are_one_finding_with_a_list() -> None:
 
 
 def test_an_advice_that_differs_stands_with_its_item() -> None:
-    some = [EXCEEDED.at(None, "Why.", f"Do {number}.", address=f"host/h{number}", values={}) for number in (1, 2)]
+    some = [EXCEEDED.at(None, "Why.", f"Do {number}.", address=f"host/h{number}") for number in (1, 2)]
 
     assert as_text(some, {}).splitlines()[1:3] == ["  - at host/h1: Why. Do 1.", "  - at host/h2: Why. Do 2."]
 
@@ -201,8 +196,8 @@ def test_no_source_line_takes_more_than_eighty_columns(diagnostic: Diagnostic, s
 def test_briefly_a_kind_of_notes_is_one_line() -> None:
     note = Finding(code="RARMS086", severity=Severity.NOTE, summary="An entry is not used")
     some = [
-        note.at(at(1, 1, path="interference.browsers"), "Why.", "Do it.", values={}),
-        note.at(at(2, 1), "Why.", "Do it.", values={}),
+        note.at(at(1, 1, path="interference.browsers"), "Why.", "Do it."),
+        note.at(at(2, 1), "Why.", "Do it."),
     ]
 
     brief = render(findings_text(some, {}, brief=True), 120).splitlines()
@@ -212,9 +207,8 @@ def test_briefly_a_kind_of_notes_is_one_line() -> None:
 
 
 def test_a_path_that_is_a_value_of_the_sentence_stands_once_in_a_list() -> None:
-    values: Facts = {"path": "hosts"}
-    named = [EXCEEDED.at(at(line, 1, path="hosts"), "hosts is empty.", "Do it.", values=values) for line in (1, 2)]
-    other = [EXCEEDED.at(at(line, 1, path="hosts"), "Some hosts.", "Do it.", values={}) for line in (1, 2)]
+    named = [EXCEEDED.at(at(line, 1, path="hosts"), "hosts is empty.", "Do it.", path="hosts") for line in (1, 2)]
+    other = [EXCEEDED.at(at(line, 1, path="hosts"), "Some hosts.", "Do it.") for line in (1, 2)]
 
     assert as_text(named, {}).splitlines()[1] == "  - robot.yaml:1:1: hosts is empty."
     assert as_text(other, {}).splitlines()[1] == "  - robot.yaml:1:1, hosts: Some hosts.", "no sentence is read"

@@ -132,7 +132,7 @@ def test_an_undo_without_a_step_says_why() -> None:
         host="onboard", plan="0123456789ab", run=RunKind.UNDO, ending=RunEnding.DONE, changed=0, unchanged=0, total=0
     )
     idle = RunReport(ending=RunEnding.DONE, hosts=(host,))
-    lost = replace(idle, findings=(UNDO_PARTIAL.at(None, "what", "do", values={}),))
+    lost = replace(idle, findings=(UNDO_PARTIAL.at(None, "what", "do"),))
 
     assert render(run_text(idle), 100) == "onboard: Undo of plan 0123456789ab: it had changed nothing.\n"
     assert render(run_text(lost), 100) == "onboard: Undo of plan 0123456789ab: nothing of it can be taken back.\n"

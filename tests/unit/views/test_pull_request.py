@@ -79,7 +79,7 @@ def test_what_a_stranger_wrote_stays_text() -> None:
     finding = Finding(code="RARMS999", severity=Severity.ERROR, summary=HOSTILE)
     place = Place(file="a`b|c.yaml", line=1, column=1)
 
-    text = failure_comment(HOSTILE, [finding.at(place, HOSTILE, HOSTILE, values={})] * 500)
+    text = failure_comment(HOSTILE, [finding.at(place, "{_detail}", HOSTILE, _detail=HOSTILE)] * 500)
 
     assert len(text) < LONGEST_COMMENT
     assert text.splitlines()[0].count("-->") == 1
@@ -102,7 +102,7 @@ def test_addresses_in_names_are_no_links() -> None:
     finding = Finding(code="RARMS999", severity=Severity.ERROR, summary=f"Not {ADDRESSES}")
     place = Place(file="www.a.example/me@a.example.yaml", line=1, column=1)
 
-    text = findings_markdown([finding.at(place, f"see {ADDRESSES} @person #1", "", values={})])
+    text = findings_markdown([finding.at(place, "{_detail}", "", _detail=f"see {ADDRESSES} @person #1")])
     page = cmarkgfm.github_flavored_markdown_to_html(text, cmark.Options.CMARK_OPT_UNSAFE)
 
     assert "<a " not in page
@@ -111,7 +111,7 @@ def test_addresses_in_names_are_no_links() -> None:
 
 
 def test_findings_alone_are_a_list() -> None:
-    note = Finding(code="RARMS086", severity=Severity.NOTE, summary="Not used").at(None, "x", "y", values={})
+    note = Finding(code="RARMS086", severity=Severity.NOTE, summary="Not used").at(None, "x", "y")
 
     assert findings_markdown([]) == "No findings.\n"
     assert "- **note RARMS086** Not used: x y" in findings_markdown([note])

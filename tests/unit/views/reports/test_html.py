@@ -184,7 +184,7 @@ def test_commands_in_tables_are_code() -> None:
 
 
 def test_commands_in_findings_are_code_and_nothing_else_is() -> None:
-    finding = Finding.note("RARMS101", "Not <measured>").at(None, "Run `rarms measure`.", "Or <b>`a < b`.", values={})
+    finding = Finding.note("RARMS101", "Not <measured>").at(None, "Run `rarms measure`.", "Or <b>`a < b`.")
     page = as_html(replace(REPORT, findings=(finding,))).decode()
 
     assert "<p>Run <code>rarms measure</code>. Or &lt;b&gt;<code>a &lt; b</code>.</p>" in page
