@@ -46,7 +46,7 @@ graph --candidates
 report
 export after.csv
 """
-INSTANT = re.compile(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ( to \S+Z)?|(?<=\"checksum\":\")[0-9a-f]{64}")
+INSTANT = re.compile(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d+)?Z( to \S+Z)?|(?<=\"checksum\":\")[0-9a-f]{64}")
 """When something was measured, and the checksum of a record that says so: an input of its own."""
 
 
