@@ -7,7 +7,7 @@ topic: `names`, `partitions`, `hosts`, `processors`, `tasks`, `measurement`, `se
 
 from collections.abc import Iterator
 from datetime import date
-from itertools import islice
+from itertools import chain, islice
 
 from rarms_iac.manifest.acceptance import FINDINGS as ABOUT_ACCEPTANCES
 from rarms_iac.manifest.acceptance import check_acceptances
@@ -35,8 +35,8 @@ def run_checks(system: System, places: Places, today: date) -> tuple[Diagnostic,
     """
 
     def findings() -> Iterator[Diagnostic]:
-        for finding, check in CHECKS:
-            violations = check(system)
+        for finding in dict.fromkeys(finding for finding, _ in CHECKS):
+            violations = chain.from_iterable(check(system) for kind, check in CHECKS if kind is finding)
             most = None if finding.code in system.policy.accept else MOST_OF_A_KIND
             shown = [violation(finding, places) for violation in islice(violations, most)]
             yield from shown
