@@ -1,10 +1,12 @@
-"""The JSON Schemas of data logs, plan files and snapshots: `python -m scripts.file_schemas schemas`."""
+"""The JSON Schemas of manifests, data logs, plan files and snapshots: `python -m scripts.file_schemas schemas`."""
 
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from rarms_iac.manifest.document.schema import manifest_schema, overlay_schema
 from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.state import State
 from rarms_iac.storage.datalog.files import HEADER_FIELD, REMEASUREMENT_FIELD
@@ -144,7 +146,13 @@ def text_of(schema: Schema) -> str:
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
 
-SCHEMAS = {"datalog": data_log_schema, "plan": plan_schema, "snapshot": snapshot_schema}
+SCHEMAS: dict[str, Callable[[], Schema]] = {
+    "manifest": manifest_schema,
+    "overlay": overlay_schema,
+    "datalog": data_log_schema,
+    "plan": plan_schema,
+    "snapshot": snapshot_schema,
+}
 
 if __name__ == "__main__":
     for name, made in SCHEMAS.items():

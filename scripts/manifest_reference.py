@@ -30,7 +30,7 @@ whole examples, and `rarms init` writes a first manifest.
 """
 
 _EXAMPLES = {
-    "ManifestDocument": """\
+    "System": """\
         schema: rarms/v1
         application: { name: delivery-robot }
 
@@ -40,8 +40,8 @@ _EXAMPLES = {
         components:
           face-detection: { criticality: 40, cpu: { reserve: 40 % } }
         """,
-    "ApplicationBlock": "application: { name: delivery-robot, description: Brings parcels. }",
-    "HostBlock": """\
+    "Application": "application: { name: delivery-robot, description: Brings parcels. }",
+    "Host": """\
         hosts:
           onboard:
             provider: simulated
@@ -50,16 +50,16 @@ _EXAMPLES = {
             memory: 4 GiB
             keep_for_host: { processor: 10 %, memory: 1 GiB }
         """,
-    "SimulatedBlock": """\
+    "SimulatedHost": """\
         simulated:
           scheduler: root
           faults:
             full-disk: { operation: create_partition, effect: fail_after, times: 1 }
         """,
-    "HypervHostBlock": r"hyperv: { generation: 2, switch: cell, image: D:\images\base.vhdx, vm_path: D:\machines }",
-    "LinuxBlock": "linux: { slice: robot, control_groups: v2 }",
-    "ConnectBlock": "connect: { ssh: rarms@cell-4, shell: pwsh }",
-    "ComponentBlock": """\
+    "HypervHost": r"hyperv: { generation: 2, switch: cell, image: D:\images\base.vhdx, vm_path: D:\machines }",
+    "LinuxHost": "linux: { slice: robot, control_groups: v2 }",
+    "Connect": "connect: { ssh: rarms@cell-4, shell: pwsh }",
+    "Component": """\
         components:
           face-detection:
             criticality: 40
@@ -78,7 +78,7 @@ _EXAMPLES = {
           p95_response_time: { at_most: 400 ms }
           success_rate: { at_least: 95 % }
         """,
-    "RunBlock": """\
+    "Run": """\
         run:
           command: [python3, components/video_streaming.py]
           environment: { CAMERA: front, TOKEN: { from_env: CAMERA_TOKEN } }
@@ -86,30 +86,30 @@ _EXAMPLES = {
           until: { elapsed: 20 s }
           samples: { from: json_lines, count: { field: frames } }
         """,
-    "SamplesBlock": """\
+    "Samples": """\
         samples:
           from: pattern
           pattern: '^heard .* ok=(?P<ok>[01]) ms=(?P<ms>\\S+)'
           response_time: { field: ms, unit: ms }
           success: { field: ok }
         """,
-    "CpuBlock": "cpu: { reserve: 20 %, limit: 60 %, weight: 200 }",
-    "SimulationBlock": "simulation: { work: 61.6 ms, blocked: 26.4 ms, varies: 5 % }",
-    "PartitionBlock": """\
+    "CpuRequest": "cpu: { reserve: 20 %, limit: 60 %, weight: 200 }",
+    "Simulation": "simulation: { work: 61.6 ms, blocked: 26.4 ms, varies: 5 % }",
+    "PartitionRequest": """\
         partitions:
           voice: { components: [voice, wayfinding], memory: 2 GiB, cpu: { reserve: 35 % } }
           payment: { protect: true }
         """,
-    "GuestBlock": "guest: { connect: { ssh: operator@voice }, credential: kiosk/voice }",
-    "BusyLoopBlock": "interference:\n  busy-loop: { kind: busy_loop, threads: 2 }",
-    "BurstsBlock": "interference:\n  frames: { kind: bursts, every: 40 ms, duty: 30 % }",
-    "StressBlock": "interference:\n  disk: { kind: stress, stressor: hdd, workers: 2 }",
-    "BrowserBlock": "interference:\n  browsers: { kind: browser, instances: 5 }",
-    "CommandLoadBlock": "interference:\n  recorder: { kind: command, command: [rosbag, record, --all], instances: 2 }",
-    "TaskBlock": "tasks:\n  MotionControl: { category: Medium, priority: 6 }",
-    "PolicyBlock": "policy: { minimise: reservation, max_disruption: partition_stop }",
-    "MeasuringLimitsBlock": "measuring: { setting: 5 min, proof: 20 min }",
-    "AcceptanceBlock": """\
+    "Guest": "guest: { connect: { ssh: operator@voice }, credential: kiosk/voice }",
+    "BusyLoop": "interference:\n  busy-loop: { kind: busy_loop, threads: 2 }",
+    "Bursts": "interference:\n  frames: { kind: bursts, every: 40 ms, duty: 30 % }",
+    "Stress": "interference:\n  disk: { kind: stress, stressor: hdd, workers: 2 }",
+    "Browser": "interference:\n  browsers: { kind: browser, instances: 5 }",
+    "CommandLoad": "interference:\n  recorder: { kind: command, command: [rosbag, record, --all], instances: 2 }",
+    "TaskRequest": "tasks:\n  MotionControl: { category: Medium, priority: 6 }",
+    "Policy": "policy: { minimise: reservation, max_disruption: partition_stop }",
+    "MeasuringLimits": "measuring: { setting: 5 min, proof: 20 min }",
+    "Acceptance": """\
         accept:
           RARMS041: { at: [partition/vision], reason: The driver needs it., until: 2027-01-31 }
         """,
@@ -119,15 +119,15 @@ _EXAMPLES = {
 def reference_markdown() -> str:
     """The whole page: one section a block, in the order in which a reader meets them."""
     document = manifest_schema()
-    sections = [_section("The document", "ManifestDocument", document, document)]
-    for path, name in _blocks("", document, document, {"ManifestDocument"}):
+    sections = [_section("The document", "System", document, document)]
+    for path, name in _blocks("", document, document, {"System"}):
         schema = document["$defs"][name] if name in document["$defs"] else _thresholds(document)
         sections.append(_section(f"`{path}`", name, schema, document))
     return "\n".join([_INTRODUCTION, *sections])
 
 
 def _thresholds(document: Schema) -> Schema:
-    found: Schema = document["$defs"]["ComponentBlock"]["properties"]["apt"]
+    found: Schema = document["$defs"]["Component"]["properties"]["apt"]
     return found
 
 
@@ -243,8 +243,8 @@ def _cell(text: str) -> str:
 
 
 def _anchor(name: str) -> str:
-    """`HypervHostBlock` -> `hyperv-host`."""
-    words = re.findall("[A-Z]?[a-z]+", name.removesuffix("Block"))
+    """`HypervHost` -> `hyperv-host`."""
+    words = re.findall("[A-Z]?[a-z]+", name)
     return "-".join(words).lower()
 
 

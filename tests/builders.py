@@ -33,7 +33,7 @@ from rarms_iac.model.quantities import (
     Unit,
     parse_quantity,
 )
-from rarms_iac.model.run import Closed, Command, Elapsed, FromEnvironment, Periodic, Run, SampleCount, Samples, Stop
+from rarms_iac.model.run import Closed, Elapsed, FromEnvironment, Periodic, Run, SampleCount, Samples
 from rarms_iac.model.state import ID_DIGITS, Mark
 from rarms_iac.model.system import (
     Application,
@@ -113,15 +113,12 @@ def a_run(
     """A command whose runs are its samples, job after job; `every` makes it periodic, with its period as deadline."""
     limit = every if deadline is None else deadline
     return Run(
-        start=Command(words=tuple(command)),
-        files=(),
+        command=tuple(command),
         environment=environment or {},
-        folder=".",
         until=until,
         timeout=milliseconds(timeout),
-        stop=Stop(),
         arrival=Closed() if every is None else Periodic(period=milliseconds(every)),
-        samples=samples or Samples(source="per_run"),
+        samples=samples or Samples(),
         deadline=None if limit is None else milliseconds(limit),
         failures=failures,
     )
@@ -195,11 +192,6 @@ def a_host(
     system_responsiveness: int | None = None,
 ) -> Host:
     """A simulated host with two processors and 4 GiB, nothing kept; the settings are its provider's own."""
-    own: dict[ProviderKind, HostSettings] = {
-        ProviderKind.SIMULATED: SimulatedHost(),
-        ProviderKind.HYPERV: HypervHost(),
-        ProviderKind.LINUX: LinuxHost(),
-    }
     return Host(
         name=name,
         provider=provider,
@@ -208,7 +200,9 @@ def a_host(
         keep_for_host=KeepForHost(processor=cpu_amount(keep_processor), memory=_bytes(keep_memory)),
         platform=platform or name,
         connect=connect,
-        settings=settings or own[provider],
+        simulated=settings if isinstance(settings, SimulatedHost) else SimulatedHost(),
+        hyperv=settings if isinstance(settings, HypervHost) else HypervHost(),
+        linux=settings if isinstance(settings, LinuxHost) else LinuxHost(),
         system_responsiveness=system_responsiveness,
     )
 
@@ -276,6 +270,7 @@ def a_system(
 ) -> System:
     """One host, one component, measured beside the busy loop: a system without a finding."""
     return System(
+        schema="rarms/v1",
         application=Application(name=application),
         hosts={host.name: host for host in ((a_host(),) if hosts is None else hosts)},
         components={

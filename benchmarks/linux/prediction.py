@@ -26,7 +26,7 @@ from benchmarks.linux.experiments import (
 )
 from rarms_iac.model.environment_setup import P2_WEIGHT
 from rarms_iac.model.loads import BusyLoop
-from rarms_iac.model.run import Elapsed, Field, Run, Samples
+from rarms_iac.model.run import Elapsed, Run, Samples, TimeField
 from rarms_iac.model.system import Component
 from rarms_iac.providers.simulated.scheduling.machine import WINDOW_MS, JobDemand, ModelMachine, VirtualMachine
 from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
@@ -174,7 +174,7 @@ def least(low: int, high: int, is_enough: Callable[[int], bool]) -> int | None:
 def run_of(program: Program) -> Run:
     """How the program is run."""
     words = (program.work, program.blocked, program.threads, program.period)
-    samples = Samples(source="json_lines", response_time=Field(name="ms"))
+    samples = Samples(source="json_lines", response_time=TimeField(field="ms", unit="ms"))
     until = Elapsed(time=milliseconds("60 s"))
     return a_run(command=("python3", "program.py", *(f"{word:g}" for word in words)), samples=samples, until=until)
 

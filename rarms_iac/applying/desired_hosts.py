@@ -105,7 +105,7 @@ def rules_of(request: PlanRequest, desired: Desired) -> ManifestRules:
 def context_of(request: PlanRequest, desired: Desired) -> HostContext:
     """Make what the steps of a host depend on beside the two states: its guests, disks and grace periods."""
     system, observed = request.system, desired.observed
-    graces = {name: partition.grace for name, partition in system.partitions.items()}
+    graces = {name: partition.stop.grace for name, partition in system.partitions.items()}
     stated = {name: partition.guest.windows_build or 0 for name, partition in system.partitions.items()}
     builds: dict[str, int] = {}
     for partition in observed.of(request.application).partitions:

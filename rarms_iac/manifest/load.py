@@ -3,7 +3,7 @@
 import hashlib
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 
@@ -123,16 +123,15 @@ def _load(
     # Imported here: pydantic takes 150 ms, and what cannot be read does not need it.
     from rarms_iac.manifest.document.messages import findings_of_structure, not_a_robot
     from rarms_iac.manifest.document.validate_document import NotAManifest, validate_document
-    from rarms_iac.manifest.to_system import to_system
 
     try:
-        document = validate_document(combined.value, places)
+        system = validate_document(combined.value, places)
     except NotAManifest as problem:
         return _loaded(texts, None, places, [*combined.diagnostics, *findings_of_structure(problem)])
     robot = robot_of([text.source.file for text in texts[1:]])
     if texts[1:] and not is_name(robot):
         return _loaded(texts, None, places, [not_a_robot(texts[-1].source.file, robot)])
-    system = to_system(document, robot)
+    system = replace(system, application=replace(system.application, robot=robot))
     found = [*combined.diagnostics, *checks(system, places, today)]
     return _loaded(texts, with_acceptances_in_force(system, today), places, found)
 

@@ -5,8 +5,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from fractions import Fraction
+from typing import Annotated, Literal
 
-from rarms_iac.model.quantities import Bytes, CpuAmount, Milliseconds, Percent, ShareOfHost
+from rarms_iac.model.keys import (
+    Filled,
+    Form,
+    Key,
+    Memory,
+    Name,
+    OwnName,
+    PositiveMemory,
+    Processors,
+    Quantity,
+    Time,
+    Within,
+)
+from rarms_iac.model.quantities import Bytes, CpuAmount, Milliseconds, Percent, ShareOfHost, Unit
 from rarms_iac.model.run import FromEnvironment
 
 SCHEDULER_WINDOW_MS = 100
@@ -23,10 +37,14 @@ class ProviderKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeepForHost:
-    """What is never promised to a partition."""
+    """What partitions never get."""
 
-    processor: CpuAmount = field(default_factory=lambda: ShareOfHost(Percent(Fraction(0))))
-    memory: Bytes = Bytes(0)
+    processor: Annotated[
+        CpuAmount,
+        Quantity(kinds=(Unit.SHARE, Unit.PROCESSORS), most="100 %"),
+        Key("Processor time the host's own operating system keeps: `10 %` or `0.5 LP`, at most 100 %."),
+    ] = ShareOfHost(Percent(Fraction(0)))
+    memory: Annotated[Memory, Key("Memory the host's own operating system keeps: `1 GiB`.")] = Bytes(0)
 
 
 class Receiver(StrEnum):
@@ -36,31 +54,63 @@ class Receiver(StrEnum):
     INSTALLED = "installed"  # the module Rarms there, of this very version
 
 
+Shell = Literal["pwsh", "powershell"]
+_SHELL = Key("The shell at the other end: `pwsh` (PowerShell 7) or `powershell` (Windows PowerShell 5.1).")
+_RECEIVER = Key(
+    "What takes scripts at the other end: `sent` (a text that rarms sends ahead of them) or `installed` (the module "
+    "Rarms of this version there, for hosts that run signed scripts only)."
+)
+Port = Annotated[int, Within(1, 65535)]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Connect:
-    """How a remote system is reached: the system's own ssh."""
+    """How a remote system is reached: by the system's own ssh."""
 
-    ssh: str  # user@host, or a name of the ssh configuration
-    shell: str = "pwsh"  # pwsh or powershell
-    receiver: Receiver = Receiver.SENT
-    # Of ssh; what is None is as the user's own configuration says.
-    port: int | None = None
-    key: str | None = None  # path of a private key
-    jump: str | None = None  # user@host
-    control_path: str | None = None
-    folder: str | None = None  # of the manifest with the components' files, on a Linux host
+    ssh: Annotated[str, Form.SSH, Key("Where ssh connects to: `user@host`, or a name of your ssh configuration.")]
+    shell: Annotated[Shell, _SHELL] = "pwsh"
+    receiver: Annotated[Receiver, _RECEIVER] = Receiver.SENT
+    port: Annotated[Port | None, Key("The port that sshd listens at; absent: as your ssh configuration says.")] = None
+    key: Annotated[
+        str | None,
+        Form.SSH_FILE,
+        Key("The file of the private key; absent: as your ssh configuration says."),
+    ] = None
+    jump: Annotated[str | None, Form.SSH, Key("The host that is jumped through, `user@host`; absent: none.")] = None
+    control_path: Annotated[
+        str | None,
+        Form.SSH_FILE,
+        Key(
+            "The socket over which connections are shared (ssh's `ControlPath`): one login for all. Absent: as your "
+            "ssh configuration says."
+        ),
+    ] = None
+    folder: Annotated[
+        str | None,
+        Form.ABSOLUTE_FOLDER,
+        Key(
+            "Where a Linux host has the manifest's folder with the components' files: `/opt/robot`. Measuring, proving "
+            "and `rarms run` need it."
+        ),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WinRmConnect:
-    """How a remote Windows is reached: WinRM over HTTPS, whose certificate is checked."""
+    """How a remote Windows is reached: by WinRM over HTTPS, whose certificate is checked."""
 
-    winrm: str  # the host's name or address
-    shell: str = "pwsh"  # pwsh or powershell
-    receiver: Receiver = Receiver.SENT
-    port: int | None = None  # of its HTTPS listener; None: 5986
-    user: str | None = None  # None: the account of the Kerberos ticket
-    password: FromEnvironment | None = None
+    winrm: Annotated[str, Form.HOST, Key("The name or address of the host, as its certificate has it.")]
+    shell: Annotated[Shell, _SHELL] = "pwsh"
+    receiver: Annotated[Receiver, _RECEIVER] = Receiver.SENT
+    port: Annotated[Port | None, Key("The port of its HTTPS listener; absent: 5986.")] = None
+    user: Annotated[
+        Filled[str] | None,
+        Key("The account, such as `CELL\\rarms`; absent, with `password`: that of the Kerberos ticket."),
+    ] = None
+    password: Annotated[
+        FromEnvironment | None,
+        Key("The variable of rarms' own environment that holds the password; absent: the Kerberos ticket."),
+    ] = None
 
 
 class SchedulerType(StrEnum):
@@ -83,13 +133,18 @@ class FaultEffect(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """A fault that is asked of a simulated host."""
+    """A fault of a simulated host, to try what happens then."""
 
-    operation: str  # the operation's kind: start_partition, set_cpu, ...
-    at: str  # an address, or `*`
-    effect: FaultEffect
-    delay: Milliseconds = Milliseconds(Fraction(0))
-    times: int | None = None  # how often it strikes; None: always
+    operation: Annotated[
+        str, Form.OPERATION, Key("The kind of operation that goes wrong: `start_partition`, `set_cpu`, ...")
+    ]
+    at: Annotated[Filled[str], Key("The address where it happens, or `*` for any.")] = "*"
+    effect: Annotated[
+        FaultEffect,
+        Key("`refuse`: refuses the operation; `fail_after`: does it, then fails; `late`: answers after `delay`."),
+    ]
+    delay: Annotated[Time, Key("How late the answer comes: `2 s`.")] = Milliseconds(Fraction(0))
+    times: Annotated[int | None, Within(1, 1_000_000), Key("How often it happens; absent: always.")] = None
 
 
 SERVER_2019 = 17763
@@ -98,15 +153,26 @@ SERVER_2019 = 17763
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedHost:
-    """The machine that a simulated host pretends to be."""
+    """The machine that a simulated host simulates."""
 
-    windows_build: int = 26100  # Windows Server 2025
-    guest_windows_build: int = 26100
-    client: bool = False  # a client Windows, not a server
-    scheduler: SchedulerType | None = None  # None: the one that its Windows comes with, where that makes a difference
-    smt: bool = False
-    administrator: bool = True
-    faults: Mapping[str, Fault] = field(default_factory=dict)
+    windows_build: Annotated[
+        int, Within(6000, 99999), Key("The build of the host's Windows; 26100 is Server 2025.")
+    ] = 26100
+    guest_windows_build: Annotated[int, Within(2600, 99999), Key("The build of the guests' Windows.")] = 26100
+    client: Annotated[bool, Key("Whether the host runs a client Windows instead of a server.")] = False
+    scheduler: Annotated[
+        SchedulerType | None,
+        Key(
+            "The hypervisor's scheduler; under `root` reserves have no effect; absent: `core` with `smt` on a server "
+            "since 2019, otherwise `classic`."
+        ),
+    ] = None
+    smt: Annotated[
+        bool,
+        Key("Whether two logical processors share a core. It changes what partitions take, and not what is measured."),
+    ] = False
+    administrator: Annotated[bool, Key("Whether rarms has the rights it needs there.")] = True
+    faults: Annotated[Mapping[Name, Fault], Key("Faults that happen there, by name.")] = field(default_factory=dict)
 
     @property
     def scheduler_type(self) -> SchedulerType:
@@ -117,17 +183,40 @@ class SimulatedHost:
         return SchedulerType.CORE if self.smt and has_core else SchedulerType.CLASSIC
 
 
+SecureBoot = Literal["off", "MicrosoftWindows", "MicrosoftUEFICertificateAuthority"]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HypervHost:
-    """What partitions of a Hyper-V host use unless they say otherwise."""
+    """What the partitions of a Hyper-V host use unless they say otherwise."""
 
-    switch: str | None = None
-    image: str | None = None
-    vm_path: str | None = None
-    generation: int = 2
-    secure_boot: str | None = None
-    # Under which name the host keeps what guests are entered with.
-    credential: str | None = None
+    generation: Annotated[
+        int, Within(1, 2), Key("The generation of new machines, 1 or 2; it never changes afterwards.")
+    ] = 2
+    switch: Annotated[Filled[str] | None, Key("The virtual switch that partitions are connected to; absent: none.")] = (
+        None
+    )
+    image: Annotated[
+        Filled[str] | None, Key("The disk image that partitions' disks are children of; absent: no disk.")
+    ] = None
+    vm_path: Annotated[
+        Filled[str] | None, Key("The folder on the host for virtual machines; absent: the default of the host.")
+    ] = None
+    secure_boot: Annotated[
+        SecureBoot | None,
+        Key(
+            "Secure boot of generation 2: `off`, or the template that the guest boots with, `MicrosoftWindows` or, for "
+            "Linux, `MicrosoftUEFICertificateAuthority`. Absent: a new machine gets "
+            "`MicrosoftWindows`, the default of Hyper-V, and one that exists keeps what it has."
+        ),
+    ] = None
+    credential: Annotated[
+        Filled[str] | None,
+        Key(
+            "The name under which the host keeps what guests are entered with, to measure in them; never the secret "
+            "itself."
+        ),
+    ] = None
 
 
 class Mechanism(StrEnum):
@@ -139,13 +228,23 @@ class Mechanism(StrEnum):
     DEADLINE = "deadline"  # SCHED_DEADLINE: so much in each period of the component's first thread, before all others
 
 
+MECHANISM = Key(
+    "How a reservation is kept: `share` (weight against the others as soon as processors are short), `quota` (also a "
+    "limit, counted again ten times within the shortest threshold), `deadline` (SCHED_DEADLINE for a component's first "
+    "thread, a share for its others), or `automatic` (`share`)."
+)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinuxHost:
-    """Where control groups are made, and how they keep what is reserved unless a partition says otherwise."""
+    """Where control groups are made."""
 
-    slice: str = "rarms"
-    control_groups: str = "automatic"  # automatic, v1 or v2
-    mechanism: Mechanism = Mechanism.AUTOMATIC
+    slice: Annotated[str, Form.SLICE, Key("The control group that holds all partitions.")] = "rarms"
+    control_groups: Annotated[
+        Literal["automatic", "v1", "v2"],
+        Key("The version of control groups: `automatic` takes v2 where it is there or systemd is process 1, else v1."),
+    ] = "automatic"
+    mechanism: Annotated[Mechanism, MECHANISM] = Mechanism.AUTOMATIC
 
 
 HostSettings = SimulatedHost | HypervHost | LinuxHost
@@ -155,15 +254,40 @@ HostSettings = SimulatedHost | HypervHost | LinuxHost
 class Host:
     """A machine that partitions are made on."""
 
-    name: str
-    provider: ProviderKind
-    logical_processors: int
-    memory: Bytes
-    keep_for_host: KeepForHost
-    platform: str  # hosts of one platform share measurements
-    connect: Connect | WinRmConnect | None
-    settings: HostSettings
-    system_responsiveness: int | None = None  # per cent that MMCSS leaves to everybody else; None: left as it is
+    name: OwnName
+    provider: Annotated[
+        ProviderKind, Key("What enforces reservations there: `simulated` (needs nothing), `hyperv` or `linux`.")
+    ] = ProviderKind.SIMULATED
+    platform: Annotated[Name, Key("Hosts of one platform share measurements; absent: the host's own name.")] = ""
+    connect: Annotated[Connect | WinRmConnect | None, Key("How the host is reached; absent: it is this machine.")] = (
+        None
+    )
+    logical_processors: Annotated[Processors, Key("How many logical processors (LPs) the host has.")]
+    memory: Annotated[PositiveMemory, Key("How much memory the host has: `4 GiB`.")]
+    keep_for_host: Annotated[KeepForHost, Key("What partitions never get; absent: nothing.")] = KeepForHost()
+    system_responsiveness: Annotated[
+        int | None,
+        Within(0, 0xFFFFFFFF),
+        Key(
+            "The per cent of a processor that MMCSS leaves to all other threads in the host's own Windows: 10, 20, ... "
+            "90. It takes effect when the host starts again. Absent: rarms does not change it."
+        ),
+    ] = None
+    simulated: Annotated[SimulatedHost, Key("Settings of a host with `provider: simulated`.")] = SimulatedHost()
+    hyperv: Annotated[HypervHost, Key("Settings of a host with `provider: hyperv`.")] = HypervHost()
+    linux: Annotated[LinuxHost, Key("Settings of a host with `provider: linux`.")] = LinuxHost()
+    new: Annotated[bool, Key("In an overlay: the manifest has no host of this name.")] = False
+
+    @property
+    def settings(self) -> HostSettings:
+        """The block of its provider."""
+        match self.provider:
+            case ProviderKind.SIMULATED:
+                return self.simulated
+            case ProviderKind.HYPERV:
+                return self.hyperv
+            case ProviderKind.LINUX:
+                return self.linux
 
     @property
     def processor_word(self) -> str:

@@ -3,52 +3,74 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import assert_never
+from typing import Annotated, ClassVar, assert_never
 
-from rarms_iac.model.quantities import Milliseconds, Percent
+from rarms_iac.model.keys import Filled, Form, Key, PositiveTime, Quantity, Within
+from rarms_iac.model.quantities import Milliseconds, Percent, Unit
+
+_THREADS = Key("How many; absent: one a logical processor.")
+_INSTANCES = Key("How many at once.")
+Threads = Annotated[int | None, Within(1, 4096), _THREADS]
+Instances = Annotated[int, Within(1, 1000), _INSTANCES]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BusyLoop:
-    """Threads that never wait (BLP); None: one a logical processor."""
+    """Threads that never wait (BLP)."""
 
-    threads: int | None = None
+    kind: ClassVar[str] = "busy_loop"
+    threads: Threads = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Browser:
     """Browsers that stream video: their interrupts run above every thread."""
 
-    instances: int = 1
+    kind: ClassVar[str] = "browser"
+    instances: Instances = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandLoad:
-    """Any other program, so often at once."""
+    """Any other program."""
 
-    command: tuple[str, ...]
-    instances: int = 1
+    kind: ClassVar[str] = "command"
+    command: Annotated[Filled[tuple[str, ...]], Key("The program and its arguments, word by word.")]
+    instances: Instances = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stress:
-    """Workers of a stressor of stress-ng: timers, disk, memory, context switches; None: one a logical processor."""
+    """Workers of stress-ng, which must be installed: `timer`, `hdd` (disk), `stream` (memory), `switch`, `sock`."""
 
-    stressor: str
-    workers: int | None = None
+    kind: ClassVar[str] = "stress"
+    stressor: Annotated[
+        str,
+        Form.STRESSOR,
+        Key(
+            "What they do, by its name in `stress-ng --stressors`: `timer` (interrupts), `hdd` (disk), `stream` "
+            "(memory bandwidth), `switch` (context switches), `sock` (soft interrupts of the network)."
+        ),
+    ]
+    workers: Threads = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bursts:
-    """Threads that sleep, wake at the same moment, and take in one piece the claim that they saved.
+    """Threads that sleep, wake at the same moment, and take in one piece what their partition saved meanwhile.
 
     A burst is `every` x `duty` of processor time on each thread. The gap to the next one is drawn from 0.5 to 1.5 of
     `every` x (1 - `duty`), however long the burst took, so that no phase lasts.
     """
 
-    every: Milliseconds
-    duty: Percent | None = None  # None: what its partition reserves of each of its processors
-    threads: int | None = None  # None: one a logical processor
+    kind: ClassVar[str] = "bursts"
+    every: Annotated[PositiveTime, Key("From burst to burst, on average, while nothing delays them: `50 ms`.")]
+    duty: Annotated[
+        Percent | None,
+        Quantity(kinds=(Unit.SHARE,), positive=True, most="100 %"),
+        Key("Which part of it each thread takes as processor time; absent: what P2 reserves."),
+    ] = None
+    threads: Threads = None
 
     def cycle(self, reserve_percent: float) -> "Cycle":
         """Return burst and gap for what its partition reserves.
@@ -75,7 +97,7 @@ class Cycle:
     gap_ms: float  # between the end of a burst and the next one
 
 
-Interference = BusyLoop | Bursts | Browser | CommandLoad | Stress
+Interference = BusyLoop | Bursts | CommandLoad | Stress | Browser
 
 
 def is_steady(load: Interference) -> bool:

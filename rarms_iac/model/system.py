@@ -9,12 +9,32 @@ from dataclasses import dataclass, field, replace
 from datetime import date
 from enum import StrEnum
 from fractions import Fraction
+from typing import Annotated, Literal
 
-from rarms_iac.model.host import Connect, Host, Mechanism
+from rarms_iac.model.host import MECHANISM, Connect, Host, Mechanism, SecureBoot
+from rarms_iac.model.keys import (
+    Filled,
+    Form,
+    Key,
+    Name,
+    OneOrSeveral,
+    OwnName,
+    PositiveAmount,
+    PositiveMemory,
+    PositiveTime,
+    Processors,
+    Quantity,
+    Shape,
+    Share,
+    TaskName,
+    Time,
+    Within,
+)
 from rarms_iac.model.loads import DEFAULT_LOADS, Interference
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.quantities import Bytes, CpuAmount, Milliseconds, Percent
+from rarms_iac.model.quantities import Bytes, CpuAmount, Milliseconds, Percent, Unit
 from rarms_iac.model.run import SIMULATED_ONLY, Run
+from rarms_iac.model.wording import in_a_row
 
 
 class Disruption(StrEnum):
@@ -94,11 +114,13 @@ class TaskCategory(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Application:
-    """What all of it is for; its name is in every mark on every host."""
+    """Its name, and what it is for."""
 
-    name: str
-    description: str = ""
-    requires_rarms: str | None = None  # `>=0.2`; None: any version
+    name: Annotated[Name, Key("The application's name; it is in the mark of everything that rarms makes.")]
+    description: Annotated[str, Key("What it does, for people.")] = ""
+    requires_rarms: Annotated[
+        str | None, Form.LEAST_VERSION, Key("The least version of rarms that reads this manifest right: `>=0.2`.")
+    ] = None
     robot: str = ""  # name of the last overlay's file without its ending; empty: there are no overlays
 
 
@@ -131,43 +153,81 @@ Threshold = AtMost | AtLeast
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CpuRequest:
-    """What the manifest fixes of a component's or partition's CPU; None is left to the planner."""
+    """What is fixed of the CPU; the rest is left to the planner."""
 
-    reserve: CpuAmount | Measured | None = None
-    limit: CpuAmount | None = None
-    weight: int | None = None
+    reserve: Annotated[
+        CpuAmount | Measured | None,
+        Quantity(kinds=(Unit.SHARE, Unit.PROCESSORS)),
+        Key(
+            "What is guaranteed: `measured` (the least that meets the thresholds, from the data log), a share of the "
+            "host `70 %`, or processors `1.4 LP`. Absent: measured for a component with thresholds (apt), else nothing."
+        ),
+    ] = None
+    limit: Annotated[
+        PositiveAmount | None,
+        Key("The most that it may use: `60 %` or `1.2 LP`. Absent: the planner chooses."),
+    ] = None
+    weight: Annotated[
+        int | None,
+        Within(1, MOST_WEIGHT),
+        Key("Its relative share of what is not reserved: 1 to 10000, usually 100."),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Simulation:
-    """What a component demands on a simulated host, a job."""
+    """What a job demands on a simulated host."""
 
-    work: Milliseconds  # processor time
-    blocked: Milliseconds = Milliseconds(Fraction(0))
-    varies: Percent = Percent(Fraction(0))  # coefficient of variation
-    threads: int = 1
-    success_within: Milliseconds | None = None
+    work: Annotated[PositiveTime, Key("Processor time of a job: `61.6 ms`.")]
+    blocked: Annotated[Time, Key("Time a job waits without the processor: `26.4 ms`.")] = Milliseconds(Fraction(0))
+    varies: Annotated[Share, Key("How much the work varies: its standard deviation over its mean, `5 %`.")] = Percent(
+        Fraction(0)
+    )
+    threads: Annotated[int, Within(1, 4096), Key("How many threads share the work.")] = 1
+    success_within: Annotated[
+        PositiveTime | None, Key("A job succeeds if it answers within this time; absent: always.")
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Component:
-    """A component of interest (CoI), or one that is merely there."""
+    """A component."""
 
-    name: str
-    criticality: int
-    apt: Mapping[str, Threshold]  # by performance index
-    run: Run | None
-    memory: Bytes
-    processors: int | None  # VPs; None: as many as the host has LPs
-    cpu: CpuRequest
-    together: tuple[str, ...]
-    apart: tuple[str, ...]
-    dedicated: bool
-    task: str | None
-    hosts: tuple[str, ...] | None
-    runs_on: RunsOn
-    interference: tuple[str, ...]  # loads; none: the policy's
-    simulation: Simulation | None
+    name: OwnName
+    criticality: Annotated[
+        int, Within(0, 1_000_000), Key("How bad it is when it misses its thresholds; larger is worse.")
+    ]
+    apt: Annotated[
+        Mapping[str, Threshold],
+        Shape.THRESHOLDS,
+        Key("Acceptable performance thresholds: what is good enough, by performance index. Absent: it has none."),
+    ] = field(default_factory=dict)
+    run: Annotated[Run | None, Key("How it is started and measured; absent: rarms does not run it.")] = None
+    interference: Annotated[
+        OneOrSeveral[Name], Key("The load, or loads, that its reservation is measured against; absent: the policy's.")
+    ] = ()
+    memory: Annotated[PositiveMemory, Key("The memory it needs: `512 MiB`.")] = Bytes(512 * 2**20)
+    processors: Annotated[
+        Processors | None,
+        Key("Virtual processors of its partition; absent: as many as it was seen to use at once, else the host's."),
+    ] = None
+    task: Annotated[
+        TaskName | None, Key("Its robotic task class (RC SS): what kind of work it does, never a priority.")
+    ] = None
+    cpu: Annotated[CpuRequest, Key("What is fixed of its CPU: reserve, limit, weight.")] = CpuRequest()
+    together: Annotated[tuple[Name, ...], Key("Components that must share its partition.")] = ()
+    apart: Annotated[tuple[Name, ...], Key("Components that must never share its partition.")] = ()
+    dedicated: Annotated[bool, Key("Whether it is alone in its partition.")] = False
+    hosts: Annotated[
+        Filled[tuple[Name, ...]] | None,
+        Key("Hosts it may run on; absent: any whose platform has its measurements, or all where its reserve is fixed."),
+    ] = None
+    runs_on: Annotated[
+        RunsOn,
+        Key("`partition`, or `host`: in the host's own operating system, with a task class but without a reserve."),
+    ] = RunsOn.PARTITION
+    simulation: Annotated[Simulation | None, Key("What a job demands on a simulated host.")] = None
+    new: Annotated[bool, Key("In an overlay: the manifest has no component of this name.")] = False
 
     def may_run_on(self, host: str) -> bool:
         """Whether the manifest allows it on the host of this name.
@@ -190,64 +250,112 @@ def run_of(component: Component) -> Run:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HypervPartition:
-    """What only Hyper-V needs to know; None: as the host's own `hyperv` block says."""
+    """Settings of Hyper-V; absent: those of the host's `hyperv` block."""
 
-    generation: int | None = None
-    switch: str | None = None
-    image: str | None = None
-    vm_path: str | None = None
-    secure_boot: str | None = None
-    clustered: bool | None = None  # it may be changed although a failover cluster has it too
+    generation: Annotated[int | None, Within(1, 2), Key("1 or 2; it never changes after creation.")] = None
+    switch: Annotated[Filled[str] | None, Key("The virtual switch it is connected to.")] = None
+    image: Annotated[Filled[str] | None, Key("The disk image its disk is a child of.")] = None
+    vm_path: Annotated[Filled[str] | None, Key("The folder on the host for its virtual machine.")] = None
+    secure_boot: Annotated[
+        SecureBoot | None, Key("Secure boot of generation 2: `off`, or the template of its guest.")
+    ] = None
+    clustered: Annotated[
+        bool | None, Key("Whether its machine may be changed although it belongs to a failover cluster.")
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinuxPartition:
+    """Settings of Linux; absent: those of the host's `linux` block."""
+
+    mechanism: Annotated[Mechanism | None, MECHANISM] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guest:
-    """How rarms reaches inside a partition; a credential is only ever a reference."""
+    """How rarms reaches inside."""
 
-    connect: Connect | None = None
-    credential: str | None = None
-    windows_build: int | None = None  # of its Windows, where it does not tell its host
+    connect: Annotated[Connect | None, Key("How the guest is reached.")] = None
+    credential: Annotated[
+        Filled[str] | None, Key("The name under which a credential is stored; never the credential itself.")
+    ] = None
+    windows_build: Annotated[
+        int | None,
+        Within(2600, 99999),
+        Key(
+            "The build of its Windows, where the guest does not tell its host. From 10240 on memory changes while it "
+            "runs."
+        ),
+    ] = None
 
 
 GRACE = Milliseconds(Fraction(120_000))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartitionRequest:
-    """What the manifest says of a partition; without an entry each component has one of its own name."""
+class PartitionStop:
+    """How a partition is stopped, where a change needs it off: its guest is asked, forced, then it is turned off."""
 
-    name: str
-    components: tuple[str, ...]
-    processors: int | None = None
-    memory: Bytes | None = None  # None: the sum of its components'
-    cpu: CpuRequest = field(default_factory=CpuRequest)
-    protect: bool = False
-    start: StartMode = StartMode.AUTOMATIC
-    grace: Milliseconds = GRACE  # for its guest to shut down, before it is turned off
-    hyperv: HypervPartition = field(default_factory=HypervPartition)
-    guest: Guest = field(default_factory=Guest)
-    mechanism: Mechanism | None = None  # on a Linux host; None: as the host's own `linux` block says
+    grace: Annotated[
+        Milliseconds,
+        Quantity(kinds=(Unit.TIME,), most="1 h"),
+        Key(
+            "How long its guest may take to shut down before it is turned off: `90 s`; at most 1 h. A guest on Hyper-V "
+            "is forced to from half of it on, in the last five minutes at most."
+        ),
+    ] = GRACE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartitionRequest:
+    """What is fixed of a partition."""
+
+    name: OwnName
+    components: Annotated[
+        Filled[tuple[Name, ...]], Key("The components in it; absent: the component of its name.")
+    ] = ()
+    processors: Annotated[
+        Processors | None,
+        Key("Its virtual processors; absent: those of its components together, at most the host's."),
+    ] = None
+    memory: Annotated[PositiveMemory | None, Key("Its memory; absent: the sum of its components'.")] = None
+    cpu: Annotated[CpuRequest, Key("What is fixed of its CPU; absent: as its components say.")] = CpuRequest()
+    protect: Annotated[bool, Key("Whether its removal is an error.")] = False
+    start: Annotated[StartMode, Key("`automatic`: rarms starts it; `manual`: you start it.")] = StartMode.AUTOMATIC
+    stop: Annotated[PartitionStop, Key("How it is stopped; absent: its guest has 120 s of grace.")] = PartitionStop()
+    hyperv: Annotated[HypervPartition, Key("Settings of Hyper-V.")] = HypervPartition()
+    linux: Annotated[LinuxPartition, Key("Settings of Linux.")] = LinuxPartition()
+    guest: Annotated[Guest, Key("How rarms reaches inside.")] = Guest()
+    new: Annotated[bool, Key("In an overlay: the manifest has no partition of this name.")] = False
+
+
+Level = Annotated[int | None, Within(1, 8)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TaskRequest:
-    """What the manifest fixes of a robotic task class; None is left to the planner."""
+    """What is fixed of a robotic task class; the rest is left to the planner."""
 
-    name: str
-    category: TaskCategory | None = None
-    priority: int | None = None
-    background_priority: int | None = None
-    replace_shipped: bool = False
+    name: OwnName
+    category: Annotated[
+        TaskCategory | None,
+        Key("The band of thread priorities: `High` (one priority for all), `Medium` or `Low`."),
+    ] = None
+    priority: Annotated[
+        Level, Key("1 to 8, larger goes first; orders threads in category Medium only, where 8 counts as 7.")
+    ] = None
+    background_priority: Annotated[Level, Key("1 to 8, larger goes first; orders threads in category Low only.")] = None
+    replace_shipped: Annotated[bool, Key("Needed to change a task class that comes with Windows.")] = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Acceptance:
-    """A finding that is known and borne, where, why, and until the end of which day (UTC)."""
+    """A finding that is known and accepted."""
 
-    code: str
-    at: tuple[str, ...]
-    reason: str
-    until: date | None
+    code: OwnName
+    at: Annotated[Filled[tuple[Filled[str], ...]], Key("Where: addresses as the finding names them.")]
+    reason: Annotated[str, Key("Why it is accepted.")] = ""
+    until: Annotated[date | None, Key("The last day (UTC) of the acceptance: `2027-01-31`; absent: no end.")] = None
 
 
 class Unused(StrEnum):
@@ -259,38 +367,86 @@ class Unused(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuringLimits:
-    """How long may be measured to make one thing clear: its budget, in the host's own time."""
+    """How long may be measured to make one thing clear, in the host's own time."""
 
-    setting: Milliseconds = Milliseconds(Fraction(600_000))  # beside all of its loads together
-    proof: Milliseconds = Milliseconds(Fraction(1_200_000))  # likewise
+    setting: Annotated[PositiveTime, Key("A setting, with all of its loads together, before and after a kill.")] = (
+        Milliseconds(Fraction(600_000))
+    )
+    proof: Annotated[PositiveTime, Key("A proof (`rarms prove`), with all of its loads together.")] = Milliseconds(
+        Fraction(1_200_000)
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Policy:
     """What rarms may do and prefers."""
 
-    interference: tuple[str, ...] = DEFAULT_LOADS  # a reservation must stand up to each of them
-    minimise: Minimise = Minimise.COMBINING
-    headroom: Headroom = Headroom.BY_CRITICALITY
-    max_disruption: Disruption = Disruption.HOST_RESTART
-    measuring: MeasuringLimits = MeasuringLimits()
-    unused: Unused = Unused.KEEP
-    signed_plans: bool = False  # nothing is applied where no key is set that plans are signed with
-    accept: Mapping[str, Acceptance] = field(default_factory=dict)
+    interference: Annotated[
+        OneOrSeveral[Name],
+        Key(f"The load, or loads, that reservations are measured against; absent: {in_a_row(DEFAULT_LOADS)}."),
+    ] = DEFAULT_LOADS
+    minimise: Annotated[
+        Minimise,
+        Key("`combining`: rather reserve more than combine; `reservation`: rather combine than reserve more."),
+    ] = Minimise.COMBINING
+    headroom: Annotated[Headroom, Key("Who gets what is not reserved: `by_criticality`, `equal` or `none`.")] = (
+        Headroom.BY_CRITICALITY
+    )
+    max_disruption: Annotated[
+        Disruption,
+        Key("The most that a change may disrupt: `live`, `partition_stop`, `host_restart` or `removal`."),
+    ] = Disruption.HOST_RESTART
+    measuring: Annotated[MeasuringLimits, Key("How long may be measured to make one thing clear.")] = MeasuringLimits()
+    unused: Annotated[
+        Unused,
+        Key(
+            "What becomes of a partition on Hyper-V that the manifest no longer names: `keep`, stopped, or `remove`, "
+            "which needs `max_disruption: removal`. Elsewhere it is removed in any case: it holds nothing that could "
+            "be lost."
+        ),
+    ] = Unused.KEEP
+    signed_plans: Annotated[
+        bool,
+        Key(
+            "Whether plans are applied only where a key is set (`RARMS_PLAN_KEY`, `RARMS_PLAN_KEY_FILE`) that they are "
+            "signed with."
+        ),
+    ] = False
+    accept: Annotated[
+        Mapping[Annotated[str, Form.CODE], Acceptance], Key("Findings that are known and accepted, by their id.")
+    ] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class System:
-    """Everything a manifest says."""
+    """A manifest: the components of an application, what they must achieve, and the hosts they run on."""
 
-    application: Application
-    hosts: Mapping[str, Host]
-    components: Mapping[str, Component]
-    partitions: Mapping[str, PartitionRequest]
-    interference: Mapping[str, Interference]
-    tasks: Mapping[str, TaskRequest]
-    policy: Policy
-    moved: Mapping[str, str]  # old partition name -> new
+    schema: Annotated[Literal["rarms/v1"], Key("The version of this format.")]
+    application: Annotated[Application, Key("Its name, and what it is for.")]
+    hosts: Annotated[Filled[Mapping[Name, Host]], Key("The machines that partitions are made on, by name.")]
+    components: Annotated[
+        Mapping[Name, Component],
+        Key("The components of interest (CoIs), and those that are merely there, by name."),
+    ]
+    partitions: Annotated[
+        Mapping[Name, PartitionRequest],
+        Key("What is fixed of partitions; without an entry each component has one of its own name."),
+    ] = field(default_factory=dict)
+    interference: Annotated[
+        Mapping[Name, Interference],
+        Key(
+            "Loads against which reservations are measured. `busy-loop`, `bursts-5` to `bursts-200` and "
+            "`bursts-5-half` to `bursts-200-half` (by `every`: 5, 10, 20, 50, 100 or 200 ms) exist without an entry."
+        ),
+    ] = field(default_factory=dict)
+    tasks: Annotated[Mapping[TaskName, TaskRequest], Key("What is fixed of robotic task classes, by name.")] = field(
+        default_factory=dict
+    )
+    policy: Annotated[Policy, Key("What rarms may do and prefers.")] = Policy()
+    moved: Annotated[
+        Mapping[Name, Name],
+        Key("Partitions with a new name: old name to new name, so that they are renamed and not replaced."),
+    ] = field(default_factory=dict)
 
     def loads_of(self, members: Iterable[str]) -> tuple[str, ...]:
         """List the loads that a reservation of these must stand up to: their own where they agree, else the policy's.

@@ -34,7 +34,7 @@ def mechanism_of(group: Group, host: Host) -> tuple[Mechanism, str]:
     if host.provider is not ProviderKind.LINUX:
         return Mechanism.SHARE, ""
     usual = host.settings.mechanism if isinstance(host.settings, LinuxHost) else Mechanism.AUTOMATIC
-    wanted = group.request.mechanism or usual
+    wanted = group.request.linux.mechanism or usual
     chosen = Mechanism.SHARE if wanted is Mechanism.AUTOMATIC else wanted
     source = "chosen by rarms" if wanted is Mechanism.AUTOMATIC else "the manifest says so"
     return chosen, f"kept as {_EFFECTS[chosen]} ({source})"

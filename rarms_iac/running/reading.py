@@ -99,10 +99,10 @@ def _match_reader(samples: Samples) -> LineReader:
             return _refused_number(compiled, fields, line)
         spans = {name: matched.span(number) for name, number in groups.items()}
         for field in fields:
-            if (whole := cut_number(line, spans, field.name)) is not None:
-                part = quoted(matched.group(groups[field.name]), SHOWN)
+            if (whole := cut_number(line, spans, field.field)) is not None:
+                part = quoted(matched.group(groups[field.field]), SHOWN)
                 return Unreadable(
-                    message=f'the field "{field.name}" is {part}, and only a part of {quoted(whole, SHOWN)}'
+                    message=f'the field "{field.field}" is {part}, and only a part of {quoted(whole, SHOWN)}'
                 )
         return read_values(samples, matched.groupdict(), line)
 
@@ -156,10 +156,10 @@ def _refused_number(compiled: Any, fields: Sequence[Field], line: str) -> Unread
         if matched is None:
             continue
         for field in fields:
-            start, end = matched.span(compiled.groupindex[field.name])
+            start, end = matched.span(compiled.groupindex[field.field])
             for written, (begin, stop) in spans:
                 if begin < end and start < stop:
-                    return Unreadable(message=f'the field "{field.name}" cannot have all of {quoted(written, SHOWN)}')
+                    return Unreadable(message=f'the field "{field.field}" cannot have all of {quoted(written, SHOWN)}')
     return None
 
 
@@ -204,7 +204,7 @@ def read_values(samples: Samples, values: Mapping[str, Any], line: str) -> Readi
         response = None if value is None else number(value)
         if not there or (value is not None and response is None):
             return _wrong(samples.response_time, "a time", value, line, there=there)
-        response = None if response is None else response * float(samples.response_time.factor)
+        response = None if response is None else response * float(samples.response_time.in_ms)
         if response is not None and response > LARGEST_SAMPLE:
             return _wrong(samples.response_time, f"at most {LARGEST_SAMPLE:.0e} ms", value, line, there=True)
     successful: bool | None = samples.response_time is None or response is not None
@@ -223,10 +223,10 @@ def read_values(samples: Samples, values: Mapping[str, Any], line: str) -> Readi
 
 def look_up(values: Mapping[str, Any], field: Field) -> tuple[bool, Any]:
     """Whether the field is there, and its value: a key as it is written, or a path of keys with dots between."""
-    if field.name in values:
-        return True, values[field.name]
+    if field.field in values:
+        return True, values[field.field]
     value: Any = values
-    for key in field.name.split("."):
+    for key in field.field.split("."):
         if not isinstance(value, Mapping) or key not in value:
             return False, None
         value = value[key]
@@ -276,9 +276,9 @@ def _refused(name: str) -> float:
 
 def _wrong(field: Field, wanted: str, value: object, line: str, *, there: bool) -> Unreadable:
     if not there:
-        return Unreadable(message=f'no field "{field.name}" in {quoted(line, SHOWN)}')
+        return Unreadable(message=f'no field "{field.field}" in {quoted(line, SHOWN)}')
     return Unreadable(
-        message=f'the field "{field.name}" is {quoted(json.dumps(value, default=str), SHOWN)}, not {wanted}'
+        message=f'the field "{field.field}" is {quoted(json.dumps(value, default=str), SHOWN)}, not {wanted}'
     )
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.model.host import Host, LinuxHost, ProviderKind
+from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree
@@ -33,7 +33,7 @@ from tests.needs import reason_to_skip, require
 
 def on_linux(host: Host) -> Host:
     """This machine as a Linux host."""
-    return replace(host, provider=ProviderKind.LINUX, settings=LinuxHost())
+    return replace(host, provider=ProviderKind.LINUX)
 
 
 @dataclass(frozen=True)

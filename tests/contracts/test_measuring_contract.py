@@ -20,7 +20,7 @@ from rarms_iac.measuring.partitions import (
 from rarms_iac.model.environment_setup import P1, P2, EnvironmentSetup
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, BusyLoop, CommandLoad, Interference, Stress
-from rarms_iac.model.run import Elapsed, Field, Run, SampleCount, Samples
+from rarms_iac.model.run import Elapsed, Run, SampleCount, Samples, TimeField
 from rarms_iac.model.series import Sample
 from rarms_iac.model.system import Component
 from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
@@ -67,7 +67,7 @@ SHAPES = shapes_of_test_partitions(SETUP, 2, memory("256 MiB"))
 
 def program(work_s: float, sleep_s: float = 0.0, processes: int = 1) -> Run:
     words = ("python3", "jobs.py", str(work_s), str(sleep_s), str(processes))
-    return a_run(command=words, samples=Samples(source="json_lines", response_time=Field(name="ms")))
+    return a_run(command=words, samples=Samples(source="json_lines", response_time=TimeField(field="ms", unit="ms")))
 
 
 BUSY = BusyLoop()

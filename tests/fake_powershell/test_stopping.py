@@ -12,6 +12,7 @@ from rarms_iac.applying.run_script import apply_job, run_job
 from rarms_iac.applying.run_steps import RunControl
 from rarms_iac.model.plan import Purpose
 from rarms_iac.model.quantities import Milliseconds
+from rarms_iac.model.system import PartitionStop
 from rarms_iac.providers.hyperv.provider import LiveHypervHost
 from rarms_iac.providers.hyperv.script_session import Listener
 from rarms_iac.providers.interface import ScriptBundle, ScriptExited, ScriptLost, WaitLimits
@@ -25,7 +26,7 @@ OTHER_STATES = ("Saved", "Paused", "Saving", "RunningCritical", "OffCritical")
 
 
 def cell(processors: int, host: WindowsHost, grace_s: int = 120) -> Cell:
-    request = replace(a_partition("vision"), grace=Milliseconds(Fraction(1000 * grace_s)))
+    request = replace(a_partition("vision"), stop=PartitionStop(grace=Milliseconds(Fraction(1000 * grace_s))))
     return Cell(
         a_cell_system(a_component("vision", reserve="10 %", processors=processors), partitions=(request,)), host
     )

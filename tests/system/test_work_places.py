@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.model.environment_setup import P1
-from rarms_iac.model.run import Field, SampleCount, Samples
+from rarms_iac.model.run import SampleCount, Samples, TimeField
 from rarms_iac.model.setting import OutsideWork, SettingEvidence
 from rarms_iac.model.system import Component
 from rarms_iac.providers.cgroups.effects import LinuxEffects
@@ -20,7 +20,7 @@ from tests.contracts.benches import forget_groups
 from tests.contracts.test_measuring_contract import linux, ready, some_work
 from tests.needs import require
 
-LINES = Samples(source="json_lines", response_time=Field(name="ms"))
+LINES = Samples(source="json_lines", response_time=TimeField(field="ms", unit="ms"))
 PARENT = '--cgroup-parent "$RARMS_CGROUP_PARENT"'
 CONTAINER = (
     "exec podman --cgroup-manager=cgroupfs --runtime runc run --rm --network=none --ulimit nofile=1024:1024 "

@@ -190,7 +190,7 @@ def test_the_runner_of_a_call_joins_in_the_thread_that_calls(task: str, tmp_path
     (tmp_path / "sitecustomize.py").write_text(SITE, encoding="utf-8")
     around = {CLASSES_VARIABLE: json.dumps(CLASSES), "PYTHONPATH": str(tmp_path)}
     context = StartContext(base=tmp_path, inside=ProcessPlace(task=task, environment=around))
-    succeeded = Samples(source="json_lines", success=Field(name="joined"))
+    succeeded = Samples(source="json_lines", success=Field(field="joined"))
 
     with ComponentRun("speech", a_run(Call(module="job", function="job"), samples=succeeded), context) as running:
         samples = list(running)

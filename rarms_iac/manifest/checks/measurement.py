@@ -289,14 +289,14 @@ def pattern_without_group(system: System) -> Iterator[Violation]:
         groups = pattern_groups(samples.pattern)
         fields = {"response_time": samples.response_time, "success": samples.success, "count": samples.count}
         for key, field in fields.items():
-            if field is not None and not isinstance(groups, str) and field.name not in groups:
-                similar, suggestion = suggestions.find(field.name, list(groups))
+            if field is not None and not isinstance(groups, str) and field.field not in groups:
+                similar, suggestion = suggestions.find(field.field, list(groups))
                 yield violation(
                     ("components", component.name, "run", "samples", key, "field"),
                     'The pattern of "{component}" has no group "{group}".{_suggestion}',
-                    f"Add `(?P<{field.name}>...)` to the pattern, or correct the name.",
+                    f"Add `(?P<{field.field}>...)` to the pattern, or correct the name.",
                     field=key,
-                    group=field.name,
+                    group=field.field,
                     similar=similar,
                     _suggestion=suggestion,
                 )

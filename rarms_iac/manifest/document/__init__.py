@@ -1,6 +1,6 @@
-"""The fields of a manifest as pydantic reads them, each with its type, default and description.
+"""Plain values of a manifest -> the `System`, or findings about its structure.
 
-Plain values come in (`validate_document`), a document or findings go out (`messages`). `fields`, `text_forms` and
-`quantities` have what blocks share, `rules` the keys that need or exclude each other; `schema` is the JSON Schema that
-is made from all this. Begin with `manifest`.
+The fields are those of the model that have a `Key` (`model/keys.py`). `reader` makes of their types what pydantic's
+core reads and what the JSON Schema says; `quantities` and `forms` have the meaning of the marks, `rules` the keys that
+need or exclude each other. Begin with `validate_document`; `messages` has the words for what is wrong.
 """

@@ -7,8 +7,8 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
+from rarms_iac.manifest.document.forms import FORMS
 from rarms_iac.manifest.document.schema import Path, choices_at, describe, keys_at, keys_for, keys_of_map
-from rarms_iac.manifest.document.text_forms import FORMS
 from rarms_iac.manifest.document.validate_document import NotAManifest, StructureError
 from rarms_iac.manifest.text.positions import dotted
 from rarms_iac.model.diagnostics import Diagnostic, Place, remainder
@@ -49,8 +49,6 @@ _KINDS = {
     "bool_type": "true or false",
     "dict_type": "a map",
     "rarms_map": "a map",
-    "model_type": "a map",
-    "model_attributes_type": "a map",
     "list_type": "a list",
 }
 
@@ -349,7 +347,8 @@ def _empty(error: StructureError) -> Diagnostic:
 
 
 def _exactly_one(error: StructureError) -> Diagnostic:
-    names, written = error.facts["names"], error.facts["written"]
+    names = error.facts["names"].split()
+    written = [name for name in names if name in error.value]
     choice = in_a_row(names, "or")
     if not written:
         return MISSING.at(
@@ -462,10 +461,8 @@ _MESSAGES: Mapping[str, Callable[[StructureError], Diagnostic]] = {
     **dict.fromkeys(_KINDS, _wrong_kind),
     "extra_forbidden": _unknown_key,
     "missing": _missing,
-    "enum": _choice,
     "literal_error": _choice,
-    "union_tag_invalid": _tag,
-    "union_tag_not_found": _tag,
+    "rarms_kind": _tag,
     "string_pattern_mismatch": _pattern,
     "greater_than_equal": _range,
     "less_than_equal": _range,

@@ -1,13 +1,11 @@
 """Quantities as the manifest writes them: text with a unit in, exact values out."""
 
 from collections.abc import Callable, Iterator, Mapping
-from fractions import Fraction
+from enum import StrEnum
 from functools import lru_cache
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import AfterValidator, GetCoreSchemaHandler, GetJsonSchemaHandler, PlainValidator, WithJsonSchema
-from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from pydantic_core import PydanticCustomError
 
 from rarms_iac.manifest.document.rules import BrokenRule
 from rarms_iac.model.indexes import (
@@ -18,21 +16,22 @@ from rarms_iac.model.indexes import (
     percentile_index,
     threshold_of,
 )
+from rarms_iac.model.keys import Quantity
 from rarms_iac.model.quantities import (
     OF_HOST,
-    Bytes,
-    CpuAmount,
     LogicalProcessors,
-    Milliseconds,
     NotAQuantity,
     Percent,
     ProcessorTime,
     ShareOfHost,
     Unit,
     parse_quantity,
+    show_milliseconds,
+    show_percent,
     units_of,
+    write_bytes,
 )
-from rarms_iac.model.system import Measured, Threshold
+from rarms_iac.model.system import Threshold
 from rarms_iac.model.wording import in_a_row
 
 _EXAMPLES = {
@@ -44,132 +43,74 @@ _EXAMPLES = {
 }
 
 
-def quantity_error(kinds: tuple[Unit, ...], *, positive: bool = False, also: str = "") -> PydanticCustomError:
-    """The error of a field whose value is not such a quantity; `messages.py` puts it into words."""
-    facts = _facts_of_quantity(kinds, positive=positive, also=also)
-    return PydanticCustomError("rarms_quantity", "not a quantity", facts)
-
-
-def _facts_of_quantity(kinds: tuple[Unit, ...], *, positive: bool = False, also: str = "") -> dict[str, Any]:
+def _facts(kinds: tuple[Unit, ...], *, positive: bool = False, also: str = "") -> dict[str, Any]:
     examples = tuple(_EXAMPLES[kind] for kind in kinds)
     return {"units": units_of(*kinds), "examples": examples, "positive": positive, "also": also}
 
 
-def quantity_schema(*kinds: Unit, positive: bool = False, also: str = "") -> dict[str, Any]:
+def quantity_schema(quantity: Quantity, word: StrEnum | None = None) -> dict[str, Any]:
     """The JSON Schema of such a text; `errorMessage` is what editors show instead of the pattern."""
+    kinds, positive = quantity.kinds, quantity.positive
     units = units_of(*kinds)
     forms = [f"{unit}( {OF_HOST})?" if unit == "%" and Unit.PROCESSORS in kinds else unit for unit in units]
     some = r"(?=[0-9.]*[1-9])" if positive else ""
-    examples = [also] * bool(also) + [_EXAMPLES[kind] for kind in kinds]
-    number = f"{also and f'`{also}` or '}a number{' above 0' if positive else ''}"
-    return {
-        "type": "string",
-        "pattern": rf"^{some}[0-9]{{1,15}}(\.[0-9]{{1,15}})? ?({'|'.join(forms)})$",
-        "errorMessage": f"Write {number} with the unit {in_a_row(units, 'or')}, as in "
-        f"{' or '.join(f'`{example}`' for example in examples)}.",
+    examples = [*([word.value] if word else ()), *(_EXAMPLES[kind] for kind in kinds)]
+    number = f"{f'`{word.value}` or ' if word else ''}a number{' above 0' if positive else ''}"
+    message = (
+        f"Write {number} with the unit {in_a_row(units, 'or')}, as in "
+        f"{' or '.join(f'`{example}`' for example in examples)}."
+    )
+    text = {
+        "errorMessage": message,
         "examples": examples,
+        "pattern": rf"^{some}[0-9]{{1,15}}(\.[0-9]{{1,15}})? ?({'|'.join(forms)})$(?!\n)",
+        "type": "string",
     }
+    return {"anyOf": [{"const": word.value, "errorMessage": message}, text]} if word else text
 
 
-class Quantity:
-    """Makes a field read a text with a unit of one of these kinds, and gives it the JSON Schema of such a text."""
+def quantity_reader(quantity: Quantity, word: StrEnum | None = None) -> Callable[[Any], Any]:
+    """Make the function that reads a text with a unit, or this word, to its exact value.
 
-    def __init__(self, *kinds: Unit, make: Callable[[Unit, Fraction], Any], positive: bool = False) -> None:
-        self._kinds = kinds
-        self._positive = positive
-        self._make = make
-        self._parse = lru_cache(maxsize=4096)(self._parse_text)
+    It raises `PydanticCustomError` for every other value; `messages.py` puts that into words.
+    """
+    kinds = quantity.kinds
+    most = parse_quantity(quantity.most, *kinds) if quantity.most else None
+    facts = _facts(kinds, positive=quantity.positive, also=word.value if word else "")
 
-    def read(self, value: Any) -> Any:
-        """The exact value of a field.
+    @lru_cache(maxsize=4096)
+    def parse(text: str) -> Any:
+        kind, value = parse_quantity(text, *kinds)
+        if quantity.positive and value <= 0:
+            raise NotAQuantity(text, units_of(*kinds))
+        if most is not None and kind is most[0] and value > most[1]:
+            raise PydanticCustomError("less_than_equal", "more than is allowed here", {"le": quantity.most})
+        if Unit.PROCESSORS in kinds:
+            return ShareOfHost(Percent(value)) if kind is Unit.SHARE else ProcessorTime(LogicalProcessors(value))
+        return int(value) if kind is Unit.MEMORY else value
 
-        Raises:
-            PydanticCustomError: it is no text, or no such quantity.
-        """
+    def read(value: Any) -> Any:
+        if word is not None and value == word.value:
+            return word
         if type(value) is str:
             try:
-                return self._parse(value)
+                return parse(value)
             except NotAQuantity:
                 pass
-        raise quantity_error(self._kinds, positive=self._positive)
+        raise PydanticCustomError("rarms_quantity", "not a quantity", facts)
 
-    def _parse_text(self, text: str) -> Any:
-        kind, value = parse_quantity(text, *self._kinds)
-        if self._positive and value <= 0:
-            raise NotAQuantity(text, units_of(*self._kinds))
-        return self._make(kind, value)
-
-    def __get_pydantic_core_schema__(self, _source: Any, _handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.read)
-
-    def __get_pydantic_json_schema__(self, _schema: CoreSchema, _handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        return quantity_schema(*self._kinds, positive=self._positive)
+    return read
 
 
-def _same(_kind: Unit, value: Fraction) -> Fraction:
-    return value
-
-
-def _whole(_kind: Unit, value: Fraction) -> int:
-    return int(value)
-
-
-def _amount(kind: Unit, value: Fraction) -> CpuAmount:
-    return ShareOfHost(Percent(value)) if kind is Unit.SHARE else ProcessorTime(LogicalProcessors(value))
-
-
-_CPU = (Unit.SHARE, Unit.PROCESSORS)
-_AMOUNT = Quantity(*_CPU, make=_amount)
-
-Time = Annotated[Milliseconds, Quantity(Unit.TIME, make=_same)]
-PositiveTime = Annotated[Milliseconds, Quantity(Unit.TIME, make=_same, positive=True)]
-Memory = Annotated[Bytes, Quantity(Unit.MEMORY, make=_whole)]
-PositiveMemory = Annotated[Bytes, Quantity(Unit.MEMORY, make=_whole, positive=True)]
-Share = Annotated[Percent, Quantity(Unit.SHARE, make=_same)]
-Amount = Annotated[CpuAmount, _AMOUNT]
-PositiveAmount = Annotated[CpuAmount, Quantity(*_CPU, make=_amount, positive=True)]
-
-LONGEST_WAIT = Milliseconds(Fraction(3_600_000))
-"""One hour: longer than any guest needs to shut down, and short enough for a script to wait through."""
-
-
-def _read_reserve(value: Any) -> Any:
-    if value == "measured":
-        return Measured.MEASURED
-    try:
-        return _AMOUNT.read(value)
-    except PydanticCustomError:
-        raise quantity_error(_CPU, also="measured") from None
-
-
-def _reserve_schema() -> dict[str, Any]:
-    quantity = quantity_schema(*_CPU, also="measured")
-    return {"anyOf": [{"const": "measured", "errorMessage": quantity["errorMessage"]}, quantity]}
-
-
-Reserve = Annotated[
-    CpuAmount | Measured,
-    PlainValidator(_read_reserve),
-    WithJsonSchema(_reserve_schema()),
-]
-
-
-def _limit(fits: Callable[[Any], bool], highest: str) -> AfterValidator:
-    def check(value: Any) -> Any:
-        if not fits(value):
-            raise PydanticCustomError("less_than_equal", "more than is allowed here", {"le": highest})
-        return value
-
-    return AfterValidator(check)
-
-
-Wait = Annotated[Time, _limit(lambda time: time <= LONGEST_WAIT, "1 h")]
-AmountOfHost = Annotated[
-    Amount, _limit(lambda amount: not isinstance(amount, ShareOfHost) or amount.percent <= 100, "100 %")
-]
-Duty = Annotated[
-    Percent, Quantity(Unit.SHARE, make=_same, positive=True), _limit(lambda percent: percent <= 100, "100 %")
-]
+def write_quantity(value: Any, quantity: Quantity) -> str:
+    """A default as the manifest writes it."""
+    match quantity.kinds[0]:
+        case Unit.TIME:
+            return show_milliseconds(value)
+        case Unit.MEMORY:
+            return write_bytes(value)
+        case _:
+            return show_percent(value.percent if isinstance(value, ShareOfHost) else value)
 
 
 _DIRECTIONS = ("at_most", "at_least")
@@ -221,7 +162,7 @@ def _broken(index: PerformanceIndex, written: Any) -> Iterator[BrokenRule]:
         return
     text = written[index.direction]
     if not _is_quantity(index, text):
-        yield (index.name, index.direction), "rarms_quantity", _facts_of_quantity((index.unit,))
+        yield (index.name, index.direction), "rarms_quantity", _facts((index.unit,))
     elif index.unit is Unit.SHARE and _threshold(index, text).value > 100:
         yield (index.name, index.direction), "less_than_equal", {"le": "100 %"}
 
@@ -233,28 +174,26 @@ def _is_quantity(index: PerformanceIndex, text: Any) -> bool:
         return False
 
 
-def _schema() -> dict[str, Any]:
+def thresholds_schema() -> dict[str, Any]:
+    """The JSON Schema of `apt`: each index takes the bound that makes sense for it."""
     family = percentile_index("p95_response_time")
     assert family is not None
     return {
-        "type": "object",
-        "properties": {index.name: _schema_of(index) for index in INDEXES.values()},
+        "additionalProperties": False,
         "patternProperties": {
             PERCENTILE_PATTERN: _schema_of(family)
             | {"description": "A percentile of the response times of all jobs that answered, as in p95_response_time."}
         },
-        "additionalProperties": False,
+        "properties": {index.name: _schema_of(index) for index in INDEXES.values()},
+        "type": "object",
     }
 
 
 def _schema_of(index: PerformanceIndex) -> dict[str, Any]:
     return {
-        "type": "object",
-        "description": index.description,
-        "properties": {index.direction: quantity_schema(index.unit)},
-        "required": [index.direction],
         "additionalProperties": False,
+        "description": index.description,
+        "properties": {index.direction: quantity_schema(Quantity(kinds=(index.unit,)))},
+        "required": [index.direction],
+        "type": "object",
     }
-
-
-Thresholds = Annotated[dict[str, Threshold], PlainValidator(read_thresholds), WithJsonSchema(_schema())]

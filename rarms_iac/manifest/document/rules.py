@@ -1,18 +1,42 @@
 """Keys that need or exclude each other, which no single field can say.
 
-They are looked for in the plain values, so that they are reported beside the errors of fields; the JSON Schemas of the
-blocks say the same (`exactly_one`, `if` / `then`).
+They are looked for in the plain values, so that they are reported together with the errors of fields; `RULES` says the
+same to editors.
 """
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.host import Host, ProviderKind
+from rarms_iac.model.run import Run, Samples
 
 BrokenRule = tuple[tuple[str | int, ...], str, Mapping[str, Any]]
 """Path, kind of error and its facts; `messages.py` puts them into words."""
 
-BLOCK_OF = {ProviderKind.HYPERV: "hyperv", ProviderKind.LINUX: "linux", ProviderKind.SIMULATED: "simulated"}
+
+def _only_its_own_block(kind: ProviderKind) -> dict[str, Any]:
+    """A host without `provider` is simulated."""
+    said: dict[str, Any] = {"properties": {"provider": {"const": kind.value}}}
+    if kind is not ProviderKind.SIMULATED:
+        said["required"] = ["provider"]
+    others = [{"required": [other.value]} for other in ProviderKind if other is not kind]
+    return {"if": said, "then": {"not": {"anyOf": others}}}
+
+
+RULES: Mapping[type, Mapping[str, Any]] = {
+    Host: {"allOf": [_only_its_own_block(kind) for kind in ProviderKind]},
+    Run: {"oneOf": [{"required": ["command"]}, {"required": ["call"]}]},
+    Samples: {
+        "if": {"properties": {"from": {"const": "pattern"}}, "required": ["from"]},
+        "then": {"required": ["pattern"]},
+        "else": {"not": {"required": ["pattern"]}},
+        "anyOf": [
+            {"properties": {"from": {"enum": ["json_lines", "pattern"]}}, "required": ["from"]},
+            {"not": {"required": ["stream"]}},
+        ],
+    },
+}
+"""What the JSON Schemas of these blocks say of it."""
 
 
 def broken_rules(document: Any) -> Iterator[BrokenRule]:
@@ -31,8 +55,8 @@ def _hosts(document: Any) -> Iterator[BrokenRule]:
         if not isinstance(host, dict):
             continue
         provider = host.get("provider", ProviderKind.SIMULATED.value)
-        for kind, block in BLOCK_OF.items():
-            if block in host and provider != kind.value and provider in list(ProviderKind):
+        for block in map(str, ProviderKind):
+            if block in host and provider != block and provider in list(ProviderKind):
                 yield ("hosts", name, block), "rarms_foreign_block", {"block": block, "provider": provider}
 
 
@@ -42,17 +66,10 @@ def _components(document: Any) -> Iterator[BrokenRule]:
         if not isinstance(run, dict):
             continue
         path = ("components", name, "run")
-        yield from _exactly_one(path, run, "command", "call")
-        yield from _exactly_one((*path, "until"), run.get("until"), "samples", "elapsed")
+        if ("command" in run) == ("call" in run):
+            yield path, "rarms_exactly_one", {"names": "command call"}
         yield from _pattern((*path, "samples"), run.get("samples"))
         yield from _stream((*path, "samples"), run.get("samples"))
-
-
-def _exactly_one(path: tuple[str, ...], block: Any, *names: str) -> Iterator[BrokenRule]:
-    if isinstance(block, dict):
-        written = tuple(name for name in names if name in block)
-        if len(written) != 1:
-            yield path, "rarms_exactly_one", {"names": names, "written": written}
 
 
 def _pattern(path: tuple[str, ...], samples: Any) -> Iterator[BrokenRule]:

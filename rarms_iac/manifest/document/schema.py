@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any, cast
 
-from rarms_iac.manifest.document.manifest import ManifestDocument
-from rarms_iac.manifest.document.text_forms import FORMS
+from rarms_iac.manifest.document.reader import manifest_blocks
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -15,8 +14,9 @@ _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 @cache
 def manifest_schema() -> dict[str, Any]:
     """The schema that `schemas/manifest.json` holds; callers do not change it."""
-    made: dict[str, Any] = _tidied(ManifestDocument.model_json_schema(by_alias=True))
-    return {"$schema": _DIALECT, **made}
+    blocks = dict(manifest_blocks())
+    whole = blocks.pop("System")
+    return {"$schema": _DIALECT, "$defs": blocks, **whole}
 
 
 _REPLACED_WHOLE = frozenset({"samples", "until"})
@@ -91,36 +91,6 @@ def _reachable(schema: dict[str, Any], blocks: dict[str, Any]) -> dict[str, Any]
         names |= found
         waiting += [blocks[name] for name in found]
     return {name: blocks[name] for name in sorted(names)}
-
-
-def as_text(schema: dict[str, Any]) -> str:
-    """A schema as the files in `schemas/` hold it."""
-    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
-
-
-def _tidied(node: Any) -> Any:
-    """Without what pydantic adds for its own sake, and with patterns that mean the same in every language."""
-    if isinstance(node, list):
-        return [_tidied(item) for item in node]
-    if not isinstance(node, dict):
-        return node
-    # A `title` that is a text is pydantic's; as the name of a property it would be a map.
-    tidied = {
-        key: _tidied(value)
-        for key, value in node.items()
-        if not (key == "title" and isinstance(value, str)) and not (key == "default" and value is None)
-    }
-    pattern = tidied.get("pattern")
-    if isinstance(pattern, str):
-        tidied["pattern"] = _to_the_very_end(pattern)
-        if pattern in FORMS:
-            tidied["errorMessage"] = FORMS[pattern][1]
-    return tidied
-
-
-def _to_the_very_end(pattern: str) -> str:
-    # `$` also matches before a line end in some languages; a name with a line end is no name.
-    return f"{pattern}(?!\\n)" if pattern.endswith("$") else pattern
 
 
 Path = tuple[str | int, ...]

@@ -3,29 +3,20 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, cast
 
-from pydantic import ValidationError
+from pydantic_core import ValidationError
 
-from rarms_iac.manifest.document.manifest import ManifestDocument
 from rarms_iac.manifest.document.quantities import broken_thresholds
+from rarms_iac.manifest.document.reader import TAG, manifest_reader
 from rarms_iac.manifest.document.rules import BrokenRule, broken_rules
 from rarms_iac.manifest.document.schema import Path, manifest_schema
 from rarms_iac.manifest.text.positions import dotted
 from rarms_iac.model.diagnostics import Place, Places
+from rarms_iac.model.system import System
 
 MOST_ERRORS = 1000
 """Errors shown of one document: who made more mends a generator, and would wait a minute for 400,000 of them."""
-
-_TAGGED = (
-    ("hosts", "*", "connect"),
-    ("interference", "*"),
-    ("policy", "interference"),
-    ("components", "*", "interference"),
-    ("components", "*", "run", "arrival"),
-    ("components", "*", "run", "environment", "*"),
-)
-"""Where pydantic puts the name of an alternative into the path; it is not in the text."""
 
 PART_SIZES = (1000, 100, 10)
 """Entries of each map and list that are looked at together where the whole has too many errors."""
@@ -65,22 +56,22 @@ class NotAManifest(ValueError):
         self.following = following
 
 
-def validate_document(document: Any, places: Places) -> ManifestDocument:
-    """The document of plain values.
+def validate_document(document: Any, places: Places) -> System:
+    """The System of plain values.
 
     Raises:
         NotAManifest: fields are wrong, or keys that need or exclude each other are.
     """
     broken = list(broken_rules(document))
     try:
-        made = ManifestDocument.model_validate(document)
+        made = manifest_reader().validate_python(document)
     except ValidationError as problem:
         listed = _with_listable_errors(problem, document).errors(include_url=False, include_input=False)
         cases = [case for error in listed for case in _cases(error, document)] + broken
         total = len(cases) + problem.error_count() - len(listed)
     else:
         if not broken:
-            return made
+            return cast(System, made)
         cases, total = broken, len(broken)
     shown = cases[:MOST_ERRORS]
     raise NotAManifest([_structure_error(case, document, places) for case in shown], total - len(shown))
@@ -106,7 +97,7 @@ def _with_listable_errors(problem: ValidationError, document: Any) -> Validation
 def _problems_of_parts(document: Any, most: int) -> Iterator[ValidationError]:
     for start in range(0, _longest(document), most):
         try:
-            ManifestDocument.model_validate(_part(document, range(start, start + most)))
+            manifest_reader().validate_python(_part(document, range(start, start + most)))
         except ValidationError as problem:
             yield problem
 
@@ -153,20 +144,8 @@ def _structure_error(case: BrokenRule, document: Any, places: Places) -> Structu
 
 def _path(location: Path) -> tuple[Path, bool]:
     """The path in the text, and whether the key itself is meant."""
-    path: list[str | int] = []
-    skip = False
-    for step in location:
-        if skip and step != "[key]":
-            skip = False
-            continue
-        if step == "[key]":
-            return tuple(path), True
-        path.append(step)
-        skip = any(
-            len(pattern) == len(path) and all(want in ("*", at) for want, at in zip(pattern, path, strict=True))
-            for pattern in _TAGGED
-        )
-    return tuple(path), False
+    steps = tuple(step for step in location if not (isinstance(step, str) and step.startswith(TAG)))
+    return (steps[:-1], True) if steps[-1:] == ("[key]",) else (steps, False)
 
 
 def _value(document: Any, path: Path) -> Any:

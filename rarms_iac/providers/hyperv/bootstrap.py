@@ -12,13 +12,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
-from rarms_iac.model.host import Receiver
+from rarms_iac.model.host import Receiver, Shell
 from rarms_iac.model.version import __version__
 from rarms_iac.powershell.templates import as_script, fill, receiver_text, template_text
 from rarms_iac.providers.interface import ScriptBundle, WaitLimits
 
 SHELLS = ("pwsh", "powershell")
-WINDOWS_POWERSHELL = SHELLS[1]
+WINDOWS_POWERSHELL: Shell = "powershell"
 
 READY = "rarms-bootstrap/1 ready"
 ANSWERS = "rarms-receiver/1 "

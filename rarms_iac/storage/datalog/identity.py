@@ -12,9 +12,9 @@ from fractions import Fraction
 from typing import Any, get_type_hints
 
 from rarms_iac.model.environment_setup import CONFINEMENT, EnvironmentSetup, PlatformFacts
+from rarms_iac.model.keys import Key
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.quantities import Bytes, Milliseconds, Percent, write_bytes
-from rarms_iac.model.run import Run
 from rarms_iac.model.system import Component, TaskRequest
 from rarms_iac.storage.datalog.log import Header, Identity
 from rarms_iac.storage.digest import digest, short
@@ -142,17 +142,19 @@ def parts_of(name: str, value: Any, *, without: frozenset[str] = frozenset()) ->
     Yields:
         Names and texts, by the order of the fields.
     """
-    if name not in _WITHOUT_KIND and not isinstance(value, Run):
-        yield name, type(value).__name__
-    hints = get_type_hints(type(value))
+    if kind := getattr(value, "kind", ""):
+        yield name, kind
+    hints, marked = get_type_hints(type(value)), get_type_hints(type(value), include_extras=True)
     for part in fields(value):
         inner = getattr(value, part.name)
         if part.name in without or inner == _default(part):
             continue
-        yield from _inner(f"{name}.{part.name}", inner, hints[part.name])
+        yield from _inner(f"{name}.{_key(part.name, marked[part.name])}", inner, hints[part.name])
 
 
-_WITHOUT_KIND = frozenset({"run.samples", "run.stop"})
+def _key(name: str, hint: Any) -> str:
+    """What users call a field."""
+    return next((mark.name for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, Key) and mark.name), name)
 
 
 def _inner(name: str, value: Any, hint: Any) -> Iterator[tuple[str, str]]:

@@ -7,29 +7,12 @@ from typing import TypeVar
 
 from rarms_iac.model.environment_setup import PlatformFacts
 from rarms_iac.model.host import ProviderKind, SchedulerType
-from rarms_iac.model.quantities import UNITS, Unit
 from rarms_iac.storage.datalog.identity import FILE, PROCESSORS, can_change_indexes
 from rarms_iac.storage.datalog.log import DataLog, Header, Identity, LogFile
 
-ABSENT = "nothing"
+ABSENT = "not set"
 HARDWARE = frozenset({"provider", "processor model", "logical processors", "SMT"})
 """Parts of a platform that only another machine has otherwise."""
-
-
-_MANIFEST_KEYS = {
-    "arrival.period": "arrival.every",
-    "samples.source": "samples.from",
-    "start.function": "call",
-    "start.words": "command",
-    **{
-        f"samples.{field}.{name}": f"samples.{field}.{key}"
-        for field in ("response_time", "success", "count")
-        for name, key in (("name", "field"), ("factor", "unit"))
-    },
-}
-"""How the manifest calls a part of `run` whose name in the model is another, by its end; logs keep the model's."""
-
-_TIME_UNITS = {str(float(factor)).removesuffix(".0"): unit for unit, factor in UNITS[Unit.TIME].items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,15 +46,10 @@ class Changed:
         return self.part in HARDWARE
 
     def __str__(self) -> str:
-        """`vision.run.timeout: 60000 ms -> 1000 ms`, by the manifest's keys; of a file, only that it changed."""
+        """`vision.run.timeout: 60000 ms -> 1000 ms`; of a file, only that it changed."""
         if self.part.startswith(FILE):
             return f"{self.part} " + ("is new" if self.before == ABSENT else "changed")
-        end = next((end for end in _MANIFEST_KEYS if self.part.endswith(f".run.{end}")), "")
-        key = self.part.removesuffix(end) + _MANIFEST_KEYS.get(end, "")
-        before, after = self.before, self.after
-        if end.endswith(".factor"):
-            before, after = (_TIME_UNITS.get(value, "ms") for value in (before, after))
-        return f"{key}: {before} -> {after}"
+        return f"{self.part}: {self.before} -> {self.after}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,10 +154,6 @@ def _joined(parts: Iterable[tuple[T, ...]]) -> tuple[T, ...]:
     return tuple(dict.fromkeys(chain.from_iterable(parts)))
 
 
-_KINDS = frozenset({ABSENT, "Field", "Closed", "Periodic", "Command", "Call"})
-"""Classes of blocks of the manifest, as an identity names them."""
-
-
 def _members(header: Header, members: Sequence[str]) -> Iterator[Changed]:
     was, now = ("+".join(sorted(names)) for names in (header.setup.members, members))
     if was != now:
@@ -192,8 +166,7 @@ def _parts(header: Header, now: Identity) -> Iterator[Changed]:
         before, after = was.get(part, ABSENT), now.parts.get(part, ABSENT)
         is_missing_here = part.startswith(FILE) and after == ABSENT
         is_open = part == PROCESSORS and ABSENT in {before, after}  # each setting says its own number
-        is_kind = {before, after} <= _KINDS  # what it has that the other kind lacks, changed with it
-        if before != after and not is_missing_here and not is_open and not is_kind:
+        if before != after and not is_missing_here and not is_open:
             yield Changed(part=part, before=before, after=after)
 
 

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan c76b38229fe3 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 2d15e8f6970a of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     vision  mark it as robot/vision, set 5589b435a34d
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 756a6795a310fa1b03deba3c446e9d6ea14dd3237b34894cc6fb9cd1aff91fef, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 21fd64a75646b92511cdfe3263e9d046b7b100bd86e653794b7e9aff44cfec75, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'c76b38229fe3'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '756a6795a310fa1b03deba3c446e9d6ea14dd3237b34894cc6fb9cd1aff91fef'
+        Run = 'apply'; Plan = '2d15e8f6970a'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '21fd64a75646b92511cdfe3263e9d046b7b100bd86e653794b7e9aff44cfec75'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 171ce0155942 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 44e8198ceaac of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     speech  memory 512 MiB -> 1 GiB
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 8dd17cae953413d7290dbbeaeb33b3237ccb3fc8690494eb75c10e6f687ed572, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
+    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 0e6287d7a893e1c19a60cf669f5a6710db5e90625fc3706f143c0a503b32d8b9, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '171ce0155942'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '8dd17cae953413d7290dbbeaeb33b3237ccb3fc8690494eb75c10e6f687ed572'
+        Run = 'apply'; Plan = '44e8198ceaac'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '0e6287d7a893e1c19a60cf669f5a6710db5e90625fc3706f143c0a503b32d8b9'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

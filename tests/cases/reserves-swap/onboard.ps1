@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e545e6a199ab of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 7b6c8e9fe76a of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
     name    what is done
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo 43b567531146cd634e7d47d431546bbbba236d4813e794e8d67f2f0a986c26dd, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
+    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo 621f2e82aa4b4c5fd7fc68427a27696ab9174b58af2ae1d0819dfec615626b7a, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'e545e6a199ab'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '43b567531146cd634e7d47d431546bbbba236d4813e794e8d67f2f0a986c26dd'
+        Run = 'apply'; Plan = '7b6c8e9fe76a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '621f2e82aa4b4c5fd7fc68427a27696ab9174b58af2ae1d0819dfec615626b7a'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

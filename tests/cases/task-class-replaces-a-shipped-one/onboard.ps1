@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan b88e30e21b95 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan d63bfd2b2983 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     task classes: 1 changed, 0 removed; no machine is stopped or changed.
     task/Games  record that it is ours, and what was there; set Background Only False -> True, BackgroundPriority 4, Priority 2 -> 4
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo ce3fbc33f7395275f8801b27f0af88d4a519949fd07922e132af3afdc64f2968, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
+    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo cb5f7c24d8eef2b3fba78ffe4320ec5d9b3c2fb2abbd4842e124d2f285b354f7, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'b88e30e21b95'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'ce3fbc33f7395275f8801b27f0af88d4a519949fd07922e132af3afdc64f2968'
+        Run = 'apply'; Plan = 'd63bfd2b2983'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'cb5f7c24d8eef2b3fba78ffe4320ec5d9b3c2fb2abbd4842e124d2f285b354f7'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

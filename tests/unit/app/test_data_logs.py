@@ -92,8 +92,8 @@ def test_what_changed_has_the_manifests_own_keys(here: Path) -> None:
     said = " ".join(rarms("plan", "-f", str(here)).err.split())
 
     assert (
-        "vision.run.samples.response_time.unit: ms -> s; vision.run.samples.response_time.field: nothing -> took; "
-        "vision.run.samples.from: per_run -> json_lines" in said
+        "vision.run.samples.from: not set -> json_lines; vision.run.samples.response_time.field: not set -> took; "
+        "vision.run.samples.response_time.unit: not set -> s" in said
     )
 
 

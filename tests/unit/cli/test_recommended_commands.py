@@ -581,7 +581,7 @@ NOT_RECOMMENDED = (
     "`rarms tune` measured no other compound with it",
     ", as `rarms tune` measured it: ",
     "`rarms tune` combined them at ",
-    "A proof (`rarms prove`), beside all of its loads together.",
+    "A proof (`rarms prove`), with all of its loads together.",
     "what `rarms tune` measured cannot be told",
     "All together, as `rarms prove` measured them last:",
     "`rarms measure` stopped it and ended before it started it again",

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.model.host import Host, LinuxHost, ProviderKind
+from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.system import Component, Policy, System, Threshold
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.measured_together import MeasuredTogether
@@ -109,6 +109,6 @@ def test_a_job_that_is_longer_than_the_window_sees_whole_windows() -> None:
 
 
 def test_the_kernel_of_a_linux_host_keeps_no_claim_for_so_long() -> None:
-    linux = replace(a_host(), provider=ProviderKind.LINUX, settings=LinuxHost())
+    linux = replace(a_host(), provider=ProviderKind.LINUX)
 
     assert found(vision(TAIL), host=linux) == []

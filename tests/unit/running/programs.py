@@ -11,22 +11,21 @@ from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import (
     Call,
     Closed,
-    Command,
     Elapsed,
-    Field,
     FromEnvironment,
     Periodic,
     Run,
     SampleCount,
     Samples,
     Stop,
+    TimeField,
 )
 from rarms_iac.model.series import Sample
 from rarms_iac.running.component import ComponentRun
 from rarms_iac.running.start import StartContext
 
 PER_RUN = Samples(source="per_run")
-JSON_LINES = Samples(source="json_lines", response_time=Field(name="ms"))
+JSON_LINES = Samples(source="json_lines", response_time=TimeField(field="ms", unit="ms"))
 same_everywhere = pytest.mark.needs("posix")
 """For what does not depend on the system: a start takes seconds on the Windows that tests run on."""
 
@@ -51,17 +50,10 @@ def a_run(
     folder: str = ".",
 ) -> Run:
     """A `run`: Python text, words or a function; `until` is a count, or milliseconds where it is no whole number."""
-    start: Command | Call
-    match program:
-        case Call():
-            start = program
-        case tuple():
-            start = Command(words=program)
-        case str():
-            start = Command(words=(sys.executable, "-S", "-c", HEARD + program))
+    call, words = (f"{program.module}:{program.function}", ()) if isinstance(program, Call) else ("", program)
     return Run(
-        start=start,
-        files=(),
+        command=(sys.executable, "-S", "-c", HEARD + words) if isinstance(words, str) else words,
+        call=call,
         environment=environment or {},
         folder=folder,
         until=SampleCount(samples=until) if isinstance(until, int) else Elapsed(time=ms(until)),
@@ -69,7 +61,6 @@ def a_run(
         stop=stop or Stop(grace=ms(2000)),
         arrival=Closed() if every is None else Periodic(period=ms(every)),
         samples=samples,
-        deadline=None,
         failures=failures,
     )
 

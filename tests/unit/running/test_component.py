@@ -2,12 +2,11 @@
 
 import sys
 from dataclasses import replace
-from fractions import Fraction
 from pathlib import Path
 
 import pytest
 
-from rarms_iac.model.run import Call, Field, Samples
+from rarms_iac.model.run import Call, Field, Samples, TimeField
 from rarms_iac.model.series import SkippedLines
 from rarms_iac.running.samples import SamplingEnd
 from tests.needs import ON_WINDOWS
@@ -28,8 +27,8 @@ LASTS = 6000.0 if ON_WINDOWS else 400.0
 PATTERN = Samples(
     source="pattern",
     pattern=r"^heard .* ok=(?P<ok>[01]) s=(?P<time>[0-9.]+)",
-    response_time=Field(name="time", factor=Fraction(1000)),
-    success=Field(name="ok"),
+    response_time=TimeField(field="time", unit="s"),
+    success=Field(field="ok"),
 )
 
 
@@ -110,7 +109,7 @@ def test_a_periodic_call_counts_from_its_scheduled_start(tmp_path: Path) -> None
 @same_everywhere
 def test_fields_of_what_a_function_returns_are_read(tmp_path: Path) -> None:
     text = "def plan():\n    return {'way': {'found': True}, 'cells': 12}\n"
-    samples = Samples(source="json_lines", success=Field(name="way.found"), count=Field(name="cells"))
+    samples = Samples(source="json_lines", success=Field(field="way.found"), count=Field(field="cells"))
 
     found = all_of(a_run(module(tmp_path, text), samples=samples, until=1), tmp_path)
 
@@ -183,7 +182,7 @@ def test_the_processor_time_of_all_processes_is_told(tmp_path: Path) -> None:
 
 @same_everywhere
 def test_without_a_field_for_it_a_line_has_no_response_time(tmp_path: Path) -> None:
-    samples = Samples(source="json_lines", count=Field(name="frames"))
+    samples = Samples(source="json_lines", count=Field(field="frames"))
 
     found = all_of(a_run("say('{\"frames\": 3}')\ntime.sleep(9)", samples=samples, until=1), tmp_path)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.model.quantities import show_milliseconds
-from rarms_iac.model.run import Call, Field, FromEnvironment, Run, Samples, Stop
+from rarms_iac.model.run import Call, Field, FromEnvironment, Run, Samples, Stop, TimeField
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.running.start import CannotStart, StartContext
 from tests.needs import ON_WINDOWS
@@ -134,7 +134,7 @@ def test_a_line_without_end_ends_the_process(tmp_path: Path) -> None:
 
 @same_everywhere
 def test_a_flood_of_lines_that_are_no_samples_ends_the_process(tmp_path: Path) -> None:
-    samples = Samples(source="pattern", pattern="^ms=(?P<ms>[0-9]+)", response_time=Field(name="ms"))
+    samples = Samples(source="pattern", pattern="^ms=(?P<ms>[0-9]+)", response_time=TimeField(field="ms", unit="ms"))
     run = a_run("while True: os.write(1, (b'x' * 1000 + b'\\n') * 60)", samples=samples, until=9)
 
     (failure,) = failures(all_of(run, tmp_path))
@@ -158,7 +158,7 @@ def test_the_environment_is_the_manifest_s_and_a_periodic_program_knows_its_peri
         "here = os.environ\nright = here['A'] + here['B'] == 'text secret'\n"
         "say(json.dumps({'ms': here['RARMS_PERIOD_MS'], 'ok': right}))"
     )
-    samples = Samples(source="json_lines", response_time=Field(name="ms"), success=Field(name="ok"))
+    samples = Samples(source="json_lines", response_time=TimeField(field="ms", unit="ms"), success=Field(field="ok"))
     run = a_run(
         program,
         samples=samples,
@@ -244,7 +244,7 @@ def test_who_does_not_end_is_killed_after_its_grace(tmp_path: Path) -> None:
 
 
 def test_a_failure_without_a_sample_shows_the_first_lines(tmp_path: Path) -> None:
-    samples = Samples(source="pattern", pattern="took (?P<t>[0-9]+) us", response_time=Field(name="t"))
+    samples = Samples(source="pattern", pattern="took (?P<t>[0-9]+) us", response_time=TimeField(field="t", unit="ms"))
     program = "for n in range(5): say(f'\\x1b[1mlooked {n} times')\n"
 
     found = failures(all_of(a_run(program, samples=samples, until=2, failures=9), tmp_path))

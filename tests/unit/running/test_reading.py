@@ -1,21 +1,19 @@
 """A line to what it says of a job, without any process."""
 
-from fractions import Fraction
-
 import pytest
 
-from rarms_iac.model.run import Field, Samples
+from rarms_iac.model.run import Field, Samples, TimeField
 from rarms_iac.running.reading import Reading, Unreadable, line_reader
 
-JSON = Samples(source="json_lines", response_time=Field(name="ms"))
+JSON = Samples(source="json_lines", response_time=TimeField(field="ms", unit="ms"))
 WHOLE = Samples(
     source="json_lines",
-    response_time=Field(name="job.took", factor=Fraction(1000)),
-    success=Field(name="ok"),
-    count=Field(name="job.frames"),
+    response_time=TimeField(field="job.took", unit="s"),
+    success=Field(field="ok"),
+    count=Field(field="job.frames"),
 )
 OPTIONAL = Samples(
-    source="pattern", pattern=r"^job( took (?P<ms>\S+))?$", response_time=Field(name="ms"), success=None, count=None
+    source="pattern", pattern=r"^job( took (?P<ms>\S+))?$", response_time=TimeField(field="ms", unit="ms")
 )
 
 UNREADABLE = {
@@ -92,7 +90,7 @@ def test_other_text_than_an_object_is_skipped(line: str) -> None:
 
 
 def took(pattern: str) -> Samples:
-    return Samples(source="pattern", pattern=pattern, response_time=Field(name="t"))
+    return Samples(source="pattern", pattern=pattern, response_time=TimeField(field="t", unit="ms"))
 
 
 @pytest.mark.parametrize(
@@ -188,7 +186,7 @@ def test_only_a_comma_between_two_groups_parts_values() -> None:
 
 def test_a_part_of_a_success_or_count_fails_too() -> None:
     samples = Samples(
-        source="pattern", pattern="ok=(?P<ok>[01]).* n=(?P<n>[0-9]+)", success=Field(name="ok"), count=Field(name="n")
+        source="pattern", pattern="ok=(?P<ok>[01]).* n=(?P<n>[0-9]+)", success=Field(field="ok"), count=Field(field="n")
     )
 
     assert isinstance(line_reader(samples)("ok=0.97 n=3"), Unreadable)

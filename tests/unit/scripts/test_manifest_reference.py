@@ -11,8 +11,8 @@ from rarms_iac.manifest.edit.formatting import format_text
 from rarms_iac.manifest.text.reading import read_text
 from scripts.manifest_reference import examples, reference_markdown
 
-_NAMED = {"HostBlock", "ComponentBlock", "PartitionBlock", "TaskBlock", "AcceptanceBlock"}
-_NAMED |= {"BusyLoopBlock", "BurstsBlock", "BrowserBlock", "CommandLoadBlock", "StressBlock"}
+_NAMED = {"Host", "Component", "PartitionRequest", "TaskRequest", "Acceptance"}
+_NAMED |= {"BusyLoop", "Bursts", "Browser", "CommandLoad", "Stress"}
 
 
 def test_the_page_is_the_generated_one() -> None:
@@ -33,12 +33,12 @@ def test_every_block_and_key_has_its_place_on_the_page() -> None:
 def test_every_example_is_valid_and_canonical(name: str) -> None:
     text = examples()[name]
     value: Any = read_text(text.encode(), "example", "").value
-    if name != "ManifestDocument":
+    if name != "System":
         value = next(iter(value.values()))
     document = manifest_schema()
-    schema = document if name == "ManifestDocument" else document["$defs"].get(name)
+    schema = document if name == "System" else document["$defs"].get(name)
     if name == "apt":
-        schema = document["$defs"]["ComponentBlock"]["properties"]["apt"]
+        schema = document["$defs"]["Component"]["properties"]["apt"]
 
     for entry in value.values() if name in _NAMED else [value]:
         jsonschema.validate(entry, {**schema, "$defs": document["$defs"]})

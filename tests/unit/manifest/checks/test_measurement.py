@@ -1,14 +1,15 @@
 from collections.abc import Mapping
+from dataclasses import replace
 
 import pytest
 
 from rarms_iac.manifest.checks.measurement import pattern_groups
-from rarms_iac.model.run import Call, Elapsed, Field, Run, SampleCount, Samples
+from rarms_iac.model.run import Elapsed, Run, SampleCount, Samples, TimeField
 from rarms_iac.model.system import System, Threshold
 from tests.builders import a_component, a_run, a_system, at_least, at_most, milliseconds
 from tests.unit.manifest.checks.violations import found
 
-RESPONSE = Field(name="ms")
+RESPONSE = TimeField(field="ms", unit="ms")
 
 
 def with_run(run: Run, apt: Mapping[str, Threshold] | None = None, reserve: str = "20 %") -> System:
@@ -38,19 +39,7 @@ def test_an_index_needs_the_samples_it_is_made_of(
 
 def test_a_called_function_is_watched_by_its_runner() -> None:
     run = a_run(samples=Samples(source="json_lines"))
-    called = Run(
-        start=Call(module="a", function="b"),
-        files=run.files,
-        environment=run.environment,
-        folder=run.folder,
-        until=run.until,
-        timeout=run.timeout,
-        stop=run.stop,
-        arrival=run.arrival,
-        samples=run.samples,
-        deadline=run.deadline,
-        failures=run.failures,
-    )
+    called = replace(run, command=(), call="a:b")
 
     assert found(with_run(called, {"mean_response_time": at_most(100)})) == []
 

@@ -18,8 +18,9 @@ MEASURE = """
 import resource, sys
 from datetime import date
 from rarms_iac.manifest.load import load_system
-import rarms_iac.manifest.document.validate_document, rarms_iac.manifest.to_system, rarms_iac.manifest.checks
-from rarms_iac.manifest.document.schema import manifest_schema
+import rarms_iac.manifest.document.messages, rarms_iac.manifest.checks
+from rarms_iac.manifest.document.reader import manifest_reader
+manifest_reader()
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 for path in sys.argv[1:]:
     load_system(path, today=date(2026, 1, 1))

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.model.run import Field, SampleCount, Samples
+from rarms_iac.model.run import SampleCount, Samples, TimeField
 from rarms_iac.model.system import run_of
 from rarms_iac.providers.hyperv.guest_samples import FORMAT, GuestRun
 from rarms_iac.providers.measuring import PartitionWork, Work
@@ -34,7 +34,7 @@ def test_an_exit_code_is_a_failed_sample_where_no_success_rate_is_asked_for(inde
 
 
 def test_a_guest_skips_and_refuses_the_lines_that_a_host_does() -> None:
-    samples = Samples(source="pattern", pattern="took (?P<t>[0-9.]+)", response_time=Field(name="t"))
+    samples = Samples(source="pattern", pattern="took (?P<t>[0-9.]+)", response_time=TimeField(field="t", unit="ms"))
     component = a_component(run=replace(run_of(a_component()), samples=samples, failures=9))
     work = Work(
         application="robot",

@@ -9,7 +9,7 @@ import pytest
 from rarms_iac.model.environment_setup import EnvironmentSetup
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.loads import Browser, CommandLoad
-from rarms_iac.model.run import Call, Command, Elapsed, Field, Periodic, Run, SampleCount, Samples, Stop
+from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount, Samples, Stop, TimeField
 from rarms_iac.model.system import Component, RunsOn, Simulation, TaskCategory, TaskRequest
 from rarms_iac.storage.datalog.identity import LogSubject, identity_of
 from rarms_iac.storage.datalog.log import Identity
@@ -48,14 +48,15 @@ def test_what_changed_is_named_with_what_it_was() -> None:
 
 
 OF_A_RUN: dict[str, object] = {
-    "start": Call(module="components.vision", function="look"),
+    "command": ("look",),
+    "call": "components.vision:look",
     "environment": {"MODE": "fast"},
     "folder": "src",
     "until": Elapsed(time=milliseconds("20 s")),
     "timeout": milliseconds("2 s"),
     "stop": Stop(signal="INT"),
     "arrival": Periodic(period=milliseconds("33 ms")),
-    "samples": Samples(source="json_lines", response_time=Field(name="response")),
+    "samples": Samples(source="json_lines", response_time=TimeField(field="response", unit="ms")),
     "deadline": milliseconds("50 ms"),
     "failures": 3,
     "success_within": milliseconds("400 ms"),
@@ -101,6 +102,7 @@ IRRELEVANT: dict[str, object] = {
     "interference": "browsers",  # the load itself is the set-up's
     "memory": memory("1 GiB"),  # P1's are the set-up's
     "processors": 1,
+    "new": True,
 }
 
 
@@ -123,8 +125,8 @@ def test_the_load_and_what_is_fixed_of_a_task_class_are_in_the_identity() -> Non
     task = TaskRequest(name="ObjectIdentification", category=TaskCategory.MEDIUM, priority=5)
 
     assert changed(a_subject(vision(), load=Browser(instances=5))) == [
-        "interference.busy-loop: BusyLoop -> Browser",
-        "interference.busy-loop.instances: nothing -> 5",
+        "interference.busy-loop: busy_loop -> browser",
+        "interference.busy-loop.instances: not set -> 5",
     ]
     assert changed(a_subject(vision(), tasks={"ObjectIdentification": task}))
     assert changed(a_subject(vision(), tasks={"MotionControl": replace(task, name="MotionControl")})) == []
@@ -138,16 +140,16 @@ def files(tmp_path: Path) -> Files:
     return Files(tmp_path)
 
 
-def running(start: Command | Call, *patterns: str) -> LogSubject:
-    return a_subject(vision(run=replace(a_run(), start=start, files=patterns)))
+def running(words: tuple[str, ...], *patterns: str, call: str = "") -> LogSubject:
+    return a_subject(vision(run=replace(a_run(), command=words, call=call, files=patterns)))
 
 
 def test_words_modules_and_patterns_name_files_below_the_manifest(files: Files) -> None:
-    by_word = Command(words=("python3", "components/vision.py", "--fast"))
+    by_word = ("python3", "components/vision.py", "--fast")
 
     assert list(files.of(running(by_word))) == ["components/vision.py"]
-    assert list(files.of(running(Call(module="components.vision", function="look")))) == ["components/vision.py"]
-    assert list(files.of(running(Command(words=("x",)), "components/*"))) == [
+    assert list(files.of(running((), call="components.vision:look"))) == ["components/vision.py"]
+    assert list(files.of(running(("x",), "components/*"))) == [
         "components/model.bin",
         "components/vision.py",
     ]
@@ -158,7 +160,7 @@ def test_what_lies_outside_the_folder_or_can_be_no_path_is_no_file_of_it(files: 
     outside.write_bytes(b"")
     words = ("python3", str(outside), "../elsewhere.py", "a\0b", "x" * 5000, "")
 
-    assert files.of(running(Command(words=words), "../*.py")) == {}
+    assert files.of(running(words, "../*.py")) == {}
 
 
 def test_the_programs_of_a_load_count_too(files: Files) -> None:
@@ -181,7 +183,7 @@ def test_line_ends_of_a_text_do_not_change_its_digest(tmp_path: Path) -> None:
 
 
 def test_a_changed_file_makes_stale_a_missing_one_only_unverified(files: Files) -> None:
-    subject = running(Command(words=("python3", "components/vision.py")), "components/*")
+    subject = running(("python3", "components/vision.py"), "components/*")
     header = a_header(subject, files.of(subject))
     (files.folder / "components" / "vision.py").write_bytes(b"look(twice)\n")
     (files.folder / "components" / "model.bin").unlink()
@@ -207,7 +209,7 @@ def test_an_interpreter_and_a_build_only_warn() -> None:
 
 
 def test_interpreters_are_found_where_programs_are(files: Files) -> None:
-    found = files.interpreters(running(Command(words=("python3" if os.name == "posix" else "cmd", "x.py"))))
+    found = files.interpreters(running(("python3" if os.name == "posix" else "cmd", "x.py")))
 
     assert len(found) == 1
 
@@ -238,6 +240,6 @@ def test_the_bench_must_match_as_far_as_it_is_known() -> None:
         "logical processors: 2 -> 4",
         "SMT: off -> on",
         "scheduler: classic -> core",
-        "guest image: nothing -> guest.vhdx",
+        "guest image: not set -> guest.vhdx",
     ]
     assert compare_header(header, header.setup.members, now, unseen).changed == ()

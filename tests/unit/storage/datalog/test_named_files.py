@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.model.run import Command
 from rarms_iac.storage.datalog import named_files
 from rarms_iac.storage.datalog.digest_cache import LARGE, YOUNG_NS, cache_folder
 from rarms_iac.storage.datalog.named_files import Files
@@ -24,7 +23,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def named(folder: Path, *patterns: str) -> list[str]:
-    return list(Files(folder).of(running(Command(words=("x",)), *patterns)))
+    return list(Files(folder).of(running(("x",), *patterns)))
 
 
 def place(folder: Path, *names: str) -> None:
@@ -69,7 +68,7 @@ def test_many_folders_in_a_pattern_are_walked_once(home: Path) -> None:
         place(folder, "x", "y")
     files = Files(home)
 
-    found = files.of(running(Command(words=("x",)), "**/**/**/**/**/**/**/**/x", *["**/d/**/d/**/d/**/d/**/x"] * 10))
+    found = files.of(running(("x",), "**/**/**/**/**/**/**/**/x", *["**/d/**/d/**/d/**/d/**/x"] * 10))
 
     assert len(found) == 20
     assert files.cut == ""
@@ -80,7 +79,7 @@ def test_beyond_a_bound_of_names_the_first_count_and_it_is_said(home: Path, monk
     place(home, *(f"f{number:03}" for number in range(100)))
     files = Files(home)
 
-    assert list(files.of(running(Command(words=("x",)), "*"))) == [f"f{number:03}" for number in range(49)]
+    assert list(files.of(running(("x",), "*"))) == [f"f{number:03}" for number in range(49)]
     assert "of more than 50 names" in files.cut
 
 
@@ -89,7 +88,7 @@ def test_beyond_a_bound_of_files_the_first_are_read_and_it_is_said(home: Path, m
     place(home, *(f"f{number}" for number in range(9)))
     files = Files(home)
 
-    assert list(files.of(running(Command(words=("x",)), "*"))) == [f"f{number}" for number in range(5)]
+    assert list(files.of(running(("x",), "*"))) == [f"f{number}" for number in range(5)]
     assert "of more than 5 files" in files.cut
 
 
@@ -105,7 +104,7 @@ def test_a_file_beyond_what_is_measured_counts_by_its_size_and_that_is_said(home
     place(home, "small")
     (home / "a-huge").touch()
     os.truncate(home / "a-huge", 2**33)  # it takes no room on the disk
-    subject = running(Command(words=("x",)), "*")
+    subject = running(("x",), "*")
     measured, compared = Files(home, most_bytes=None), Files(home)
 
     found = measured.of(subject)
@@ -125,13 +124,13 @@ def test_a_program_beyond_the_bytes_counts_by_its_size_and_that_is_said(home: Pa
     os.truncate(program, 2**33)  # it takes no room on the disk
     files = Files(home, most_bytes=None)
 
-    assert files.interpreters(running(Command(words=(str(program),)))) == {str(program): f"size {2**33}"}
+    assert files.interpreters(running((str(program),))) == {str(program): f"size {2**33}"}
     assert files.cut == f"only the size of {program} counts, since the programs of the commands have more than 256 MiB"
 
 
 @pytest.mark.needs("posix")  # Windows keeps no time of a change of state
 def test_a_large_file_that_was_read_is_not_read_again(home: Path) -> None:
-    large, subject = home / "model.bin", running(Command(words=("x",)), "*")
+    large, subject = home / "model.bin", running(("x",), "*")
     large.write_bytes(b"\0" * LARGE)
     old = time.time_ns() - 10 * YOUNG_NS
     os.utime(large, ns=(old, old))

@@ -3,9 +3,9 @@
 from datetime import date
 from fractions import Fraction
 
-from rarms_iac.manifest.document.manifest import ManifestDocument
+from rarms_iac.manifest.document.validate_document import validate_document
+from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.manifest.text.reading import read_text
-from rarms_iac.manifest.to_system import to_system
 from rarms_iac.model import loads
 from rarms_iac.model import system as m
 from rarms_iac.model.host import (
@@ -24,7 +24,6 @@ from rarms_iac.model.host import (
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, Milliseconds, Percent, ProcessorTime, ShareOfHost
 from rarms_iac.model.run import (
     Call,
-    Command,
     Elapsed,
     Field,
     FromEnvironment,
@@ -33,6 +32,7 @@ from rarms_iac.model.run import (
     SampleCount,
     Samples,
     Stop,
+    TimeField,
 )
 from tests.unit.manifest.examples import EVERYTHING
 
@@ -44,7 +44,7 @@ def ms(value: str) -> Milliseconds:
 
 
 def system_of(text: str) -> m.System:
-    return to_system(ManifestDocument.model_validate(read_text(text.encode(), "rarms.yaml", ".").value))
+    return validate_document(read_text(text.encode(), "rarms.yaml", ".").value, FirstLine("rarms.yaml"))
 
 
 SYSTEM = system_of(EVERYTHING)
@@ -60,7 +60,7 @@ def test_hosts() -> None:
         system_responsiveness=30,
         platform="atom",
         connect=None,
-        settings=SimulatedHost(
+        simulated=SimulatedHost(
             windows_build=20348,
             guest_windows_build=19045,
             scheduler=SchedulerType.CORE,
@@ -99,7 +99,7 @@ def test_a_component() -> None:
             "deadline_miss_rate": m.AtMost(value=Fraction(1)),
         },
         run=Run(
-            start=Command(words=("python3", "components/vision.py", "--fast")),
+            command=("python3", "components/vision.py", "--fast"),
             files=("components/models/*.bin",),
             environment={"LEVEL": "3", "TOKEN": FromEnvironment(name="VISION_TOKEN")},
             folder="work",
@@ -110,9 +110,9 @@ def test_a_component() -> None:
             samples=Samples(
                 source="pattern",
                 pattern="^ok=(?P<ok>[01]) ms=(?P<ms>[0-9.]+) n=(?P<n>[0-9]+)",
-                response_time=Field(name="ms"),
-                success=Field(name="ok"),
-                count=Field(name="n"),
+                response_time=TimeField(field="ms", unit="ms"),
+                success=Field(field="ok"),
+                count=Field(field="n"),
             ),
             deadline=ms("40"),
             failures=2,
@@ -170,7 +170,7 @@ def test_partitions() -> None:
         cpu=m.CpuRequest(reserve=ShareOfHost(Percent(Fraction(60))), weight=100),
         protect=True,
         start=m.StartMode.MANUAL,
-        grace=ms("90000"),
+        stop=m.PartitionStop(grace=ms("90000")),
         hyperv=m.HypervPartition(generation=1, switch="other", image="x.vhd", vm_path="y", clustered=True),
         guest=m.Guest(connect=Connect(ssh="robot@senses"), credential="senses-admin"),
     )
