@@ -1,11 +1,9 @@
 """A Linux host behind a real sshd, which is this machine: the operator's way over it, and connections that break."""
 
 import json
-import os
 import shutil
-import signal
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,7 +22,7 @@ from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from rarms_iac.providers.robot import INSTALLED, LINE_LIMIT, READY, entry_command
 from tests.contracts.benches import forget_host, groups_of, slice_of
 from tests.needs import CHECKOUT
-from tests.remote import Remote, a_server, descendants
+from tests.remote import Remote, a_server
 from tests.robot_install import on_robot, robot_rarms
 from tests.system.test_linux_walk import MANIFEST
 from tests.unit.cli.running import Ran, rarms
@@ -207,45 +205,36 @@ def test_a_full_disk_there_is_reported(folder: Path, robot_rarms: Path, monkeypa
 
 
 @dataclass
-class Breaks(RunReporter):
-    """Breaks something when a step begins."""
+class StopsAt(RunReporter):
+    """Asks for an end when a step begins."""
 
     step: int
-    breaks: Callable[[], object]
+    stop: Event
 
     def step_started(self, host: str, number: int, total: int, step: ReportedStep) -> None:
         if number == self.step:
-            self.breaks()
+            self.stop.set()
 
 
-def test_what_breaks_at_a_step_is_finished_later(
+def test_a_sample_that_was_stopped_is_finished_later(
     server: Remote, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A connection that is cut, a robot's rarms that is killed, and Ctrl-C here."""
     robot = tmp_path / "robot"
     shutil.copytree(CHECKOUT / "manifests" / "delivery-robot-linux", robot)
     (robot / "here.yaml").write_text(OVERLAY.format(slice=slice_of(tmp_path)), encoding="utf-8")
     monkeypatch.setenv("PATH", server.environment["PATH"])
     hosts, overlay = load(robot, overlays=[robot / "here.yaml"]), ("--overlay", str(robot / "here.yaml"))
-
-    def kill() -> None:
-        for process in descendants(server.pid):
-            if b"rarms_iac.robot" in Path(f"/proc/{process}/cmdline").read_bytes().split(b"\0"):
-                os.kill(process, signal.SIGKILL)
-
     try:
-        stop = Event()
-        for number, breaks in ((2, server.cut), (3, kill), (4, stop.set)):
-            reporter = SilentAppReporter()
-            reporter.steps = Breaks(number, breaks)
-            report = apply_plan(plan(hosts), control=Control(reporter=reporter, stop=StopsOn(stop)))
-            assert report.ending is (RunEnding.INTERRUPTED if stop.is_set() else RunEnding.FAILED), report
+        stop, reporter = Event(), SilentAppReporter()
+        reporter.steps = StopsAt(4, stop)
+        report = apply_plan(plan(hosts), control=Control(reporter=reporter, stop=StopsOn(stop)))
+        assert report.ending is RunEnding.INTERRUPTED, report
 
-            finished = run(robot, "apply", "--auto-approve", "--lock-timeout", "60s", *overlay)
-            assert finished.code == 0, (breaks, finished.err)
-            assert run(robot, "drift", *overlay).code == 0
-            assert run(robot, "destroy", "--auto-approve", *overlay).code == 0
-            assert groups_of(tmp_path).names() == ()
+        finished = run(robot, "apply", "--auto-approve", "--lock-timeout", "60s", *overlay)
+        assert finished.code == 0, finished.err
+        assert run(robot, "drift", *overlay).code == 0
+        assert run(robot, "destroy", "--auto-approve", *overlay).code == 0
+        assert groups_of(tmp_path).names() == ()
     finally:
         forget_host(tmp_path)
 
