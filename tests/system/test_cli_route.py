@@ -335,7 +335,7 @@ def test_a_plan_on_a_host_that_was_made_anew_is_told_so(robot: Robot) -> None:
 
     assert answer.code == 3
     assert "error[RARMS182]" in answer.err
-    assert "RARMS182" not in answer.err
+    assert "onboard is not the host that the plan saw" in answer.err
 
 
 def test_changes_are_an_exit_code_only_where_that_is_asked_for(robot: Robot) -> None:

@@ -13,11 +13,11 @@ EXPECTED = {
     "client-with-root-scheduler": ["RARMS126", "RARMS159", "RARMS241", "RARMS405"],
     "duplicates-of-a-name": ["RARMS151", "RARMS234"],
     "empty-host": ["RARMS234"],
-    "event-log-rolled-over": ["RARMS190", "RARMS166"],
-    "inside-a-guest": ["RARMS126", "RARMS233", "RARMS249", "RARMS233"],
+    "event-log-rolled-over": ["RARMS166", "RARMS190"],
+    "inside-a-guest": ["RARMS126", "RARMS233", "RARMS249"],
     "machines-in-every-state": ["RARMS234", "RARMS245"],
     "redirected-by-windows-powershell": ["RARMS234"],
-    "server-2022-with-strangers": ["RARMS367", "RARMS234"],
+    "server-2022-with-strangers": ["RARMS234", "RARMS367"],
     "unprivileged-caller": ["RARMS126", "RARMS158", "RARMS166", "RARMS249"],
 }
 
