@@ -15,7 +15,7 @@ LOST = "what an earlier plan of rarms wrote into the class: it goes back to what
 
 
 def step_of(task: GuestTask) -> Step:
-    """The step that people are shown; no state is claimed, so its readings are empty."""
+    """Return the step that people are shown; it claims no state, so its readings are empty."""
     return Step(
         address=task.address,
         title=f"write the class {task.name}, and keep what was there before",
@@ -32,7 +32,7 @@ def step_of(task: GuestTask) -> Step:
 
 
 def forward(task: GuestTask, application: str) -> ScriptPiece:
-    """The piece that writes the class."""
+    """Return the piece that writes the class."""
     whose = {"Task": literal(task.name), "Application": literal(application)}
     names = sorted(task.values)
     values: dict[str, Reading] = {
@@ -59,7 +59,7 @@ def forward(task: GuestTask, application: str) -> ScriptPiece:
 
 
 def back(task: GuestTask, application: str) -> ScriptPiece:
-    """The piece that brings back what was there before rarms."""
+    """Return the piece that brings back what was there before rarms."""
     whose = {"Task": literal(task.name), "Application": literal(application)}
     return ScriptPiece(
         address=str(task.address),

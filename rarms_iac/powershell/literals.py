@@ -31,7 +31,7 @@ class NoLiteral(ValueError):
 
 
 def literal(value: Scalar) -> Literal:
-    """The literal that PowerShell reads back as exactly this value.
+    """Return the literal that PowerShell reads as exactly this value.
 
     Raises:
         NoLiteral: a negative or too large number, a lone surrogate, or more than `MOST_PARTS` runs of text.
@@ -58,7 +58,7 @@ def _quoted(text: str) -> Literal:
 
 
 def _joined(text: str) -> Literal:
-    """A sum that begins with text, so that every `+` joins and none adds."""
+    """Return a sum that begins with text, so that every `+` joins and none adds."""
     try:
         units = [unit for (unit,) in iter_unpack("<H", text.encode("utf-16-le"))]
     except UnicodeEncodeError as problem:
@@ -72,5 +72,5 @@ def _joined(text: str) -> Literal:
 
 
 def _parts(plain: bool, units: list[int]) -> list[str]:
-    """A run of plain characters as one string, others as characters each."""
+    """Return a run of plain characters as one string, and of others each character."""
     return [_quoted("".join(map(chr, units)))] if plain else [f"[char]0x{unit:04X}" for unit in units]

@@ -72,18 +72,18 @@ class ScriptPiece:
 
 
 def clustered(piece: ScriptPiece) -> ScriptPiece:
-    """The piece of a machine that a failover cluster has too: its reader accepts that."""
+    """Return the piece with a reader that accepts a machine of a failover cluster."""
     return replace(piece, read=f"{piece.read} -Clustered") if piece.read.startswith(f"{READER} -Machine") else piece
 
 
 def cluster_updated(piece: ScriptPiece, machine: str) -> ScriptPiece:
-    """The piece with a last call that tells the cluster what its machine is now."""
+    """Return the piece with a last call that updates the cluster's copy of the machine's configuration."""
     update = call("FailoverClusters\\Update-ClusterVirtualMachineConfiguration", VMId=literal(machine))
     return replace(piece, calls=(*piece.calls, update), sets=(*piece.sets, ()) if piece.sets else ())
 
 
 def join_pieces(piece: ScriptPiece, following: ScriptPiece) -> ScriptPiece:
-    """Both as one: read before the first call and after the last; cmdlets that set the same object are called once."""
+    """Join two pieces: read before the first call and after the last, and call a cmdlet once for the same object."""
     made = {name: value for name, value in following.before.items() if name not in piece.after}
     calls = list(zip(piece.calls, _set_by(piece), strict=True))
     for new, names in zip(following.calls, _set_by(following), strict=True):
@@ -107,12 +107,12 @@ def join_pieces(piece: ScriptPiece, following: ScriptPiece) -> ScriptPiece:
 
 
 def _is_known_mark(piece: ScriptPiece) -> bool:
-    """Whether it writes a mark that differs in its digest of the settings alone, which the step's readings say."""
+    """Return whether it writes a mark whose digest of the settings alone differs; the step's readings show that."""
     return piece.calls == (_WRITE_MARK,) and piece.before.get("mark") == piece.after.get("mark")
 
 
 def _set_by(piece: ScriptPiece) -> tuple[tuple[str, ...], ...]:
-    """The names that each call sets; none for those of the module that look themselves whether it is done."""
+    """Return the names that each call sets; none for calls that check themselves whether it is done."""
     names = tuple(
         name for name, value in piece.after.items() if name not in _NEVER_SET and piece.before.get(name) != value
     )
@@ -120,7 +120,7 @@ def _set_by(piece: ScriptPiece) -> tuple[tuple[str, ...], ...]:
 
 
 def block_of(piece: ScriptPiece) -> tuple[str, ...]:
-    """The lines of its block: of several calls each is made where the machine does not show yet what it sets.
+    """Return the lines of its block: of several calls each is made if the machine does not show yet what it sets.
 
     A run that is killed again and again at its same call comes to an end so.
     """
@@ -140,7 +140,7 @@ class NewFiles:
     disk_folder: str  # of the host, where a partition says nothing else
 
     def pending_name(self, creation: operations.CreatePartition) -> str:
-        """What the machine is called while it is made; a dot cannot occur in a manifest's name."""
+        """Return the machine's name while it is made; a dot cannot occur in a manifest's name."""
         return f"{creation.partition}.rarms-{self.plan}"
 
     def disk(self, creation: operations.CreatePartition) -> str:
@@ -155,7 +155,7 @@ class NewFiles:
 
 
 def pieces_of(step: Step, files: NewFiles) -> tuple[ScriptPiece, ...]:
-    """The step as guarded pieces, in their order; one for everything but the making of a machine."""
+    """Return the guarded pieces of a step, in their order; only a creation has several."""
     match step.operation:
         case operations.CreatePartition() as creation:
             return _creation_pieces(step, creation, files)
@@ -168,7 +168,7 @@ def pieces_of(step: Step, files: NewFiles) -> tuple[ScriptPiece, ...]:
 
 
 def _disk_removal_piece(address: str, action: str, path: Literal, parent: str) -> ScriptPiece:
-    """The file goes only as what the plan knew: the child of that parent, which no machine has."""
+    """Return the piece that deletes a file if it is what the plan knew: a child of that parent, unused."""
     return ScriptPiece(
         address=address,
         action=action,
@@ -197,7 +197,7 @@ def _piece(step: Step, operation: operations.MachineOperation | operations.TaskO
 
 
 def creation_undo_pieces(step: Step, creation: operations.CreatePartition, files: NewFiles) -> tuple[ScriptPiece, ...]:
-    """The pieces that remove a machine that the same plan made, unless it was given something since, and its disk."""
+    """Return the pieces that remove a machine that the same plan made, unless it was changed since, and its disk."""
     path = literal(files.disk(creation)) if creation.image else ""
     machine = replace(
         _piece(step, operations.RemovePartition(partition=creation.partition)),
@@ -223,7 +223,7 @@ def creation_undo_pieces(step: Step, creation: operations.CreatePartition, files
 
 
 def call(name: str, **parameters: Literal) -> str:
-    """A call with named parameters; an empty value stands for a switch."""
+    """Return a call with named parameters; an empty value stands for a switch."""
     return " ".join([name, *(f"-{key} {value}".rstrip() for key, value in parameters.items())])
 
 
@@ -237,7 +237,7 @@ def _reader(step: Step) -> str:
 
 
 def capacity_call(step: Step) -> str:
-    """The call that asks whether the host can keep what it promises after this step."""
+    """Return the call that asks whether the host has the capacity that it promises after this step."""
     claim = step.claim_after
     return call(
         "Test-Capacity",
@@ -282,7 +282,7 @@ def _machine_calls(operation: operations.MachineOperation) -> tuple[str, ...]:
 
 
 def task_value_calls(task: str, values: Mapping[str, RegistryValue]) -> tuple[str, ...]:
-    """The calls that write these values of a task class, by name."""
+    """Return the calls that write these values of a task class, by name."""
     return tuple(
         call(
             "Write-TaskValue",
@@ -364,7 +364,7 @@ def _creation_pieces(step: Step, creation: operations.CreatePartition, files: Ne
 
 
 def _folders(creation: operations.CreatePartition, files: NewFiles) -> dict[str, Literal]:
-    """The folders of the pending name and of the final one."""
+    """Return the folders of the pending name and of the final one."""
     names = {"From": files.pending_name(creation), "To": creation.partition}
     return {parameter: literal(operations.partition_folder(creation, name)) for parameter, name in names.items()}
 
@@ -400,7 +400,7 @@ def _new_machine(creation: operations.CreatePartition, files: NewFiles) -> str:
 
 
 def _new_disk(address: str, creation: operations.CreatePartition, path: str) -> ScriptPiece:
-    """The differencing child of an image, in the folder that the machine is moved into."""
+    """Return the piece that makes the differencing child of an image in the machine's final folder."""
     parent = literal(creation.image)
     folder = literal(operations.partition_folder(creation, creation.partition)) if creation.vm_path else ""
     return ScriptPiece(

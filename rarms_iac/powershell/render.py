@@ -95,7 +95,7 @@ class _Target:
 
     @property
     def unseen_tasks(self) -> list[GuestTask]:
-        """The task classes of a guest that could not be looked into."""
+        """Return the task classes of a guest that could not be observed."""
         return [task for task in self.host_plan.guest_tasks or () if task.partition == self.inside]
 
     @property
@@ -104,7 +104,7 @@ class _Target:
 
 
 def script_name(host_plan: HostPlan, inside: str = "", *, undo: bool = False) -> str:
-    """`onboard.ps1`, `onboard.guest.vision.ps1`, `onboard.undo.ps1`."""
+    """Return `onboard.ps1`, `onboard.guest.vision.ps1` or `onboard.undo.ps1`."""
     guest = f".guest.{inside}" if inside else ""
     return f"{host_plan.host.name}{guest}{'.undo' if undo else ''}.ps1"
 
@@ -182,7 +182,7 @@ def _steps_back(target: _Target) -> list[_GuardedPiece]:
 
 
 def render_observe() -> bytes:
-    """The read-only script that prints what a host looks like as one JSON document."""
+    """Return the read-only script that prints the state of a host as one JSON document."""
     return as_script(template_text("observe.ps1"))
 
 
@@ -197,7 +197,7 @@ def _forward(target: _Target) -> list[_GuardedPiece]:
 
 
 def _clustered(steps: Sequence[_GuardedPiece], host_plan: HostPlan) -> list[_GuardedPiece]:
-    """The steps, where those of a failover cluster's machine end with telling the cluster what the machine is now."""
+    """Return the steps; those of a failover cluster's machine end with an update of the cluster."""
     machines = {
         change.address.machine.lower()
         for change in host_plan.changes
@@ -215,7 +215,7 @@ def _clustered(steps: Sequence[_GuardedPiece], host_plan: HostPlan) -> list[_Gua
 
 
 def _joined(pieces: Iterable[_GuardedPiece]) -> list[_GuardedPiece]:
-    """Those that stand together and can be done together as one step."""
+    """Join neighbours that can be done as one step."""
     steps: list[_GuardedPiece] = []
     for new in pieces:
         old = steps[-1] if steps else new
@@ -260,7 +260,7 @@ def _fill(target: _Target, steps: Sequence[_GuardedPiece], form: ScriptForm, und
 
 
 def _machine_of_guest(target: _Target, steps: Iterable[_GuardedPiece]) -> str:
-    """The id of the machine that a guest's script is for, or its name where the plan makes it; empty for the host's."""
+    """Return the id of a guest script's machine, or its name if the plan makes it; empty for the host."""
     made = {step.address.partition for step in target.host_plan.steps if isinstance(step.operation, CreatePartition)}
     ids = (step.steps[0].address.machine.lower() for step in steps)
     inside = target.inside
@@ -268,7 +268,7 @@ def _machine_of_guest(target: _Target, steps: Iterable[_GuardedPiece]) -> str:
 
 
 def _run(target: _Target) -> dict[str, str]:
-    """The facts of the run that a script and its undo have in common."""
+    """Return the facts of the run that a script and its undo have in common."""
     plan, facts = target.plan, target.host_plan.facts
     capacity = capacity_of(target.host_plan.host, facts)
     return {
@@ -287,7 +287,7 @@ def _run(target: _Target) -> dict[str, str]:
 
 
 def _head(kind: RunKind, target: _Target, steps: Sequence[_GuardedPiece], digests: str) -> dict[str, object]:
-    """The help that `Get-Help` shows of the script."""
+    """Return the help that `Get-Help` shows of the script."""
     host_plan, plan, inside = target.host_plan, target.plan, target.inside
     system = f"the guest of partition {inside} on " if inside else ""
     system += f"host {host_plan.host.name} of {plan.manifest}, computer {host_plan.facts.computer_name}"
@@ -327,17 +327,17 @@ def _foreign_lines(host_plan: HostPlan, steps: Iterable[Step]) -> tuple[str, ...
 
 
 def _help(text: str) -> str:
-    """A line of the help, which nothing in it ends."""
+    """Return a line of the help, in which nothing ends the help."""
     return _inside_help(remark(text))
 
 
 def _inside_help(text: str) -> str:
-    """A line that is a remark already."""
+    """Return a line that is a remark already, in which nothing ends the help."""
     return text.replace("#>", "# >")
 
 
 def _blocks(kind: RunKind, host_plan: HostPlan, steps: Sequence[_GuardedPiece]) -> Iterable[PlanBlock]:
-    """The steps of each partition or task class that stand together; those that begin them, and starts, say why."""
+    """Return the steps of each partition or task class as blocks; the first block and a start have a reason."""
     reasons = {str(change.address): change.reason.message for change in host_plan.changes}
     owners: set[str] = set()
     for owner, neighbours in groupby(steps, key=_block_owner):
@@ -362,7 +362,7 @@ def _blocks(kind: RunKind, host_plan: HostPlan, steps: Sequence[_GuardedPiece]) 
 
 
 def _block_owner(guarded: _GuardedPiece) -> tuple[str, bool]:
-    """What its block is about, and whether that is a start."""
+    """Return the subject of its block, and whether the block is a start."""
     step = guarded.steps[0]
     return owner_of(step), isinstance(step.operation, StartPartition)
 
@@ -415,6 +415,6 @@ def _options(guarded: _GuardedPiece) -> Iterable[tuple[str, Literal]]:
 
 
 def _literals(readings: Readings) -> dict[str, Literal]:
-    """In lower case, as the script reads them: 5.1 compares keys by culture, and to a Turkish one I and i differ."""
+    """Return names in lower case with literals: 5.1 compares keys by culture, and in Turkish I and i differ."""
     names = {name.lower(): literal(value) for name, value in sorted(readings.items())}
     return {name if name.isidentifier() else literal(name): value for name, value in names.items()}

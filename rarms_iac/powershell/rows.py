@@ -73,7 +73,7 @@ def _banner(block: PlanBlock, about: str) -> Iterator[str]:
 
 
 def _table(alike: Sequence[PlanBlock]) -> Iterator[str]:
-    """The rows of these blocks, and their steps with columns."""
+    """Yield the rows of these blocks, and their steps with columns."""
     columns: dict[tuple[Literal, ...], str] = {}
     names: list[str | None] = []  # of each literal its column; None: it is the same in all rows
     for same in zip(*map(_literals, alike), strict=True):
@@ -114,7 +114,7 @@ def _literals(block: PlanBlock) -> list[tuple[str, Literal]]:
 
 
 def _column(name: str, taken: Iterable[str]) -> str:
-    """A name for a column: that of what it is given to, with a number where another column has it."""
+    """Return a column's name: that of its parameter or reading, with a number if another column has it."""
     words = re.findall("[A-Za-z0-9]+", name)
     plain = "".join(word[:1].upper() + word[1:] for word in words).lstrip("0123456789") or "Value"
     used = {*_RESERVED, *(other.lower() for other in taken)}
@@ -123,7 +123,7 @@ def _column(name: str, taken: Iterable[str]) -> str:
 
 
 def _with_literals(statement: TargetText | StepText, text_for: LiteralText) -> TargetText | StepText:
-    """The statement with another text for each of its literals."""
+    """Return the statement with another text for each of its literals."""
     if isinstance(statement, TargetText):
         return replace(
             statement, address=text_for("Address", statement.address, ROW), reading=_call(statement.reading, text_for)

@@ -133,7 +133,7 @@ def _change_row(name: str, steps: Sequence[Step], *, lost: bool) -> tuple[str, s
 
 
 def _off(grace_ms: int, *, starts: bool) -> str:
-    """From the stop to the start; how long the guest needs to start is not known here."""
+    """Return the time from stop to start; how long the guest needs to start is not known here."""
     if starts:
         return "until it has started" + (f", {_seconds(grace_ms)} s at most to stop" if grace_ms else "")
     return "for good, " + (f"after {_seconds(grace_ms)} s at most" if grace_ms else "at once")

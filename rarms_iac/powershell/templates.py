@@ -34,7 +34,7 @@ def _environment() -> "Environment":
 
 
 def fill(template: str, values: Mapping[str, object]) -> bytes:
-    """The template's text as the bytes of a script: ASCII, CRLF.
+    """Return the filled template as the bytes of a script: ASCII, CRLF.
 
     Raises:
         UnicodeEncodeError: something entered that was no literal.
@@ -48,7 +48,7 @@ def as_script(text: str) -> bytes:
 
 
 def template_text(name: str) -> str:
-    """A template's text as it lies in its file, with LF."""
+    """Return a template's text, with LF."""
     return shipped_text(f"{FOLDER}/{name}")
 
 
@@ -87,7 +87,7 @@ HOST_FACT_NAMES = frozenset(name for row in _HOST_FACTS for name in row)
 
 
 def fact_lines(run: Mapping[str, str]) -> list[str]:
-    """The facts of a run as the entries of a table, some to a line.
+    """Return the facts of a run as the entries of a table, some to a line.
 
     Args:
         run: literals by name; of `HOST_FACT_NAMES` only those that are there.
@@ -118,7 +118,7 @@ class StepText:
 
 
 def statement_lines(statement: TargetText | StepText) -> list[str]:
-    """A statement of a plan as its lines."""
+    """Return the lines of a statement of a plan."""
     if isinstance(statement, StepText):
         return step_lines(statement)
     row = f" -Row {ROW}" if statement.in_rows else ""
@@ -126,7 +126,7 @@ def statement_lines(statement: TargetText | StepText) -> list[str]:
 
 
 def table_lines(rows: Sequence[Mapping[str, str]], remarks: Sequence[str]) -> list[str]:
-    """A table of literals, and the opening of the block that is done for each row; the caller closes it.
+    """Return a table of literals, and the opening of the block that is done for each row; the caller closes it.
 
     Args:
         rows: literals by name of their column.
@@ -142,7 +142,7 @@ def table_lines(rows: Sequence[Mapping[str, str]], remarks: Sequence[str]) -> li
 
 
 def step_lines(step: StepText) -> list[str]:
-    """The call that adds a step, on as few lines as are wide enough; one that writes a mark is always one line."""
+    """Return the call that adds a step, on as few lines as are wide enough; a step that writes a mark has one line."""
     options = [*step.options, *([("Same", _table(step.same))] if step.same else [])]
     start = " ".join([f"    {STEP_CALL} -Action", step.action, *(f"-{name} {text}" for name, text in options)])
     before, after = _table(step.before), _table(step.after)
@@ -157,12 +157,12 @@ def step_lines(step: StepText) -> list[str]:
 
 
 def guarded(call: str, names: Iterable[str]) -> str:
-    """A call that is made where one of these names, as literals, is not as the step wants it."""
+    """Return a call that is made only if one of these names, as literals, is not as the step wants it."""
     return f"if ({GUARD} -Name {', '.join(names)}) {{ {call} }}"
 
 
 def _with_set(opening: str, calls: Sequence[str]) -> list[str]:
-    """The end of a step: one call stands on the line that opens its block, where there is room."""
+    """Return the end of a step: a single call stands on the line that opens its block, if it fits."""
     if len(calls) == 1 and len(short := f"{opening} -Set {{ {calls[0]} }}") <= WIDTH:
         return [short]
     return [f"{opening} -Set {{", *(f"        {call}" for call in calls), "    }"]
@@ -173,7 +173,7 @@ def _table(readings: Mapping[str, str]) -> str:
 
 
 def _wrapped(readings: Mapping[str, str], indentation: int = 8) -> list[str]:
-    """As many entries on each line as it takes."""
+    """Return lines with as many entries as fit."""
     lines: list[str] = []
     for entry in _entries(readings):
         if lines and len(lines[-1]) + len(entry) + 2 <= WIDTH:
@@ -192,7 +192,7 @@ SIGNATURE = r"(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# 
 
 
 def without_signature(script: str) -> str:
-    """The text of a script, with CRLF, that may have been signed, as it was before."""
+    """Return the text of a script, with CRLF, without its signature block, if it has one."""
     return re.sub(SIGNATURE, "", script)
 
 
@@ -216,28 +216,28 @@ class ScriptForm(Enum):
 
 @cache
 def module_file(name: str) -> bytes:
-    """The bytes of a file of the module, one of `MODULE_FILES`, with CRLF."""
+    """Return the bytes of a file of the module, one of `MODULE_FILES`, with CRLF."""
     return as_script(template_text(f"{MODULE_FOLDER}/{name}"))
 
 
 def shipped_module() -> dict[str, str]:
-    """The files of this version's module by name, with CRLF."""
+    """Return the files of this version's module by name, with CRLF."""
     return {name: module_file(name).decode("ascii") for name in MODULE_FILES}
 
 
 def module_digest(text: str) -> str:
-    """SHA-256 of a file of the module as scripts hold it, in upper case; a signature block does not count."""
+    """Return the SHA-256 of a file of the module in upper case, as scripts hold it, without a signature block."""
     return hashlib.sha256(without_signature(text).encode("latin-1")).hexdigest().upper()
 
 
 def module_digests() -> dict[str, str]:
-    """The digests of this version's module by file."""
+    """Return the digests of this version's module by file."""
     return {name: module_digest(text) for name, text in shipped_module().items()}
 
 
 @cache
 def module_text(form: ScriptForm, entry: str = ENTRY) -> str:
-    """What gives a script its module, with LF: the digests of its files and their import, or the module itself.
+    """Return the text that loads the module, with LF: the digests of its files and their import, or the module itself.
 
     Args:
         form: of the script; one that measures has the single form alone.
@@ -255,7 +255,7 @@ def module_text(form: ScriptForm, entry: str = ENTRY) -> str:
 
 
 def receiver_text() -> str:
-    """What of the module takes scripts from standard input and runs the first, with LF: its last section."""
+    """Return the module's last section, with LF: it takes scripts from standard input and runs the first."""
     module = template_text(f"{MODULE_FOLDER}/{MODULE_FILES[1]}")
     return module.partition("# === receiver: ")[2].partition("\n")[2].rstrip()
 
