@@ -11,7 +11,7 @@ from pathlib import Path
 from markdown_it import MarkdownIt
 
 FIGURES = Path("docs/figures").resolve()
-WIDTH, HEIGHT = 860, 1240
+WIDTH, HEIGHT = 860, 560
 
 BASE = """schema: rarms/v1
 

@@ -7,7 +7,7 @@ from typing import Literal
 
 from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.decision_logs import describe_apt
-from rarms_iac.app.explain_component import find_component
+from rarms_iac.app.explain import find_component
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.model.host import Host

@@ -23,11 +23,12 @@ from rarms_iac.cli.ending import ExitCode, Interrupted
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.session import Session
 from rarms_iac.manifest.checks.names import NOT_USED
-from rarms_iac.model.commands import command, prose
+from rarms_iac.model.commands import PROVE, STATUS, RecommendedCommand, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.shared_findings import ROUNDED
 from rarms_iac.providers.interface import LiveHost
+from rarms_iac.views.console import paragraph
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.plan import plan_text
 from rarms_iac.views.run import run_text
@@ -111,7 +112,10 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
         return report_end(session, RunReport(ending=RunEnding.NOTHING), before=finished, quiet=True)
     if not how.auto_approve:
         ask(session, "Do this?")
-    return report_end(session, apply_and_show(session, plan, hosts.folder, how), before=finished)
+    following = None
+    if plan.purpose is Purpose.APPLY and not session.answer_follows:
+        following = PROVE if any(component.apt for component in hosts.system.components.values()) else STATUS
+    return report_end(session, apply_and_show(session, plan, hosts.folder, how), before=finished, following=following)
 
 
 def _plan_or_wait(hosts: Hosts, request: PlanRequest, how: RunOptions) -> Plan | None:
@@ -166,6 +170,7 @@ def report_end(
     quiet: bool = False,
     shown: Sequence[Diagnostic] = (),
     before: Sequence[RunReport] = (),
+    following: RecommendedCommand | None = None,
 ) -> ExitCode:
     """Say how a run ended, and give the command's exit code.
 
@@ -175,6 +180,7 @@ def report_end(
         quiet: write no sentence about it.
         shown: findings that were shown before it began.
         before: runs of this command whose end was shown; the answer in JSON has them as well.
+        following: the next command after a run that is done.
     """
     tell(session.terminal, [finding for finding in report.findings if finding not in shown])
     whole = combine_reports([*before, report])
@@ -182,6 +188,8 @@ def report_end(
         session.terminal.data(json_of(whole, indent=None))
     elif not quiet and (report.hosts or report.ending in {RunEnding.NOTHING, RunEnding.INTERRUPTED}):
         session.terminal.talk(run_text(report))
+        if following is not None and whole.ending is RunEnding.DONE:
+            session.terminal.talk(paragraph(prose("Next: ", following)))
     return code_of(session, whole.ending)
 
 

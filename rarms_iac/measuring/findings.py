@@ -594,7 +594,7 @@ def _shown(time_ms: float) -> str:
 
 def _described(work: OutsideWork) -> str:
     name = work.name if work.processes else "processes that ended"
-    return f"{name}{f' in {work.group}' if work.group else ''} {_shown(work.cpu_ms)}"
+    return f"{name}{f' in {work.group}' if work.group.strip('/') else ''} {_shown(work.cpu_ms)}"
 
 
 LEAST_SHARE = 0.01
@@ -613,7 +613,7 @@ def describe_idle(load: str, evidence: SettingEvidence, host: Host) -> str:
     whole_ms = evidence.elapsed_ms * float(shared)
     idle = f"{load} left {100 * idle_share(evidence, shared):.0f} % of {show_processors(shared)}."
     had = [
-        f"{work.name}{f' in {work.group}' if work.group else ''} had {100 * work.cpu_ms / whole_ms:.0f} %"
+        f"{work.name}{f' in {work.group}' if work.group.strip('/') else ''} had {100 * work.cpu_ms / whole_ms:.0f} %"
         for work in evidence.others
         if work.cpu_ms >= LEAST_SHARE * whole_ms
     ]

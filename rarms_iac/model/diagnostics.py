@@ -188,13 +188,17 @@ class Diagnostic:
 
 
 def in_order(diagnostics: "list[Diagnostic] | tuple[Diagnostic, ...]") -> tuple[Diagnostic, ...]:
-    """Sort findings by place, then code, then text; those without a place come first."""
+    """Sort findings by place, then code, then text; those without a place come first.
 
-    def key(diagnostic: Diagnostic) -> tuple[str, int, int, str, str, str]:
+    RARMS400 comes before others of its place: a misspelt name in an overlay explains why keys are missing there.
+    """
+
+    def key(diagnostic: Diagnostic) -> tuple[str, int, int, bool, str, str, str]:
         file, line, column = (
             (diagnostic.place.file, diagnostic.place.line, diagnostic.place.column) if diagnostic.place else ("", 0, 0)
         )
-        return file, line, column, diagnostic.code, diagnostic.address, diagnostic.detail
+        is_later = diagnostic.code != "RARMS400"
+        return file, line, column, is_later, diagnostic.code, diagnostic.address, diagnostic.detail
 
     return tuple(sorted(diagnostics, key=key))
 

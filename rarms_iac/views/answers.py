@@ -3,7 +3,7 @@
 from rarms_iac.app.doctor import Examinations
 from rarms_iac.app.doctor_report import DoctorReport
 from rarms_iac.app.drift import DriftReport
-from rarms_iac.app.explanation import Explanation, HostExplanation
+from rarms_iac.app.explain import Explanation
 from rarms_iac.app.graph import CandidateGraph, LayoutGraph
 from rarms_iac.app.guide import GuideFacts
 from rarms_iac.app.install import Installation
@@ -34,7 +34,6 @@ Answer = (
     | FormattedManifests
     | GuideFacts
     | History
-    | HostExplanation
     | Installation
     | LayoutGraph
     | MeasureOutcome

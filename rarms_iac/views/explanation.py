@@ -2,26 +2,19 @@
 
 from typing import TYPE_CHECKING
 
-from rarms_iac.app.explanation import ComponentExplanation
-from rarms_iac.views.console import STRONG, paragraph, stack, styled
-from rarms_iac.views.explanation_steps import explanation_steps
+from rarms_iac.app.explain import Explanation
+from rarms_iac.model.commands import prose
+from rarms_iac.views.console import Table, paragraph, stack
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
-def explanation_text(explanation: ComponentExplanation, *, without_infeasibility: bool) -> "RenderableType":
-    """Lay out the explanation: what a step is about, its sentence behind it, and its other sentences below.
-
-    Args:
-        explanation: of a component.
-        without_infeasibility: leave out why there is no layout, since the findings beside the text say it.
-    """
-    parts: list[RenderableType] = [paragraph(f"{explanation.component} (criticality {explanation.criticality})")]
-    for step in explanation_steps(explanation):
-        if without_infeasibility and step.repeats_findings:
-            continue
-        first, *others = step.sentences
-        parts.append(paragraph(first, lead=styled((f"{step.topic}: ", STRONG)), more=2))
-        parts += [paragraph(sentence, indent=2) for sentence in others]
-    return stack(*parts)
+def explanation_text(explanation: Explanation) -> "RenderableType":
+    """Show a row a value, with where it comes from."""
+    rows = [(row.name, row.value, row.source) for row in explanation.rows]
+    return stack(
+        f"{explanation.component} (criticality {explanation.criticality})",
+        Table(rows, header=("name", "value", "source"), wrap=(0, 1, 2)),
+        *(paragraph(prose("Next: ", command)) for command in explanation.commands),
+    )

@@ -27,7 +27,7 @@ def history_text(history: History) -> "RenderableType":
         if marked:
             parts.append(paragraph(styled((describe_missing_journal(host, marked), CHANGED)), indent=2, more=2))
         rows = history_rows(runs)
-        parts.append(Table(rows, wrap=(0, 4), indent=2))
+        parts.append(Table(rows, wrap=(3, 4, 5), indent=2))
     return stack(*parts)
 
 

@@ -42,7 +42,9 @@ from rarms_iac.cli.command import name_manifest, rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.session import Session
+from rarms_iac.model.commands import STATUS
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.plan import Purpose
 from rarms_iac.providers.interface import LiveHost
 from rarms_iac.views.run import undo_text
 
@@ -93,7 +95,9 @@ def apply_command(
         tell(session.terminal, notes)
         folder = folder_of(source.manifest) if _is_named() else None
         report = apply_and_show(session, plan, folder, how)
-        code = report_end(session, replace(report, findings=(*notes, *report.findings)), shown=notes)
+        told = replace(report, findings=(*notes, *report.findings))
+        following = None if options.proving or plan.purpose is not Purpose.APPLY else STATUS
+        code = report_end(session, told, shown=notes, following=following)
         if not options.proving:
             return code
         planned = HostSelection(hosts=tuple(part.host.name for part in plan.hosts))

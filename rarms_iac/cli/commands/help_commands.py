@@ -26,13 +26,12 @@ class ExplainOptions:
 
 @rarms_command("explain")
 def explain_command(session: Session, options: ExplainOptions, source: ManifestSource) -> ExitCode:
-    """Say what a finding means and how to mend it, or how a component comes to what it gets.
+    """Explain a finding, or how a component comes to what it gets.
 
-    FINDING is the id that stands before it, such as RARMS014; its number alone is enough. COMPONENT is one of the
-    manifest: from its APT over the data log to the per cent that its partition gets, and what was rejected, as
-    `rarms plan` has it: hosts are looked at where they can be. With
-    --guide: what to set by hand for it, where, and in which order, where it cannot be changed to read a
-    configuration. Exit code 4 where nothing says how much the component needs, or where everything does not fit.
+    FINDING is an id such as RARMS014; its number alone is enough. COMPONENT is one of the manifest: the table has
+    its thresholds, measured values, reservation and host, each with its source, and the rejected alternatives, as
+    `rarms plan` has them. Hosts are looked at if they can be reached. --guide shows the settings to make by hand for
+    a component that cannot read a configuration. Exit code 4: its reservation is not known, or not everything fits.
     """
     subject = options.subject
     if options.guide:
@@ -44,18 +43,16 @@ def explain_command(session: Session, options: ExplainOptions, source: ManifestS
 
 
 def _component(session: Session, source: ManifestSource, name: str) -> ExitCode:
-    from rarms_iac.app.explain_component import explain_component
-    from rarms_iac.app.explanation import Explanation
+    from rarms_iac.app.explain import explain_component
     from rarms_iac.app.manifests import load_manifest
     from rarms_iac.cli.messages import tell
     from rarms_iac.views.explanation import explanation_text
 
     manifest = load_manifest(source)
     explained = explain_component(manifest, name)
-    errors, fits = (explained.errors, explained.fits) if isinstance(explained, Explanation) else ((), True)
-    tell(session.terminal, errors, manifest.sources)
-    session.answer(lambda: json_of(explained), lambda: explanation_text(explained, without_infeasibility=bool(errors)))
-    return ExitCode.DONE if fits else ExitCode.NO
+    tell(session.terminal, explained.errors, manifest.sources)
+    session.answer(lambda: json_of(explained), lambda: explanation_text(explained))
+    return ExitCode.DONE if explained.fits else ExitCode.NO
 
 
 def _guide(session: Session, source: ManifestSource, name: str) -> str:

@@ -94,8 +94,8 @@ def test_what_was_measured_beside_one_of_two_loads_is_said_of_that_load(here: Pa
 
     assert "measured there beside busy-loop: 90 ms" in selected
     assert "no lower setting was measured" not in selected
-    assert "busy-loop, which asks for most; bursts-20 for no more" in explained
-    assert "one less, 61 % of its 2 VPs beside busy-loop: mean_response_time 120 ms (measured)" in explained
+    assert "load busy-loop asks for most; bursts-20 for no more" in explained
+    assert "mean_response_time at 61 % of its 2 VPs 120 ms, at worst " in explained
 
 
 @pytest.mark.parametrize(("at", "meant"), [("110 s", "Did you mean 110 ms?"), ("2 h", "")])

@@ -419,7 +419,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "a component has a task class": (
         given(MANIFEST + "  drive: { criticality: 1, runs_on: host, task: Localization }\n"),
-        Ask("explain drive", "`rarms plan` shows its values", "plan", in_view=True),
+        Ask("explain drive", "Next: ", "plan", in_view=True),
     ),
     "late jobs may be later beside other partitions": (
         given(LATE, "measure vision --from 60% --to 60%"),
@@ -577,12 +577,7 @@ NOT_RECOMMENDED = (
     "Measuring, proving and `rarms run` need it.",
     "so `rarms apply` will refuse it: set RARMS_PLAN_KEY",
     "`rarms apply` does the plan's steps itself",
-    "no run of `rarms tune` that is on record here wrote it",
-    "`rarms tune` measured no other compound with it",
-    ", as `rarms tune` measured it: ",
-    "`rarms tune` combined them at ",
     "A proof (`rarms prove`), with all of its loads together.",
-    "what `rarms tune` measured cannot be told",
     "All together, as `rarms prove` measured them last:",
     "`rarms measure` stopped it and ended before it started it again",
     "`rarms measure` creates and removes partitions with the names",

@@ -83,7 +83,7 @@ def test_the_papers_strategy_keeps_the_hosts_number_and_says_nothing_of_what_is_
 
     assert (measured["processors"], measured["processors_from"]) == (4, "host")
     assert set(settings) == {(4, None)}
-    assert "4 virtual processors: as many as the host has" in " ".join(planned.split())
+    assert "4 virtual processors as many as the host has" in " ".join(planned.split())
 
 
 def test_who_uses_more_later_is_measured_with_so_many_and_the_old_settings_stay(manifest: Path) -> None:

@@ -136,7 +136,7 @@ def test_what_is_measured_beside_several_loads_is_what_a_plan_reserves(tmp_path:
     assert "0 of them new" in again.out
     (onboard,) = json.loads(planned.out)["hosts"]
     assert [change["reserved_lp"] for change in onboard["changes"]] == [bursts["reserve"] / 100]
-    assert "against bursts-100, which asks for most; busy-loop for no more" in " ".join(explained.out.split())
+    assert "load bursts-100 asks for most; busy-loop for no more" in " ".join(explained.out.split())
 
 
 def test_without_the_log_of_one_load_there_is_no_plan(tmp_path: Path) -> None:

@@ -1,0 +1,520 @@
+"""How a component comes to what its partition gets: a row a value, with where the value comes from.
+
+Begin at `explain_component`. Hosts are looked at; one that cannot be counts by what the manifest says.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Literal
+
+from rarms_iac.app.data_logs import measured_reservations
+from rarms_iac.app.hosts import Hosts, observe_hosts, select_hosts
+from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.previous_tuning import TUNE, PreviousTuning, RejectedCompound, previous_tuning
+from rarms_iac.app.requests import HostSelection
+from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
+from rarms_iac.model.capacity import capacity_of, fits
+from rarms_iac.model.commands import PLAN, RecommendedCommand
+from rarms_iac.model.diagnostics import Diagnostic, has_errors
+from rarms_iac.model.host import Host
+from rarms_iac.model.indexes import index_named, show_threshold, show_value
+from rarms_iac.model.layout import Cause, Layout, PlacedPartition, describe_placement
+from rarms_iac.model.processor_number import ProcessorSource
+from rarms_iac.model.quantities import (
+    LogicalProcessors,
+    guaranteed,
+    in_processors,
+    share_of_host,
+    share_of_processors,
+    show_bytes,
+    show_processors,
+    show_reserve,
+)
+from rarms_iac.model.state import PartitionSettings, State
+from rarms_iac.model.system import AtMost, Component, Disruption, Measured, System, Threshold
+from rarms_iac.model.wording import counted, in_a_row, natural_order, suggestion
+from rarms_iac.planner.groups import Group, groups_of
+from rarms_iac.planner.layout import Planning, plan_layout
+from rarms_iac.planner.measured_together import MeasuredTogether, NotMeasured
+from rarms_iac.planner.problem import HostView, by_name, host_view
+from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of
+from rarms_iac.planner.sizes import size, size_without_reserve
+from rarms_iac.planner.totals import totals_by_host
+from rarms_iac.statistics.curves import Curve, highest_missed, holds
+from rarms_iac.statistics.error_probability import describe_extreme
+from rarms_iac.storage.finding_pages import known_codes
+
+STRATEGIES = {"default": "the default strategy", "paper": "the paper's procedure"}
+
+PROCESSORS_FROM = {
+    ProcessorSource.MANIFEST: "manifest",
+    ProcessorSource.USED: "the most that it used at once",
+    ProcessorSource.MEMBERS: "those of its components together, at most the host's",
+    ProcessorSource.HOST: "as many as the host has; how many it uses at once is not known",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ExplainedValue:
+    """A value on the way to what a component gets."""
+
+    name: str
+    value: str
+    source: str = ""  # where it comes from, or why it is so
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Explanation:
+    """What the reservation of a component's partition is made of, and what was rejected."""
+
+    kind: Literal["component"] = "component"
+    component: str
+    criticality: int
+    partition: str = ""  # empty: it runs on the host itself
+    host: str = ""  # where its partition is, or would be; of one on the host itself empty
+    fits: bool = True  # whether there is a layout
+    least: int | None = None  # CR by the data log; None: no setting in it is enough, or there is none
+    settings: PartitionSettings | None = None  # that the partition gets; None: its reserve is not known
+    rows: tuple[ExplainedValue, ...]
+    errors: tuple[Diagnostic, ...] = ()  # why there is no layout
+    commands: tuple[RecommendedCommand, ...] = ()  # the next ones
+
+
+def find_component(manifest: Manifest, name: str) -> Component:
+    """Return a component of a manifest without errors by its name.
+
+    Raises:
+        RequestError: there is none; the message offers the nearest component or finding.
+    """
+    component = manifest.system.components.get(name)
+    if component is None:
+        nearest = suggestion(name, (*manifest.system.components, *known_codes()))
+        raise RequestError(f'The manifest has no component "{name}", and no finding is called so.{nearest}')
+    return component
+
+
+def explain_component(manifest: Manifest, name: str) -> Explanation:
+    """Explain how a component comes to what it gets, as a plan places it.
+
+    Raises:
+        RequestError: there is no such component.
+        UseCaseError: its partition may run on no host (negative).
+    """
+    component, system = find_component(manifest, name), manifest.system
+    group = next((group for group in groups_of(system) if name in names_of(group.members)), None)
+    if group is None:
+        return _on_the_host(component, system)
+    hosts = select_hosts(manifest, HostSelection())
+    states = observe_hosts(hosts, needed=())
+    reservations = measured_reservations(manifest, states)
+    views = {name: host_view(state, system.application.name) for name, state in states.items()}
+    planning = plan_layout(system, reservations, views, manifest.places, explain=False)
+    return _Case(component, group, hosts, states, reservations, views, planning).explanation()
+
+
+def _on_the_host(component: Component, system: System) -> Explanation:
+    homes = [host for host in by_name(system.hosts) if component.hosts is None or host.name in component.hosts]
+    rows = [
+        *_thresholds(component, ""),
+        ExplainedValue("host", ", ".join(host.name for host in homes) or "none", "manifest: runs_on: host"),
+        ExplainedValue("reservation", "none", "only partitions have one; it is not measured"),
+        ExplainedValue("task class", component.task or "none", "manifest"),
+    ]
+    for host in homes:
+        kept = show_processors(in_processors(host.keep_for_host.processor, host.logical_processors))
+        rows.append(ExplainedValue(f"kept on {host.name}", kept, "keep_for_host"))
+    return Explanation(
+        component=component.name,
+        criticality=component.criticality,
+        rows=tuple(rows),
+        commands=(PLAN,) if component.task else (),
+    )
+
+
+def _thresholds(component: Component, of: str) -> Iterator[ExplainedValue]:
+    for index, threshold in component.apt.items():
+        value = show_threshold(index_named(index), threshold)
+        yield ExplainedValue(f"{index}{of}", value, "manifest")
+    if not component.apt and not of:
+        yield ExplainedValue("threshold", "none", "manifest")
+
+
+@dataclass(frozen=True, slots=True)
+class _Case:
+    """A partition with the plan, the hosts and the measurements that its explanation needs."""
+
+    component: Component
+    group: Group
+    hosts: Hosts
+    states: Mapping[str, State]  # of the hosts that could be looked at
+    reservations: MeasuredReservations
+    views: Mapping[str, HostView]  # the same hosts as the planner sees them
+    planning: Planning
+
+    @property
+    def system(self) -> System:
+        return self.hosts.system
+
+    @property
+    def layout(self) -> Layout | None:
+        return self.planning.answer if isinstance(self.planning.answer, Layout) else None
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether the manifest says how much is reserved."""
+        return not depends_on_a_log(self.group) and bool(self.fixed_by)
+
+    @property
+    def fixed_by(self) -> str:
+        own = self.group.request.cpu.reserve
+        if own is not None and not isinstance(own, Measured):
+            return f"manifest: partition {self.group.name}"
+        members = [member.name for member in self.group.members if member.cpu.reserve is not None]
+        return f"manifest: {in_a_row(members)}" if members else ""
+
+    @property
+    def now_on(self) -> str:
+        """The host that the partition is on now, the first by name; empty: none that was looked at."""
+        return next((name for name, view in sorted(self.views.items()) if self.group.name in view.present), "")
+
+    @property
+    def bound(self) -> str:
+        """Why it may only be where it is; empty: it may be elsewhere."""
+        if not self.now_on or self.system.policy.max_disruption is Disruption.REMOVAL:
+            return ""
+        return f"it stays on {self.now_on}: policy.max_disruption does not allow a removal"
+
+    def explanation(self) -> Explanation:
+        host, partition, unplaced = self._place()
+        wanted, log = self._wanted(host), self._log(host)
+        least = None if log is None else log.least
+        previous = previous_tuning(self.hosts.manifest, host)
+        by_log = depends_on_a_log(self.group)
+        compounds = tuple(previous.rejected(names_of(self.group.members))) if by_log else ()
+        rows = [
+            *_thresholds(self.component, ""),
+            *(
+                row
+                for member in self.group.members
+                if member is not self.component
+                for row in _thresholds(member, f" of {member.name}")
+            ),
+            *self._measured(log, unplaced),
+            *self._reservation(host, partition, wanted, log),
+            *self._members(partition, previous),
+            *self._sizes(partition, host, log),
+            *self._host(host, partition, wanted, unplaced),
+        ]
+        rows += [*map(_rejected, compounds), *([] if compounds else [self._not_shared(previous, host)])]
+        rows += [self._elsewhere(partition, other) for other in by_name(self.system.hosts) if other.name != host.name]
+        return Explanation(
+            component=self.component.name,
+            criticality=self.component.criticality,
+            partition=partition.name,
+            host=host.name,
+            fits=self.layout is not None,
+            least=least,
+            settings=None if unplaced else partition.settings,
+            rows=tuple(rows),
+            errors=()
+            if self.layout is not None
+            else tuple(finding for finding in self.planning.findings if has_errors([finding])),
+            commands=(TUNE,) if by_log and not compounds and not previous.runs else (),
+        )
+
+    def _place(self) -> tuple[Host, PlacedPartition, str]:
+        """Its place in the layout, else where it is, or on the first host that could have it; and why none has it."""
+        if self.layout is not None:
+            chosen = next(each for each in self.layout.partitions if each.name == self.group.name)
+            return self.system.hosts[chosen.host], chosen, ""
+        allowed = [
+            host
+            for host in sorted(
+                self.system.hosts.values(), key=lambda host: (host.name != self.now_on, natural_order(host.name))
+            )
+            if self.group.may_run_on(host.name)
+        ]
+        answers = [(host, size(self.group, host, self.reservations)) for host in allowed]
+        for host, answer in answers:
+            if isinstance(answer, PlacedPartition):
+                return host, answer, ""
+        for host, answer in answers:
+            shape = size_without_reserve(self._as_wide_as_measured(host), host)
+            if isinstance(shape, PlacedPartition) and isinstance(answer, Cause):
+                return host, shape, answer.message
+        raise UseCaseError(Outcome.NEGATIVE, self.planning.findings, self.hosts.manifest.sources)
+
+    def _as_wide_as_measured(self, host: Host) -> Group:
+        """The group with the processors that its data log was measured with, where no reservation says them."""
+        log = self.reservations.log(self.group.members, host)
+        if isinstance(log, NotMeasured) or self.group.request.processors is not None:
+            return self.group
+        return replace(self.group, request=replace(self.group.request, processors=log.processors))
+
+    def _wanted(self, host: Host) -> LogicalProcessors | None:
+        own = self.group.request.cpu.reserve
+        if own is not None and not isinstance(own, Measured):
+            return in_processors(own, host.logical_processors)
+        answer = self.reservations.look_up(self.group.members, host)
+        return None if isinstance(answer, NotMeasured) else answer.reservation
+
+    def _log(self, host: Host) -> MeasuredTogether | None:
+        """The data log of its partition, also where the reserve is fixed."""
+        members, reservations = self.group.members, self.reservations
+        if not depends_on_a_log(self.group):
+            if not self.is_fixed:
+                return None
+            members = tuple(
+                replace(member, cpu=replace(member.cpu, reserve=Measured.MEASURED)) if member.apt else member
+                for member in members
+            )
+            partitions = {
+                name: replace(each, cpu=replace(each.cpu, reserve=None)) if name == self.group.name else each
+                for name, each in self.system.partitions.items()
+            }
+            components = {**self.system.components, **{member.name: member for member in members}}
+            system = replace(self.system, components=components, partitions=partitions)
+            reservations = measured_reservations(replace(self.hosts.manifest, system=system), self.states)
+        log = reservations.log(members, host)
+        return log if isinstance(log, MeasuredTogether) else None
+
+    def _measured(self, log: MeasuredTogether | None, unplaced: str) -> Iterator[ExplainedValue]:
+        """The data log, and its indexes at the least reserve, or at the highest that was measured, and one lower."""
+        if log is None:
+            if depends_on_a_log(self.group):
+                yield ExplainedValue("data log", "none", unplaced)
+            return
+        yield from _log_rows(self.system.loads_of(names_of(self.group.members)), log, is_used=not self.is_fixed)
+        if self.is_fixed:
+            return
+        least = log.least
+        at = least if least is not None else max(log.measured, default=0)
+        yield from self._indexes(log, at)
+        curves = [log.curves(member.name, index) for member in self.group.members for index in member.apt]
+        unclear = sorted({reserve for curve in curves for reserve in curve.inconclusive})
+        if least is not None and least > 1:
+            yield from self._indexes(log, least - 1)
+            if not self._falls_short(log, least - 1):
+                overloaded = {reserve for curve in curves for reserve in curve.overloaded}
+                yield ExplainedValue(_at(log, least - 1), _why_unknown(least - 1, overloaded, unclear), "data log")
+        if unclear:
+            values = ", ".join(f"{reserve} % of its VPs" for reserve in unclear)
+            yield ExplainedValue("no verdict at", values, "no steady state, or too few answers")
+        for remark in log.remarks:
+            yield ExplainedValue("remark", remark.message, "data log")
+
+    def _falls_short(self, log: MeasuredTogether, reserve: int) -> bool:
+        """Whether a curve has a value there that is not shown to meet its threshold."""
+        pairs = (
+            (log.curves(member.name, index), apt) for member in self.group.members for index, apt in member.apt.items()
+        )
+        return any(curve.value_at(reserve) is not None and not holds(curve, apt, reserve) for curve, apt in pairs)
+
+    def _indexes(self, log: MeasuredTogether, reserve: int) -> Iterator[ExplainedValue]:
+        """What the curves have there, those that end elsewhere left out."""
+        for member in self.group.members:
+            of = "" if member is self.component else f" of {member.name}"
+            for index, threshold in member.apt.items():
+                curve = log.curves(member.name, index)
+                point = curve.value_at(reserve)
+                if point is not None:
+                    estimate = curve.estimate_at(reserve)
+                    yield ExplainedValue(
+                        f"{index}{of} at {_at(log, reserve)}",
+                        _judged(index, threshold, curve, reserve),
+                        "between two measured settings" if estimate is None else counted(estimate.samples, "sample"),
+                    )
+
+    def _reservation(
+        self,
+        host: Host,
+        partition: PlacedPartition,
+        wanted: LogicalProcessors | None,
+        log: MeasuredTogether | None,
+    ) -> Iterator[ExplainedValue]:
+        def of_host(processors: Fraction) -> str:
+            return f"{show_processors(processors)} ({share_of_host(processors, host.logical_processors, host.name)})"
+
+        least = None if log is None or log.least is None else of_host(guaranteed(log.least, log.processors))
+        if wanted is None:
+            why = "not measured" if log is None else "no setting that was measured is enough"
+            yield ExplainedValue("reservation", "not known", why)
+            return
+        if self.is_fixed:
+            if log is not None:
+                value, source = least or "no setting is enough", "data log; the manifest fixes the reserve"
+                yield ExplainedValue("least reservation", value, source)
+            source = self.fixed_by
+        elif least is not None:
+            source = "the least whole per cent of its VPs at which every threshold holds"
+        else:
+            source = "nothing asks for one"
+        yield ExplainedValue("reservation", of_host(wanted) if wanted else "none", source)
+        settings = partition.settings
+        if settings.reserve:
+            lost = guaranteed(settings.reserve, settings.processors) - wanted
+            rounded = f"rounded up by {show_processors(lost)}" if lost else "nothing is lost"
+            given = show_reserve(settings.reserve, settings.processors)
+            yield ExplainedValue("reserve", given, f"whole per cent of its VPs: {rounded}")
+
+    def _members(self, partition: PlacedPartition, previous: PreviousTuning) -> Iterator[ExplainedValue]:
+        others = [member for member in self.group.members if member is not self.component]
+        names = names_of(self.group.members)
+        together = ", ".join(f"{other.name} (criticality {other.criticality})" for other in others)
+        source = f"with {together}" if others else "alone"
+        yield ExplainedValue("partition", partition.name, source)
+        if others and self.group.name in self.system.partitions:
+            value, source = _combined(previous, names) or ("by hand", "no tuning on record wrote it")
+            yield ExplainedValue("combined", value, f"manifest: partitions; {source}")
+        for member in self.group.members:
+            if wished := [name for name in member.together if name in names]:
+                yield ExplainedValue("together", f"{member.name} with {', '.join(wished)}", f"manifest: {member.name}")
+
+    def _sizes(self, partition: PlacedPartition, host: Host, log: MeasuredTogether | None) -> Iterator[ExplainedValue]:
+        settings = partition.settings
+        is_measured = log is not None and not self.is_fixed
+        source = PROCESSORS_FROM[log.processors_from] if log is not None and is_measured else ""
+        yield ExplainedValue("processors", counted(settings.processors, host.processor_word), source)
+        yield ExplainedValue("memory", show_bytes(settings.memory), "manifest")
+        yield ExplainedValue("limit", show_reserve(settings.limit, settings.processors), partition.why_limit)
+        yield ExplainedValue("weight", str(settings.weight), partition.why_weight)
+        if partition.mechanism:
+            yield ExplainedValue("mechanism", partition.mechanism)
+
+    def _host(
+        self, host: Host, partition: PlacedPartition, wanted: LogicalProcessors | None, unplaced: str
+    ) -> Iterator[ExplainedValue]:
+        yield ExplainedValue("host", host.name, self._why_host(host, wanted, unplaced))
+        if missing := sorted(self.system.hosts.keys() - self.states.keys(), key=natural_order):
+            source = "could not be looked at; the manifest alone counts"
+            yield ExplainedValue("not seen", ", ".join(missing), source)
+        if self.layout is None:
+            return
+        totals = totals_by_host(self.system, self.layout.partitions, self.views)[host.name]
+        here = sorted(self.layout.on(host.name), key=lambda other: natural_order(other.name))
+        amounts: list[tuple[str, Fraction]] = [
+            (other.name, other.reserved) for other in here if other.name != partition.name
+        ]
+        amounts += [("unmanaged machines", totals.unmanaged_lp), ("kept for the host", totals.kept_lp)]
+        for name, amount in amounts:
+            if amount:
+                yield ExplainedValue(f"{name} on {host.name}", show_processors(amount))
+        free = f"{show_processors(totals.free_lp)} of {show_processors(host.logical_processors)}"
+        yield ExplainedValue(f"free on {host.name}", free)
+
+    def _why_host(self, host: Host, wanted: LogicalProcessors | None, unplaced: str) -> str:
+        if self.now_on == host.name:
+            return self.bound or "it is there now"
+        if self.now_on:
+            return f"it is on {self.now_on} now; an apply makes it again on {host.name}"
+        if unplaced:
+            return "once its reservation is known" if wanted is None else unplaced
+        if self.layout is None:
+            return "once there is a layout"
+        return "" if self.layout.placement is None else describe_placement(self.layout.placement)
+
+    def _not_shared(self, previous: PreviousTuning, host: Host) -> ExplainedValue:
+        if not depends_on_a_log(self.group):
+            why = "its reserve is not measured"
+        elif previous.unreadable:
+            why = f"the log of tuning cannot be read: {previous.unreadable}"
+        elif not previous.runs:
+            why = f"`rarms tune` has measured nothing on {host.platform}"
+        else:
+            why = "tuning measured no other compound with it"
+        return ExplainedValue("other compounds", "none", why)
+
+    def _elsewhere(self, here: PlacedPartition, host: Host) -> ExplainedValue:
+        """What it would reserve on another host, and why it is not there; the rest of the layout stays where it is."""
+        name = f"on {host.name}"
+        refused = next((member.name for member in self.group.members if not member.may_run_on(host.name)), "")
+        answer = size(self.group, host, self.reservations)
+        if refused or isinstance(answer, Cause):
+            why = answer.message if isinstance(answer, Cause) else f"{refused} may not run there (`hosts`)"
+            return ExplainedValue(name, "none", why)
+        view = self.views.get(host.name, HostView())
+        there = replace(answer, host=host.name, sharing=view.sharing(answer.name))
+        neighbours = () if self.layout is None else self.layout.on(host.name)
+        if self.bound or self.layout is None:
+            why = self.bound or "there is no layout to compare with"
+        elif not fits(capacity_of(host, view.facts), (*view.claims, *(other.claim for other in (*neighbours, there)))):
+            names = [*(other.name for other in neighbours), *(["unmanaged machines"] if view.claims else [])]
+            why = f"no room with {in_a_row(names)}" if names else "no room"
+        elif there.reserved > here.reserved:
+            why = f"{here.host} needs less"
+        else:
+            why = f"it has room; what is on {here.host} stays there, then names decide"
+        return ExplainedValue(name, show_processors(there.reserved), why)
+
+
+def _log_rows(loads: Sequence[str], log: MeasuredTogether, *, is_used: bool) -> Iterator[ExplainedValue]:
+    times = sorted(recorded.provenance.when for recorded in log.records.recorded)
+    parts = [
+        counted(len(log.measured), "setting"),
+        *([" to ".join(dict.fromkeys((times[0], times[-1])))] if times else []),
+    ]
+    parts += [f"{log.others} more from other conditions"] if log.others else []
+    parts += [] if is_used else ["not used"]
+    yield ExplainedValue("data log", log.path, ", ".join(parts))
+    platform = log.records.header.platform_facts
+    smt = "with SMT" if platform.smt else "without SMT"
+    build = f", build {platform.os_build}" if platform.os_build else ""
+    yield ExplainedValue(
+        "measured on",
+        f"{platform.provider.value}, {show_processors(platform.logical_processors)} {smt}",
+        f"{platform.processor or 'no processor model'}, scheduler {platform.scheduler.value}{build}",
+    )
+    others = [load for load in loads if load != log.interference]
+    source = f"asks for most; {in_a_row(others)} for no more" if others else ""
+    yield ExplainedValue("load", log.interference, source)
+
+
+def _at(log: MeasuredTogether, reserve: int) -> str:
+    return share_of_processors(reserve, log.processors)
+
+
+def _judged(index: str, threshold: Threshold, curve: Curve, reserve: int) -> str:
+    """`97 ms, at worst 98.3 ms: met`; `holds` and the curve's band decide, as for every reservation."""
+
+    def shown(value: float) -> str:
+        return show_value(index_named(index), value, threshold.value)
+
+    point, estimate = curve.value_at(reserve), curve.estimate_at(reserve)
+    assert point is not None, "who asks has looked"
+    seen = (estimate or point).value
+    met = holds(curve, threshold, reserve)
+    if index_named(index).is_extreme:
+        beyond = "so far" if estimate is None or estimate.beyond is None else describe_extreme(estimate.beyond)
+        return f"{shown(seen)} {beyond}: {'met so far' if met else 'missed'}"
+    worst = point.upper if isinstance(threshold, AtMost) else point.lower
+    missed = reserve <= highest_missed([(curve, threshold)])
+    return f"{shown(seen)}, at worst {shown(worst)}: {'met' if met else 'missed' if missed else 'not shown to be met'}"
+
+
+def _why_unknown(reserve: int, overloaded: Set[int], unclear: Sequence[int]) -> str:
+    if reserve in overloaded:
+        return "missed: it falls behind its jobs"
+    if reserve in unclear:
+        return "measured, without a verdict"
+    return "not measured; lower settings gave no verdict" if any(at < reserve for at in unclear) else "not measured"
+
+
+def _combined(previous: PreviousTuning, members: tuple[str, ...]) -> tuple[str, str] | None:
+    """What tuning wrote there, and which run did."""
+    combined = previous.combined(members)
+    if combined is None:
+        return None
+    run, partition = combined
+    claim = f", {run.claim} to be the best" if run.strategy == "default" else ""
+    apart = show_processors(partition.parts_lp or Fraction(0))
+    value = f"{show_processors(partition.reserved_lp)} ({partition.reserve} % of its VPs) instead of {apart} apart"
+    return value, f"tuning, {run.when}, by {STRATEGIES[run.strategy]}{claim}"
+
+
+def _rejected(compound: RejectedCompound) -> ExplainedValue:
+    answers = [f"{compound.enough} % of its VPs is enough"] if compound.enough is not None else []
+    if compound.missed is not None:
+        answers.append(f"{compound.missed} % is not enough for {', '.join(compound.worse)}")
+    outdated = f"; outdated: {compound.outdated}" if compound.outdated else ""
+    return ExplainedValue("+".join(compound.components), "; ".join(answers), f"rejected by tuning{outdated}")
