@@ -47,7 +47,7 @@ class Truth:
     apt: float  # ms, or per cent of jobs
 
     def index(self, reserve: int) -> float:
-        """The true value of the index at a CR: ms, or per cent."""
+        """Return the true value of the index at a CR: ms, or per cent."""
         level = self.level[reserve - 1]
         return level if self.limit_ms is None else 100 * self.successes(level)
 
@@ -58,11 +58,11 @@ class Truth:
         return self.index(reserve) >= self.apt + 100 * stricter
 
     def least(self, *, stricter: float = 0.0) -> int:
-        """The least CR that meets it; 101: none does."""
+        """Return the least CR that meets it; 101: none does."""
         return next((reserve for reserve in range(1, 101) if self.meets(reserve, stricter=stricter)), 101)
 
     def successes(self, level: float) -> float:
-        """The share of jobs that succeed at this level."""
+        """Return the share of jobs that succeed at this level."""
         assert self.limit_ms is not None
         spread = deviation_of_logarithm(self.noise)
         ordinary, heavy = (
@@ -86,7 +86,7 @@ class _Physics:
     parallel: float
 
     def served(self, reserve: float) -> float:
-        """The response time of the work alone at this CR."""
+        """Return the response time of the work alone at this CR."""
         return 100 * self.work / (self.parallel * reserve)
 
 
@@ -103,7 +103,7 @@ def floor(physics: _Physics) -> Level:
 
 
 def staircase(physics: _Physics) -> Level:
-    """A quota in every period: the work waits for the next one whenever a quota is used up."""
+    """Return a quota in every period: the work waits for the next one whenever a quota is used up."""
     period = 10 ** physics.chance.uniform(0.0, 2.0)
     work = physics.work / physics.parallel
 
@@ -182,14 +182,14 @@ def edge(physics: _Physics) -> Level:
 
 
 def stairs(physics: _Physics) -> Level:
-    """A few edges, each of another height: what two settings show says nothing of what lies between them."""
+    """Return a few edges, each of another height: what two settings show says nothing of what lies between them."""
     chance, base = physics.chance, physics.served(1)
     falls = [(chance.randint(2, 99), 10 ** chance.uniform(0.01, 1.0)) for _ in range(chance.randint(2, 5))]
     return lambda reserve: base * math.prod(fall for at, fall in falls if reserve < at)
 
 
 def _above_its_work(physics: _Physics, values: Sequence[float]) -> Level:
-    """The values at such a scale that at every CR there is time for the work, at one of them hardly more."""
+    """Return the values at such a scale that at every CR there is time for the work, at one of them hardly more."""
     room = physics.chance.uniform(1.0, 2.5)
     scale = room * max(physics.served(reserve) / values[reserve - 1] for reserve in range(1, 101))
     return lambda reserve: scale * values[reserve - 1]
@@ -215,7 +215,7 @@ ADVERSARIAL: dict[str, Callable[[_Physics], Level]] = {"edge": edge, "stairs": s
 
 
 def component(shape: str, seed: int, noise: float) -> Truth:
-    """The component of this shape and seed: its least CR is uniform over those where its curve falls at all."""
+    """Return the component of this shape and seed: its least CR is uniform over those where its curve falls at all."""
     chance = random.Random(f"{shape}/{seed}/{noise}")
     physics = _Physics(chance, 10 ** chance.uniform(0.5, 2.5), chance.choice((1.0, 1.0, 2.0)))
     curve = (NAMED | UNSEEN | ADVERSARIAL)[shape](physics)
@@ -242,7 +242,7 @@ def component(shape: str, seed: int, noise: float) -> Truth:
 
 
 def _success(truth: Truth, between: float, chance: random.Random) -> Truth:
-    """The limit lies where the wanted share of jobs meets it at the level `between`; three in four show their times."""
+    """Return the limit that the wanted share of jobs meets at the level `between`; three in four show their times."""
     if truth.shape == "success S":
         # Its jobs differ by themselves: with nothing but a noise of 1 % the S would be the cliff once more.
         heavy = 0.0
@@ -265,7 +265,7 @@ NAME = "coi"
 
 
 def goal_of(truth: Truth) -> Goal:
-    """What is searched."""
+    """Return what is searched."""
     run = a_run()
     threshold = Fraction(truth.apt)
     if truth.limit_ms is None:
@@ -309,7 +309,7 @@ class Bench:
     done: dict[tuple[int, float | None], Setting] = field(default_factory=dict)
 
     def measure(self, step: Measure) -> Setting:
-        """The setting, ended as soon as the strategy says so, and as a data log gives it back."""
+        """Return the setting, ended as soon as the strategy says so, and as a data log gives it back."""
         key = (step.reserve, step.precision)
         if key not in self.done:
             self.done[key] = self._setting(step)
@@ -355,7 +355,7 @@ class Walk:
 
 
 def walk(strategy: Strategy, setting_of: Callable[[Measure], Setting]) -> Walk:
-    """What `rarms measure` measures of this component with this strategy: its loop, without a host."""
+    """Return what `rarms measure` measures of this component with this strategy: its loop, without a host."""
     settings: list[Setting] = []
     while len(settings) <= MOST_SETTINGS:
         step = strategy.decide(settings)

@@ -50,7 +50,7 @@ def series(reserve: int, dice: random.Random) -> Series:
 
 
 def make_cell(folder: Path) -> None:
-    """The manifest with a log that was measured, and made long."""
+    """Make a manifest with a measured log, and make the log long."""
     (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
     consumed(folder, "measure", "--samples", "60", "--from", "50%", "--to", "50%")
     path = log_path(folder, "onboard", ["vision"], "busy-loop")

@@ -215,7 +215,7 @@ class LongRuns:
         return ModelMachine(lps=processors, machines=(p1, p2), interrupts=QUIET_INTERRUPTS)
 
     def level(self, reserve: int) -> float:
-        """What should fall with the CR, beside the load where it is highest (`level_of`)."""
+        """Return what should fall with the CR, beside the load where it is highest (`level_of`)."""
         return max(level_of(self.drawn.index, series) for series in self.at(reserve))
 
     def least(self, limit: float) -> int:
@@ -233,7 +233,7 @@ def rate_of(series: Series) -> float:
 
 
 def level_of(index: str, series: Series) -> float:
-    """What falls with the CR: the index in ms, the time between jobs, or that within which 95 % of them answer."""
+    """Return what falls with the CR: the index in ms, the time between jobs, or the 95th percentile."""
     times = sorted(response_times(series.samples))
     match index:
         case "mean_response_time":
@@ -398,7 +398,7 @@ def _is_wrong(end: ExperimentResult, reserve: int, truth: int, limit: float, run
 
 
 def _samples_needed(index: str, threshold: Threshold, series: Series, limit: float, hosts: Hosts) -> int:
-    """Samples of a setting that show what is true in a long run."""
+    """Return samples of a setting that show what is true in a long run."""
     least = samples_needed(index, threshold)
     if index == "success_rate":
         good = bytes(time <= limit * (1 + 1e-6) for time in response_times(series.samples))

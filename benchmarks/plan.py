@@ -21,7 +21,7 @@ TIMES_VALIDATE = 3.0
 
 
 def applied(folder: Path) -> str:
-    """The path of the manifest, which is applied; nothing is flushed, since no power will fail."""
+    """Return the path of the manifest, which is applied; nothing is flushed, since no power will fail."""
     path = folder / "rarms.yaml"
     path.write_text(fleet_manifest(COMPONENTS), encoding="utf-8", newline="\n")
     said = io.StringIO()
@@ -33,7 +33,7 @@ def applied(folder: Path) -> str:
 
 
 def untouched(folder: Path) -> str:
-    """The path of the same manifest, of which nothing is applied."""
+    """Return the path of the same manifest, of which nothing is applied."""
     path = folder / "untouched" / "rarms.yaml"
     path.parent.mkdir(exist_ok=True)
     path.write_text(fleet_manifest(COMPONENTS), encoding="utf-8", newline="\n")

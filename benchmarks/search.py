@@ -76,7 +76,7 @@ def _result(truth: Truth, goal: Goal, strategy: str, done: Walk) -> Result:
 
 
 def _passed_and_failed(goal: Goal, done: Walk, *, strict: bool) -> tuple[set[int], set[int]]:
-    """The settings that were measured as passing, and as failing: by the curve that a plan rests on, or by verdicts.
+    """Return the settings that passed and those that failed, by the curve that a plan uses or by verdicts.
 
     One without a steady state is neither.
     """
@@ -135,7 +135,7 @@ def _settings(found: Iterable[Result], shapes: Iterable[str]) -> float:
 
 
 def by_shape(found: Sequence[Result]) -> str:
-    """A line a shape: mean, 95th percentile and most of the settings of each strategy; what the default got right."""
+    """Return a line for each shape: settings by strategy (mean, 95th percentile, most), and the right answers."""
     lines = [" " * 20 + "".join(f"{strategy:>20}" for strategy in STRATEGIES) + "   not right"]
     for name, shapes in [*((shape, [shape]) for shape in SHAPES), ("all", SHAPES)]:
         cells = []

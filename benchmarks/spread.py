@@ -33,7 +33,7 @@ components:
 
 
 def answer(index: str, seed: int) -> int | None:
-    """The reservation found with a seed, in per cent; None: there is no answer."""
+    """Return the reservation found with a seed, in per cent; None: there is no answer."""
     with tempfile.TemporaryDirectory() as folder:
         manifest = Path(folder) / "rarms.yaml"
         manifest.write_text(MANIFEST.format(index=index, limit=THRESHOLDS[index]), encoding="utf-8")
@@ -42,7 +42,7 @@ def answer(index: str, seed: int) -> int | None:
 
 
 def figures() -> list[Figure]:
-    """The answers' spread for each threshold, with the answers."""
+    """Return the answers' spread for each threshold, with the answers."""
     rows: list[Figure] = []
     for index in THRESHOLDS:
         found = [answer(index, seed) for seed in SEEDS]

@@ -68,7 +68,7 @@ def away_by_window(seed: int) -> dict[int, float]:
 
 
 def locked(seed: int, starts: int, jobs: int) -> Series:
-    """A component that locks into one phase of its load for each start."""
+    """Return a component that locks into one phase of its load for each start."""
     chance = random.Random(f"locked/{seed}")
     times = [level * chance.uniform(0.999, 1.001) for _ in range(starts) for level in [chance.choice(PHASES)] * jobs]
     series = series_of(times)

@@ -32,7 +32,7 @@ class Figure:
 
 
 def command(words: Sequence[str], *, environment: Mapping[str, str] | None = None, expect: int = 0) -> Task:
-    """A task that runs a whole command, its output unread; another exit code than `expect` is an error."""
+    """Return a task that runs a whole command, its output unread; another exit code than `expect` is an error."""
 
     def run() -> None:
         done = subprocess.run(
@@ -99,12 +99,12 @@ def interleaved(tasks: Mapping[str, Task], *, rounds: int) -> dict[str, list[flo
 
 
 def median_ratio(times: Sequence[float], to: Sequence[float]) -> float:
-    """The median of the ratios of runs that were neighbours in time."""
+    """Return the median of the ratios of runs that were neighbours in time."""
     return statistics.median(time / other for time, other in zip(times, to, strict=True))
 
 
 def table(figures: Sequence[Figure]) -> str:
-    """The figures as a text table, a line each."""
+    """Return the figures as a text table, a line each."""
     rows = [("", "measured", "goal", "")]
     for figure in figures:
         goal = "-" if figure.at_most is None else f"<= {figure.at_most:g} {figure.unit}"
@@ -117,6 +117,6 @@ def table(figures: Sequence[Figure]) -> str:
 
 
 def report(figures: Sequence[Figure]) -> int:
-    """Prints the table; 1 when a goal was missed, otherwise 0."""
+    """Print the table; 1 when a goal was missed, otherwise 0."""
     print(table(figures))
     return 0 if all(figure.reached for figure in figures) else 1

@@ -64,12 +64,12 @@ class _Jobs:
     noise: float
 
     def quantile(self, deviations: float) -> float:
-        """The response time that lies so many deviations above the middle one."""
+        """Return the response time that lies so many deviations above the middle one."""
         spread = deviation_of_logarithm(self.noise)
         return MEAN * math.exp(spread * deviations - spread**2 / 2)
 
     def share_below(self, time: float) -> float:
-        """The share of jobs that take less."""
+        """Return the share of jobs that take less."""
         spread = deviation_of_logarithm(self.noise)
         return 0.5 * math.erfc(-(math.log(time / MEAN) + spread**2 / 2) / spread / math.sqrt(2.0))
 
@@ -85,7 +85,7 @@ def series_of(times: Sequence[float], *, limit: float = math.inf) -> Series:
 
 
 def noisy(chance: random.Random, count: int, noise: float, correlation: float, mean: float = MEAN) -> list[float]:
-    """A steady series: lognormal, each value correlated with the one before."""
+    """Return a steady series: lognormal, each value correlated with the one before."""
     spread = deviation_of_logarithm(noise)
     fresh, state, times = math.sqrt(1.0 - correlation**2), chance.gauss(0.0, 1.0), []
     for _ in range(count):
@@ -99,7 +99,7 @@ NEAR, FAR = 1.0, 4.0
 
 
 def case(kind: str, seed: int, distance: float = NEAR) -> Case:
-    """A component whose index lies so far from its threshold."""
+    """Return a component whose index lies so far from its threshold."""
     chance = random.Random(f"{kind}/{seed}")
     if kind.endswith("two modes"):
         return _two_modes(kind, chance, distance)
@@ -229,7 +229,7 @@ _HARD = {
 
 
 def extreme_beyond(seed: int, *, longest: bool) -> tuple[Series, float]:
-    """A series, and the share of jobs, in per cent, that truly lies beyond the extreme it shows."""
+    """Return a series, and the share of jobs, in per cent, that truly lies beyond the extreme it shows."""
     jobs = _jobs(random.Random(f"extreme/{seed}"))
     seen = jobs.share_below(max(jobs.times) if longest else min(jobs.times))
     return series_of(jobs.times), 100 * (1.0 - seen if longest else seen)
@@ -262,12 +262,12 @@ SHAPES = ("drift", "level shifts", "slow wave", "random walk")
 
 
 def sequential(series: Series, apt: dict[str, Threshold]) -> Verdict:
-    """The verdict as a running measurement gives it: at the first look that settles it, or at the end."""
+    """Return the verdict as a running measurement gives it: at the first look that settles it, or at the end."""
     return sequential_in(series, apt, RUN)[1]
 
 
 def sequential_in(series: Series, apt: dict[str, Threshold], run: Run) -> tuple[int, Verdict]:
-    """The verdict of a run as a running measurement gives it, with the samples that it took."""
+    """Return the verdict of a run as a running measurement gives it, with the samples that it took."""
     look = FIRST_LOOK
     while look < len(series.samples):
         part = Series(component="coi", samples=series.samples[:look], elapsed_ms=series.samples[look].began_ms)
@@ -295,7 +295,7 @@ def wrong(
 
 
 def as_likely(false: int, count: int, declared: float) -> float:
-    """The probability of at least so many wrong verdicts if each is wrong with the error declared (binomial)."""
+    """Return the probability of at least so many wrong verdicts if each is wrong with the error declared (binomial)."""
     return 1.0 if false == 0 else share_below(declared, false, count - false + 1)
 
 
@@ -313,7 +313,10 @@ def too_much_beyond(count: int, *, longest: bool) -> int:
 
 
 def unsteady(shape: str, seed: int, count: int = LONG) -> list[float]:
-    """A series without a steady state: its mean moves by 1 to 3 % in every 100 samples, to and fro or for good."""
+    """Return a series without a steady state.
+
+    Its mean moves by 1 to 3 % in every 100 samples, to and fro or for good.
+    """
     chance = random.Random(f"{shape}/{seed}")
     times = noisy(chance, count, chance.choice(NOISES), chance.uniform(0.0, 0.5), mean=1.0)
     rate = chance.uniform(0.01, 0.03) / 100
@@ -343,7 +346,7 @@ def _levels(shape: str, chance: random.Random, rate: float, count: int) -> list[
 
 
 def steady(seed: int) -> list[float]:
-    """A steady series, every other one after a warm-up of up to a tenth of it."""
+    """Return a steady series, every other one after a warm-up of up to a tenth of it."""
     chance = random.Random(f"steady/{seed}")
     count = chance.choice((200, 400, 1000, LONG))
     times = noisy(chance, count, chance.choice(NOISES), chance.uniform(0.0, 0.5))
@@ -409,7 +412,7 @@ BEFORE = {"normal": 666.0, "two modes": 432.0, "long tail": 2691.0}
 
 
 def effort(data: str, seed: int) -> tuple[Series, dict[str, Threshold]]:
-    """A long series, and a threshold at 0.5 to 50 % from its mean: what a search comes by."""
+    """Return a long series, and a threshold at 0.5 to 50 % from its mean: what a search comes by."""
     chance = random.Random(f"effort/{data}/{seed}")
     match data:
         case "normal":
@@ -424,7 +427,7 @@ def effort(data: str, seed: int) -> tuple[Series, dict[str, Threshold]]:
 
 
 def effort_figures(count: int) -> list[Figure]:
-    """Samples that a setting takes, beside those before."""
+    """Return samples that a setting takes, beside those before."""
     figures: list[Figure] = []
     for data, before in BEFORE.items():
         taken = clear = 0
@@ -474,7 +477,7 @@ def beyond_boundary(runs: int) -> int:
 
 
 def flat_series(kind: str, chance: random.Random, count: int) -> tuple[Series, dict[str, Threshold]]:
-    """A series of a setting just on the wrong side of its threshold, by a thousandth."""
+    """Return a series of a setting just on the wrong side of its threshold, by a thousandth."""
     match kind:
         case "mean_response_time":
             return series_of(noisy(chance, count, 0.15, 0.3)), {kind: limit_at(MEAN * 0.999)}
@@ -519,7 +522,7 @@ def flat_curves(kind: str, curves: int) -> tuple[int, int]:
 
 
 def _growing(series: Series, chance: random.Random) -> Iterator[Series]:
-    """The series after each of its runs, as `--again` lets it grow."""
+    """Yield the series after each of its runs, as `--again` lets it grow."""
     count, runs = 0, list[int]()
     while count < len(series.samples):
         count = min(len(series.samples), max(FIRST_LOOK, round(count * chance.uniform(1.1, 2.5))))
@@ -540,7 +543,7 @@ def sequence_figures(count: int) -> list[Figure]:
 
 
 def one_look(series: Series, apt: dict[str, Threshold]) -> Verdict:
-    """The verdict on the whole series."""
+    """Return the verdict on the whole series."""
     return judge(series, apt, RUN)
 
 

@@ -51,7 +51,7 @@ writes nothing.
 
 
 def reference() -> str:
-    """The whole page, ending with a line end."""
+    """Return the whole page, ending with a line end."""
     group = root_group()
     top = click.Context(group, info_name="rarms", terminal_width=WIDTH, **group.context_settings)
     parts = [HEAD, _section("rarms", group.get_help(top))]

@@ -26,7 +26,7 @@ _SEAL: dict[str, Schema] = {
 
 
 def data_log_schema() -> Schema:
-    """The schema that `schemas/datalog.json` holds: each line is a header, a setting or a remeasurement."""
+    """Return the schema that `schemas/datalog.json` holds: each line is a header, a setting or a remeasurement."""
     header = schema_of(Header)
     definitions: dict[str, Any] = dict(header["$defs"])
     for part in (Provenance, Remeasurement, SettingEvidence):
@@ -120,14 +120,14 @@ def _series() -> Schema:
 
 
 def plan_schema() -> Schema:
-    """The schema that `schemas/plan.json` holds."""
+    """Return the schema that `schemas/plan.json` holds."""
     schema = schema_of(PlanFile)
     file = schema["$defs"].pop("PlanFile")
     return {"$schema": schema["$schema"], **file, "$defs": schema["$defs"]}
 
 
 def snapshot_schema() -> Schema:
-    """The schema that `schemas/snapshot.json` holds."""
+    """Return the schema that `schemas/snapshot.json` holds."""
     schema = schema_of(State)
     return {
         "$schema": schema["$schema"],
@@ -142,7 +142,7 @@ def snapshot_schema() -> Schema:
 
 
 def text_of(schema: Schema) -> str:
-    """A schema as its file holds it."""
+    """Return a schema as its file holds it."""
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
 

@@ -117,7 +117,7 @@ _EXAMPLES = {
 
 
 def reference_markdown() -> str:
-    """The whole page: one section a block, in the order in which a reader meets them."""
+    """Return the whole page: one section a block, in the order in which a reader meets them."""
     document = manifest_schema()
     sections = [_section("The document", "System", document, document)]
     for path, name in _blocks("", document, document, {"System"}):
@@ -143,7 +143,7 @@ def _blocks(path: str, schema: Schema, document: Schema, seen: set[str]) -> Iter
 
 
 def _referred(value: Schema, document: Schema) -> Iterator[tuple[str, str]]:
-    """The blocks that a value may be, with the step to them: a map's are below any name."""
+    """Yield the blocks that a value may be, with the step to them: a map's are below any name."""
     if "patternProperties" in value:
         yield "", "apt"
     for alternative in [value, *value.get("oneOf", ()), *value.get("anyOf", ())]:
@@ -195,7 +195,7 @@ def _description(value: Schema, document: Schema) -> str:
 
 
 def _kind(value: Schema, document: Schema) -> str:
-    """What a value looks like, in a few words."""
+    """Return what a value looks like, in a few words."""
     if "$ref" in value:
         name = value["$ref"].removeprefix("#/$defs/")
         schema = document["$defs"][name]
@@ -253,5 +253,5 @@ def _example(name: str) -> list[str]:
 
 
 def examples() -> dict[str, str]:
-    """The examples of the page, by the block that they show."""
+    """Return the examples of the page, by the block that they show."""
     return {name: "\n".join([*_example(name), ""]) for name in _EXAMPLES}

@@ -10,7 +10,7 @@ from scripts.schema_of_types import output_schema_of
 
 
 def output_schema() -> str:
-    """The text of `schemas/output.json`."""
+    """Return the text of `schemas/output.json`."""
     answers = get_args(Answer)
     schema = output_schema_of(answers)
     for answer in answers:

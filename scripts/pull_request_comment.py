@@ -37,7 +37,7 @@ class Forge:
 
 
 def find_forge() -> Forge:
-    """The forge whose pipeline this is."""
+    """Return the forge whose pipeline this is."""
     token = os.environ["TOKEN"]
     if gitlab := os.environ.get("CI_API_V4_URL"):
         request = int(os.environ["CI_MERGE_REQUEST_IID"])
@@ -83,7 +83,7 @@ def main(file: str) -> int:
 
 
 def _earlier(forge: Forge, marker: str) -> int | None:
-    """The id of the author's first comment with this marker."""
+    """Return the id of the author's first comment with this marker."""
     whose, name = forge.author
     page = 1
     while found := _ask(forge, "GET", f"{forge.comments}?per_page={PAGE}&page={page}"):

@@ -26,14 +26,14 @@ _PLAIN: Mapping[Any, Schema] = {
 
 
 def schema_of(record: type) -> Schema:
-    """The schema of a dataclass in a file of ours, with a definition for each that it uses, sorted by name."""
+    """Return the schema of a dataclass in a file of ours, with a definition for each that it uses, sorted by name."""
     definitions: dict[str, Schema] = {}
     reference = _schema(record, definitions, _stored)
     return {"$schema": DIALECT, **reference, "$defs": dict(sorted(definitions.items()))}
 
 
 def output_schema_of(answers: Iterable[type]) -> Schema:
-    """The schema of output that is one of these dataclasses; fields may be added to any of them."""
+    """Return the schema of output that is one of these dataclasses; fields may be added to any of them."""
     definitions: dict[str, Schema] = {}
     references = [_schema(answer, definitions, _output) for answer in answers]
     return {"$schema": DIALECT, "anyOf": references, "$defs": dict(sorted(definitions.items()))}
@@ -106,7 +106,7 @@ def _output(cls: type, schema: Callable[[Any], Schema]) -> Schema:
 
 
 def _told_by_names(members: tuple[Any, ...], schemas: list[Schema]) -> list[Schema]:
-    """The members of a union; a dataclass among several that has no `kind` is told by its name around it."""
+    """Return the members of a union; a dataclass among several that has no `kind` is told by its name around it."""
     records = {member for member in members if isinstance(member, type) and is_dataclass(member)}
     return [
         {

@@ -50,7 +50,7 @@ def main() -> int:
 
 
 def components_of(robot: Path, today: date) -> Mapping[str, Component]:
-    """The components of the manifest in a folder, by name."""
+    """Return the components of the manifest in a folder, by name."""
     system = load_system(str(robot / "rarms.yaml"), today=today).system
     assert system is not None
     return system.components
@@ -111,7 +111,7 @@ def bracket(log: Log, component: Component) -> tuple[int, int | None]:
 
 
 def rules(log: Log, component: Component, processors: int, components: int) -> dict[str, int]:
-    """What each way of choosing a reservation gives a component, in whole per cent of the host."""
+    """Return what each way of choosing a reservation gives a component, in whole per cent of the host."""
     used = usage(log.records[Experiment(kind="alone", component=component.name)], processors)
     measured = log.records[Experiment(kind="measured", component=component.name)]["reserve"]
     chosen = {

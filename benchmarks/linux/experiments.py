@@ -139,7 +139,7 @@ class Workbench:
         self.tree.write(LOAD_GROUP, GroupValues(shares_percent=p2 * self.processors))
 
     def context(self, place: ProcessPlace) -> StartContext:
-        """The surroundings of something that starts in this place."""
+        """Return the surroundings of something that starts in this place."""
         return StartContext(base=self.robot, environment=self.environment, inside=place)
 
     @contextmanager
@@ -215,7 +215,7 @@ class Workbench:
             return self.run(component, place, seconds, fewest=FEWEST_JOBS, begin=lambda: reserve_all(reserve))
 
     def _measured(self, component: Component) -> float:
-        """What `rarms measure` finds, in per cent of the host."""
+        """Return what `rarms measure` finds, in per cent of the host."""
         arrival = run_of(component).arrival
         jobs = round(1000 * MEASURED_S / arrival.period) if isinstance(arrival, Periodic) else MEASURED_JOBS
         words = ("rarms", "measure", component.name, "--samples", str(jobs), "--json")
@@ -280,12 +280,15 @@ def workbench(robot: Path, environment: Mapping[str, str], processors: int) -> I
 
 
 def percent_of_host(found: Record) -> float:
-    """What an experiment of `rarms measure` found, in per cent of the host; its own are of the processors used."""
+    """Return what an experiment of `rarms measure` found, in per cent of the host.
+
+    The experiment's own numbers are of the processors used.
+    """
     return float((found["planned"] or found["reserve"]) * found["processors"] / found["host_lp"])
 
 
 def series_of(component: str, recorded: Record) -> Series:
-    """The series of a run as it was recorded."""
+    """Return the series of a run as it was recorded."""
     samples = tuple(
         Sample(began_ms=began, response_ms=response, successful=successful, count=count)
         for began, response, successful, count in recorded["samples"]
@@ -294,14 +297,14 @@ def series_of(component: str, recorded: Record) -> Series:
 
 
 def work_of(record: Record) -> float:
-    """What a job of a run consumed on average, in ms of processor time."""
+    """Return what a job of a run consumed on average, in ms of processor time."""
     (began, before, _), (ended, after, _) = record["consumed"][0], record["consumed"][-1]
     series = record["series"]
     return float((after - before) / (ended - began) * series["elapsed_ms"] / len(series["samples"]))
 
 
 def usage(record: Record, processors: int) -> tuple[float, ...]:
-    """What a component consumed second by second, in per cent of the host."""
+    """Return what a component consumed second by second, in per cent of the host."""
     consumed = record["consumed"]
     return tuple(
         100 * (after[1] - before[1]) / (after[0] - before[0]) / processors for before, after in pairwise(consumed)
@@ -309,7 +312,7 @@ def usage(record: Record, processors: int) -> tuple[float, ...]:
 
 
 def values_in(runs: Sequence[Series], component: Component) -> Values:
-    """The medians of every index over several runs."""
+    """Return the medians of every index over several runs."""
     seen = [values_of(component, run) for run in runs]
     return {index: median(values[index] for values in seen) for index in component.apt}
 

@@ -127,7 +127,7 @@ def report(machine: Workbench, component: Component, answers: Mapping[str, float
 
 
 def measured(robot: Path, environment: Mapping[str, str], name: str) -> dict[str, float | None]:
-    """What `rarms measure` answers by load, in per cent of the host; None: nothing."""
+    """Return what `rarms measure` answers by load, in per cent of the host; None: nothing."""
     words = (sys.executable, "-m", "rarms_iac", "measure", name, "--overlay", "budget.yaml", "--json")
     done = subprocess.run(words, cwd=robot, env=dict(environment), stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode not in (0, 4):
@@ -137,7 +137,7 @@ def measured(robot: Path, environment: Mapping[str, str], name: str) -> dict[str
 
 
 def sweep(machine: Workbench, component: Component, name: str, around: int) -> int | None:
-    """The least reservation that is enough beside a load, within what is swept, in per cent of the host."""
+    """Return the least reservation that is enough beside a load, within what is swept, in per cent of the host."""
 
     def is_enough(reserve: int) -> bool:
         record = machine.at_reserve(

@@ -148,14 +148,14 @@ def _is(name: str, findings: Findings) -> bool:
 
 
 def _robotic(found: Sequence[Findings]) -> Mapping[str, Findings]:
-    """The components by the paper's name, where each ran under load."""
+    """Return the components by the paper's name, where each ran under load."""
     by_name = {each.component.name: each for each in found}
     names = {"FDP": FDP, "SRP": SRP, "VSP": VSP, "PPP": PPP}
     return {short: by_name[name] for short, name in names.items()} if all(each.loaded for each in found) else {}
 
 
 def _totals(found: Sequence[Findings]) -> Mapping[str, Trial]:
-    """What each rule chose for all components."""
+    """Return what each rule chose for all components."""
     trials = {rule: [each.trials[rule] for each in found] for rule in found[0].trials}
     return {
         rule: Trial(
@@ -266,7 +266,7 @@ def _chart_4(browsers: Mapping[tuple[int, int], Sequence[float]]) -> Chart:
 
 
 def _machine(record: Log) -> Mapping[str, object]:
-    """What the head of the page says of this machine and of how quiet it was."""
+    """Return what the head of the page says of this machine and of how quiet it was."""
     model = next(
         line.partition(":")[2].strip()
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()

@@ -115,7 +115,7 @@ class Demand:
 
 
 def demand_of(record: Record, name: str, threads: int, period: float) -> Demand:
-    """What a run without anything beside it tells."""
+    """Return what a run without anything beside it tells."""
     times = [sample.response_ms for sample in series_of(name, record["series"]).samples if sample.response_ms]
     work, mean = work_of(record), statistics.fmean(times)
     return Demand(
@@ -128,7 +128,7 @@ def demand_of(record: Record, name: str, threads: int, period: float) -> Demand:
 
 
 def foretold(demand: Demand, limit: float, processors: int, *, in_class: bool = False) -> int | None:
-    """The least reservation, in per cent of the host, from which on the scheduler model keeps the mean response time.
+    """Return the least reservation, in per cent of the host, at which the scheduler model keeps the mean response time.
 
     Beside busy loops that keep to their processors, k threads of a group that reserves the part c of n processors get
     nc / (nc + k (1 - c)) of one each, since a group's weight is spread over the processors it runs on. The model is
@@ -162,7 +162,7 @@ def foretold(demand: Demand, limit: float, processors: int, *, in_class: bool = 
 
 
 def least(low: int, high: int, is_enough: Callable[[int], bool]) -> int | None:
-    """The least whole per cent from low to high that is enough, by halving; None where the highest is not."""
+    """Return the least whole per cent from low to high that is enough, by halving; None where the highest is not."""
     if not is_enough(high):
         return None
     while low < high:
@@ -180,7 +180,7 @@ def run_of(program: Program) -> Run:
 
 
 def seen(machine: Workbench, component: Component, limit: float, around: int) -> int | None:
-    """The least reservation on Linux, within what is searched."""
+    """Return the least reservation on Linux, within what is searched."""
 
     def is_enough(reserve: int) -> bool:
         machine.split(reserve, 100 - reserve)

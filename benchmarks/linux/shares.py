@@ -70,7 +70,7 @@ def missed(tree: GroupTree, mechanism: str, reserve: int) -> bool:
 
 
 def run_once(tree: GroupTree, processors: int) -> tuple[float, float]:
-    """What P1 consumed, and what neither group did, in per cent of the host."""
+    """Return what P1 consumed, and what neither group did, in per cent of the host."""
     time.sleep(SETTLE_S)
     before, started = [tree.cpu_ms(name) for name in ("p1", "p2")], time.perf_counter()
     time.sleep(RUN_S)

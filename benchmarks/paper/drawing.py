@@ -26,7 +26,7 @@ class Chart:
 
 
 def draw(chart: Chart) -> str:
-    """The chart as SVG text."""
+    """Return the chart as SVG text."""
     low, high = chart.span
 
     def place(x: float, y: float) -> tuple[float, float]:

@@ -50,7 +50,7 @@ class Loaded:
 
 
 def the_robot() -> System:
-    """The delivery robot as it is shipped."""
+    """Return the delivery robot as it is shipped."""
     path = shipped("manifests/delivery-robot/rarms.yaml")
     loaded = load_system(str(path), today=datetime.now(tz=UTC).date())
     if loaded.system is None:
@@ -59,7 +59,7 @@ def the_robot() -> System:
 
 
 def demands() -> dict[str, JobDemand]:
-    """What the delivery robot's components ask for, at Fig. 3's priorities (which change nothing in one's own VM)."""
+    """Return what the delivery robot's components ask for, at the priorities of Fig. 3."""
     return {
         name: demand_of(component, PRIORITIES.get(name, ORDINARY)) for name, component in the_robot().components.items()
     }

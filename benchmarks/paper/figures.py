@@ -35,7 +35,7 @@ PARAMETERS = """\
 
 
 def main() -> None:
-    """Runs all three experiments and writes what they show."""
+    """Run all three experiments and writes what they show."""
     first, three, four = figure_1(JOBS, SEEDS), figure_3(UNTIL_MS, SEEDS), figure_4(JOBS, SEEDS)
     together = figure_3_together(UNTIL_MS, SEEDS, TOGETHER)
     _write(DOCS / "figures" / "figure-1.svg", draw(_chart_1(first)))

@@ -152,7 +152,7 @@ def _is_signed_run(run: Journal | ScriptRun, key: bytes) -> bool:
 
 
 def _refuse_elsewhere(plan: Plan) -> None:
-    """A simulated host lies beside its manifest: in a folder without it, a new and empty host would be changed."""
+    """Refuse a folder without the manifest: a new and empty simulated host would be changed there."""
     simulated = [part.host.name for part in plan.hosts if part.host.provider is ProviderKind.SIMULATED]
     if simulated and plan.manifest != STANDARD_INPUT and not Path(plan.manifest).exists():
         template = "The plan was made from {manifest}, which is not here, and {hosts:each} is simulated next to it."
@@ -357,7 +357,7 @@ class UndoPreview:
 
 
 def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
-    """The chosen hosts whose last apply can be taken back; where none has such, the first host alone.
+    """Return the chosen hosts whose last apply can be taken back; where none has such, the first host alone.
 
     An application takes back its own applies only.
 

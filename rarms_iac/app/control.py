@@ -66,27 +66,27 @@ class MeasuringReporter:
     def setting_started(
         self, experiment: Experiment, reserve: ReservePercent, remaining: RemainingSettings | None
     ) -> None:
-        """The setting of this CR begins.
+        """Report that the setting of this CR begins.
 
         Args:
             remaining: what the experiment still asks for, with this setting; None: nothing tells yet how long it takes.
         """
 
     def samples_came(self, experiment: Experiment, reserve: ReservePercent, seen: Mapping[str, Series]) -> None:
-        """Some samples more were seen."""
+        """Report more samples."""
 
     def setting_ended(self, experiment: Experiment, setting: Setting, remaining: RemainingSettings | None) -> None:
-        """The setting is recorded.
+        """Report that the setting is recorded.
 
         Args:
             remaining: what the experiment may still ask for after it, likewise.
         """
 
     def setting_disturbed(self, experiment: Experiment, reserve: ReservePercent, reason: str) -> None:
-        """The setting of this CR was disturbed, and is measured once more."""
+        """Report that the setting of this CR was disturbed, and is measured again."""
 
     def proof_samples_came(self, host: str, load: str | None, seen: Mapping[str, Series]) -> None:
-        """Some samples more were seen of a layout that is proven.
+        """Report more samples of a layout that is being proven.
 
         Args:
             load: its name; None: the layout runs without one.
@@ -116,7 +116,7 @@ class Reporter(Protocol):
         """
 
     def findings(self, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
-        """Findings that do not end the work.
+        """Report findings that do not end the work.
 
         Args:
             diagnostics: in any order; may be empty.

@@ -193,7 +193,10 @@ def measured_reservations(manifest: Manifest, states: Mapping[str, State]) -> Me
                 )
 
     def missed_together(names: Names, host: Host) -> Fraction:
-        """The most LPs with which these were shown to miss a threshold together; 0 where they were not measured so."""
+        """Return the most LPs with which these were shown to miss a threshold together.
+
+        The number is 0 where they were not measured together.
+        """
         if not all(path.is_file() for path in logs_of(manifest, host, names)):
             return Fraction(0)
         together, group = put_together(system, names)
@@ -293,7 +296,7 @@ class _LogFolder:
 def _log_of_each_load(
     system: System, folder: _LogFolder, group: Group, host: Host, platform_facts: PartialPlatform
 ) -> tuple[LogOfLoad, ...]:
-    """What the log of each load says, or why it does not count, in the order of the loads."""
+    """Return what the log of each load says, or why it does not count, in the order of the loads."""
     members = names_of(group.members)
     anywhere = replace(platform_facts, guest_image=None)  # a partition may have an image of its own
     used = used_processors(system, host, folder.files, anywhere, folder.read)
@@ -309,7 +312,7 @@ def _log_of_each_load(
 
 
 def _left_idle(system: System, group: Group, host: Host, logs: Sequence[MeasuredTogether]) -> Cause:
-    """The remark that the loads left much of the host idle.
+    """Return the remark that the loads left much of the host idle.
 
     NOTE: of a load that cannot take all by its nature RARMS325 tells, from the manifest; so this is not said of it.
     """
@@ -416,7 +419,7 @@ def curves_in(log: DataLog, components: Mapping[str, Component]) -> Callable[[st
 
 
 def _cpu_ms_in(log: DataLog) -> Callable[[str], float | None]:
-    """The processor time that a job of a component took, over all settings that can tell."""
+    """Return the processor time that a job of a component took, over all settings that can tell."""
 
     @cache
     def cpu_ms_of(component: str) -> float | None:

@@ -91,7 +91,7 @@ def describe_apt(component: Component) -> dict[str, str]:
 
 
 def _entries(group: Group, measured: MeasuredTogether, reserve: int) -> tuple[Chosen, ...]:
-    """What was chosen for each member, with the data log that asks for it."""
+    """Return what was chosen for each member, with the data log that asks for it."""
     header = measured.records.header
     return tuple(
         Chosen(

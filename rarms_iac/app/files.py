@@ -94,7 +94,7 @@ def make_folder(path: str) -> None:
 
 
 def folder_of(manifest: str) -> Path:
-    """The folder of a manifest, as seen from here: simulated hosts and data logs lie below it.
+    """Return the folder of a manifest, as seen from here: simulated hosts and data logs lie below it.
 
     Args:
         manifest: its path, as given or as a plan names it; `-` is a manifest from standard input, of this folder.

@@ -96,7 +96,7 @@ def write_finding(path: str, error: OSError) -> Diagnostic:
 
 
 def read_finding(path: str, message: str, advice: Wording) -> Diagnostic:
-    """The finding for a file that could not be read.
+    """Return the finding for a file that could not be read.
 
     Args:
         path: as the user named it.

@@ -81,7 +81,7 @@ def guide_facts(manifest: Manifest, name: str) -> GuideFacts:
 
 
 def _task_values(task: str | None, classes: Iterable[ClassValues]) -> tuple[str, ...]:
-    """What the class is to have in the registry, in words; every member of the partition counts for it."""
+    """Return what the class is to have in the registry, in words; every member of the partition counts for it."""
     mine = (task_class for task_class in classes if task is not None and task_class.name.lower() == task.lower())
     return tuple(
         f"{name} = {value.data} ({value.kind.value})"

@@ -77,7 +77,7 @@ class Hosts:
         return state_path(host, self.folder, self.manifest.source.overlays)
 
     def open(self, host: str) -> LiveHost:
-        """The live host.
+        """Return the live host.
 
         Args:
             host: a name of the manifest.
@@ -249,7 +249,7 @@ def _would_be_asked(host: Host) -> bool:
 
 
 def _state_of(snapshot: Snapshot) -> State:
-    """What a snapshot shows; what was not read when it was taken is refused, as a live host's is."""
+    """Return what a snapshot shows; what was not read when it was taken is refused, as a live host's is."""
     with host_errors():
         if snapshot.unread is not None:
             raise snapshot.unread

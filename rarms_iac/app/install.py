@@ -238,7 +238,7 @@ def _still_open(host: str, run: BegunRun) -> Diagnostic:
 
 
 def _linux_hosts(hosts: Hosts) -> tuple[str, ...]:
-    """The chosen hosts; without a choice, all Linux hosts of the manifest."""
+    """Return the chosen hosts; without a choice, all Linux hosts of the manifest."""
     is_linux = {name: hosts.system.hosts[name].provider is ProviderKind.LINUX for name in hosts.chosen}
     others = [name for name in hosts.chosen if not is_linux[name]]
     if others and (hosts.selection.hosts or len(others) == len(is_linux)):
@@ -389,7 +389,7 @@ class _RobotSetup:
 
 
 def _archive(request: Mapping[str, Any], wheels: Sequence[Wheel]) -> bytes:
-    """The standard input of `COMMAND`: the program, the request, and the wheels."""
+    """Return the standard input of `COMMAND`: the program, the request, and the wheels."""
     program = f"{shipped_module('app/install_there.py')}\n\nmain(archive, {PLACES!r})\n"
     target = io.BytesIO()
     with tarfile.TarFile(fileobj=target, mode="w", format=tarfile.GNU_FORMAT) as archive:
@@ -405,7 +405,7 @@ def _archive(request: Mapping[str, Any], wheels: Sequence[Wheel]) -> bytes:
 
 
 def _error_of(host: str, refusal: _Refusal) -> HostError:
-    """What a host refused, in words."""
+    """Return what a host refused, in words."""
     if refusal.problem == "held":
         return HostLocked(host, refusal.owner)
     message, advice = _words(host, refusal)

@@ -194,7 +194,7 @@ def _refuse_writable(path: Path) -> None:
 
 
 def _versions(places: RobotPlaces) -> dict[str, Path]:
-    """The environment of each version."""
+    """Return the environment of each version."""
     root = Path(places.versions)
     links = [path for path in root.glob("[!.]*") if path.is_symlink() and path.name != "current"]
     return {path.name: places.builds / path.readlink().name for path in sorted(links)}
@@ -309,7 +309,10 @@ def _refuse_running(places: RobotPlaces) -> None:
 
 
 def _unfinished(places: RobotPlaces) -> list[Facts]:
-    """The runs that were begun and not closed, each with the version that began it; damage is for rarms to report."""
+    """Return the runs that were begun and not closed, each with the version that began it.
+
+    Damage is for rarms to report.
+    """
     found = []
     for path in sorted(Path(places.state).glob("*/journal.jsonl")):
         lines = path.read_bytes().splitlines()

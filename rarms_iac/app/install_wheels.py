@@ -164,7 +164,7 @@ def wheels_for(robot: RobotPython, folder: Path) -> tuple[Wheel, ...]:
 
 
 def _wheels_in(folder: Path, pins: Sequence[Pin], robot: RobotPython) -> Mapping[str, Wheel]:
-    """The best wheel of each pin that the folder has, by name."""
+    """Return the best wheel of each pin that the folder has, by name."""
     from packaging.tags import compatible_tags, cpython_tags
     from packaging.utils import InvalidWheelFilename, parse_wheel_filename
 

@@ -114,7 +114,7 @@ def emptied_partitions(system: System, compounds: Sequence[Coi]) -> Mapping[str,
 
 
 def _file(manifest: Manifest, name: str) -> str:
-    """The file that says what is to be changed, or that has the components."""
+    """Return the file that says what is to be changed, or that has the components."""
     system, places = manifest.system, manifest.places
     if name in system.partitions:
         return places.key("partitions", name).file

@@ -150,7 +150,7 @@ def _is_blank(path: Path) -> bool:
 
 
 def format_manifests(paths: Sequence[str]) -> FormattedManifests:
-    """The canonical form of manifests and overlays, comments kept. Writes nothing.
+    """Return the canonical form of manifests and overlays, comments kept. Writes nothing.
 
     Args:
         paths: files, folders of a manifest, or `-` for standard input.
@@ -181,6 +181,6 @@ def format_manifests(paths: Sequence[str]) -> FormattedManifests:
 
 
 def _as_stored(parsed: ParsedText) -> bytes:
-    """The file's bytes; the reader takes a byte order mark away and notes it."""
+    """Return the file's bytes; the reader takes a byte order mark away and notes it."""
     marked = any(diagnostic.code == BYTE_ORDER_MARK.code for diagnostic in parsed.diagnostics)
     return BOM_UTF8 + parsed.source.data if marked else parsed.source.data

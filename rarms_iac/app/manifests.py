@@ -77,7 +77,7 @@ def _seen_from(source: ManifestSource, system: System) -> System:
 
 
 def unaccepted_short_secrets(manifest: Manifest, components: Iterable[Component]) -> tuple[Diagnostic, ...]:
-    """The findings of `short_secrets` for components that were started, but for those that the policy accepts."""
+    """Return the findings of `short_secrets` for started components, without those that the policy accepts."""
     found, policy = tuple(short_secrets(components, manifest.places)), manifest.system.policy
     return apply_acceptances(found, policy, manifest.places, manifest.source.today, codes=())[0]
 
@@ -106,7 +106,7 @@ def demands_signed_plans(source: ManifestSource) -> bool:
 
 
 def _declared(source: ManifestSource, section: str) -> Iterator[Mapping[str, object]]:
-    """A section of the manifest and of each overlay, as far as they have it."""
+    """Yield a section of the manifest and of each overlay, as far as they have it."""
     for path in (manifest_path(source.manifest), *source.overlays):
         document = read_yaml(path).value
         block = document.get(section) if isinstance(document, dict) else None

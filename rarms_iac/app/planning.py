@@ -119,14 +119,14 @@ def plan_from_states(hosts: Hosts, request: PlanRequest, states: Mapping[str, St
 
 
 def with_reservations(hosts: Hosts, request: PlanRequest, states: Mapping[str, State]) -> PlanRequest:
-    """The request with the reservations of data logs, where a layout is wanted."""
+    """Return the request with the reservations of data logs, where a layout is wanted."""
     if request.purpose is not Purpose.APPLY:
         return request
     return replace(request, reservations=measured_reservations(hosts.manifest, states))
 
 
 def hosts_with_machine(hosts: Hosts, machine: str) -> Hosts:
-    """The host that has the machine with this id; a single chosen host is not looked at.
+    """Return the host that has the machine with this id; a single chosen host is not looked at.
 
     Args:
         hosts: the chosen ones are looked at.
@@ -156,7 +156,7 @@ def hosts_with_machine(hosts: Hosts, machine: str) -> Hosts:
 
 
 def hosts_with_partition(hosts: Hosts, partition: str) -> Hosts:
-    """The host on which the partition carries the application's mark, or where a killed run has taken it off.
+    """Return the host on which the partition carries the application's mark, or where a killed run has taken it off.
 
     Args:
         hosts: the chosen ones are looked at.

@@ -57,7 +57,10 @@ def find_place(manifest: Manifest, component: Component, report: Callable[[str],
 
 
 def _task_of(component: Component, report: Callable[[str], None]) -> ProcessPlace:
-    """The task class for the runner's own thread on Windows, where it can be joined; other threads have to ask."""
+    """Return the task class for the runner's own thread on Windows, where it can be joined.
+
+    Other threads have to ask.
+    """
     task = component.task
     if task is None:
         return ProcessPlace()

@@ -196,7 +196,7 @@ def _reported_log(system: System, files: Files, path: Path, file: LogFile, last:
 
 
 def _proofs(manifest: Manifest, components: Sequence[str], reservations: ReservationSource) -> Iterator[ComponentProof]:
-    """What components showed in the applied layout; of each host the last beside each load."""
+    """Yield what components showed in the applied layout; of each host the last beside each load."""
     system, folder = manifest.system, manifest.folder
     for platform in sorted({host.platform for host in system.hosts.values()}):
         for name in sorted(components or system.components, key=natural_order):
@@ -211,7 +211,7 @@ def _proofs(manifest: Manifest, components: Sequence[str], reservations: Reserva
 
 
 def _standing(entries: Sequence[Proven]) -> list[Proven]:
-    """The last entry of each load, on each machine."""
+    """Return the last entry of each load, on each machine."""
     machines = sorted({entry.machine for entry in entries})
     return [own for machine in machines for own in _standing_of([each for each in entries if each.machine == machine])]
 

@@ -146,7 +146,7 @@ def missing_on(
 
 
 def _in_order(measurements: Sequence[Measurement]) -> Sequence[Measurement]:
-    """What decides first; of the same components the load that decides, then the others."""
+    """Return what decides first; of the same components the load that decides, then the others."""
     deciding = {(each.platform, each.components) for each in measurements if each.decides}
 
     def key(each: Measurement) -> tuple[str, bool, int, str, bool, str]:
@@ -314,7 +314,7 @@ def point_of(setting: Setting, series: Series, index: str, apt: Mapping[str, Thr
 
 
 def _remark(verdict: Verdict) -> str:
-    """What else is to be said of a verdict."""
+    """Return further facts about a verdict."""
     match verdict:
         case Missed(overload=Overload() as overload):
             return describe_overload(overload)

@@ -121,7 +121,7 @@ Loads = tuple[MeasuredTogether, ...]
 
 
 def _advice_beyond(choice: "_Choice", host: Host, loads: Loads) -> Wording:
-    """What can be chosen as it is, and what to measure first for more, where no measured reservation is enough."""
+    """Return what can be chosen now and what to measure for more, where no measured reservation is enough."""
     higher, limit = _not_measured_yet(choice, host, loads), _limit(loads[0], host)
     easiest = _easiest(choice, loads)
     if higher is None:
@@ -149,7 +149,10 @@ def _easiest(choice: "_Choice", loads: Loads) -> str:
 
 
 def _not_measured_yet(choice: "_Choice", host: Host, loads: Loads) -> tuple[int, int] | None:
-    """The first and last CR to measure for the level; None: beside a load not even all that the host has is enough."""
+    """Return the first and last CR to measure for the level.
+
+    None means that with some load not even the whole host is enough.
+    """
     curves = [(log.measured[-1], log.curves(choice.component.name, choice.index.name)) for log in loads]
     highest = [top for top, curve in curves if not holds(curve, choice.threshold, top)] or [top for top, _ in curves]
     limit = _limit(loads[0], host)
@@ -157,7 +160,7 @@ def _not_measured_yet(choice: "_Choice", host: Host, loads: Loads) -> tuple[int,
 
 
 def _limit(log: MeasuredTogether, host: Host) -> int:
-    """The highest CR that the host can give."""
+    """Return the highest CR that the host can give."""
     return min(100, int(100 * capacity_of(host, None).processors / log.processors))
 
 
@@ -190,7 +193,7 @@ def _suggest_unit(index: PerformanceIndex, text: str, values: Sequence[float]) -
 
 
 def _show_level(index: PerformanceIndex, value: float) -> str:
-    """Rounded to the side on which it still holds."""
+    """Return rounded to the side on which it still holds."""
     tenths = ceil(value * 10) if index.smaller_is_better else floor(value * 10)
     return show_value(index, Fraction(tenths, 10))
 
@@ -356,7 +359,7 @@ def _selection(manifest: Manifest, choice: _Choice) -> Selection:
 
 
 def _logs(group: Group, system: System, reservations: MeasuredReservations) -> Iterator[tuple[Host, Loads]]:
-    """The data logs of each host where each load's has settings, hosts in name order."""
+    """Yield the data logs of each host where each load's has settings, hosts in name order."""
     for _, host in sorted(system.hosts.items()):
         loads = reservations.log_of_each_load(group.members, host)
         if loads and all(log.measured for log in loads):

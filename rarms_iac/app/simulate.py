@@ -60,7 +60,7 @@ def change_behind_rarms(hosts: Hosts, change: IntruderChange) -> str:
 
 
 def _simulated(hosts: Hosts) -> Hosts:
-    """The chosen hosts that are simulated: no other is looked at."""
+    """Return the chosen hosts that are simulated: no other is looked at."""
     names = [name for name in hosts.chosen if hosts.system.hosts[name].provider is ProviderKind.SIMULATED]
     if not names:
         raise RequestError(

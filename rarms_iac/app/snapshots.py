@@ -124,7 +124,7 @@ def _of_host(snapshot: Snapshot, name: str) -> Snapshot:
 
 
 def _host_of(file: str, snapshot: Snapshot, hosts: Sequence[str], chosen: Sequence[str]) -> str:
-    """The host that a file without a name stands for: the one it was taken of, or the only one."""
+    """Return the host that a file without a name stands for: the one it was taken of, or the only one."""
     origin = snapshot.computer.lower()
     if origin in hosts:
         return origin

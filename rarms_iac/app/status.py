@@ -350,7 +350,7 @@ def _next_command(
 def _next_proof_command(
     system: System, partitions: Sequence[PartitionStatus], proofs: Sequence[ComponentProof]
 ) -> NextCommand | None:
-    """What is missing, once all is applied, until every threshold is shown to be met beside every load."""
+    """Return what is missing, once all is applied, until every threshold is shown to be met beside every load."""
     asked = {
         (name, index, load)
         for name, component in system.components.items()

@@ -126,7 +126,10 @@ def sources_in(paths: Sequence[str], source: ManifestSource) -> tuple[ManifestSo
 
 
 def _files_in(path: str) -> Iterator[str]:
-    """The file itself; in a folder every manifest and overlay, and if there is none the manifest that should be."""
+    """Yield a file itself, and of a folder every manifest and overlay.
+
+    Of a folder without any, yield the manifest that should be there.
+    """
     if path == STANDARD_INPUT or not Path(path).is_dir():
         yield path
         return
@@ -148,7 +151,7 @@ def _walk(folder: str) -> Iterator[str]:
 
 
 def _manifest_of(overlay: str) -> str | None:
-    """The nearest manifest beside or above an overlay, up to the folder rarms was started in or the repository's."""
+    """Return the nearest manifest next to or above an overlay, up to the current folder or that of the repository."""
     for folder in Path(overlay).absolute().parents:
         manifest = folder / DEFAULT_NAME
         if manifest.is_file():

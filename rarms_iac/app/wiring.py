@@ -121,7 +121,7 @@ def unfinished_hosts_here() -> Iterator[tuple[LiveHost, Journal]]:
 
 
 def _journals_here() -> Iterator[tuple[str, Journal]]:
-    """The slices that rarms keeps on this machine, each with its last run."""
+    """Yield the slices that rarms keeps on this machine, each with its last run."""
     from rarms_iac.providers.cgroups.provider import STATE_FOLDER
     from rarms_iac.providers.journaled import LocalFiles, journal_in
 
@@ -306,7 +306,7 @@ def unfinished_simulated_hosts(folder: Path) -> tuple[LiveHost, ...]:
 
 
 def _below(path: str, folder: Path) -> str:
-    """The path as seen from the folder, so that it is the same from any folder."""
+    """Return the path as seen from the folder, so that it is the same from any folder."""
     try:
         return Path(os.path.relpath(path, folder)).as_posix()
     except ValueError:  # another drive

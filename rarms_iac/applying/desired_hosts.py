@@ -162,7 +162,10 @@ def budget_of(
 
 
 def partitions_present(request: PlanRequest, observed: Mapping[str, State]) -> Mapping[str, frozenset[str]]:
-    """The names of the manifest that the partitions of each host have, or get by its `moved`; the hosts in order."""
+    """Return the names of the manifest that the partitions of each host have, or get by its `moved`.
+
+    The hosts are in order.
+    """
     wanted = {group.name for group in groups_of(request.system)}
     present: dict[str, frozenset[str]] = {}
     for name, state in sorted(observed.items()):
@@ -190,7 +193,10 @@ def _advise_to_settle(finding: Diagnostic) -> Diagnostic:
 
 
 def _without_place(diagnostic: Diagnostic) -> Diagnostic:
-    """The finding without a line of its own, so that it comes first: findings are in the order of their lines."""
+    """Return the finding without a line of its own, so that it comes first.
+
+    Findings are in the order of their lines.
+    """
     if diagnostic.place is None:
         return diagnostic
     related = (*diagnostic.related, Related(place=diagnostic.place, message="wanted here"))
@@ -200,7 +206,7 @@ def _without_place(diagnostic: Diagnostic) -> Diagnostic:
 def _locator(
     system: System, places: Places, host: str, classes: Mapping[tuple[str, str], ClassValues]
 ) -> Callable[[Address], Place | None]:
-    """Finds the line that asks for what is at an address: for a task class, the component that names it."""
+    """Find the line that asks for what is at an address: for a task class, the component that names it."""
 
     def locate(address: Address) -> Place | None:
         if address.responsiveness:
@@ -216,7 +222,7 @@ def _locator(
 
 
 def disk_verdicts(system: System, observed: State, machine: Partition) -> Iterator[DiskVerdict]:
-    """The disks of a managed machine, with why each stays where its removal is asked for."""
+    """Yield the disks of a managed machine, with why each stays where its removal is asked for."""
     host = system.hosts[observed.facts.name].settings
     name = machine.mark.name if machine.mark else ""
     own = system.partitions[name].hyperv.vm_path if name in system.partitions else None
@@ -235,13 +241,13 @@ def _removable_disks(system: System, observed: State) -> Mapping[str, tuple[Disk
 
 
 def _restorable(own: State) -> Mapping[str, tuple[TaskClass, ...]]:
-    """The machines that can be removed and made again, by id, with rarms' task classes in their guests."""
+    """Return the machines that can be removed and made again, by id, with rarms' task classes in their guests."""
     machines = [partition.id for partition in own.partitions if own.holds_nothing(partition.id)]
     return {machine: tuple(task for task in own.tasks if task.machine == machine) for machine in machines}
 
 
 def threads_of(desired: Desired, system: System) -> tuple[ThreadClass, ...]:
-    """The robotic classes of every operating system of a host, the host's own first, the highest threads first.
+    """Return the robotic classes of every operating system of a host, the host's own first, the highest threads first.
 
     Args:
         desired: the host, with the values that the planner chose.

@@ -257,7 +257,7 @@ def _host_plan(
 
 
 def _guest_tasks(request: PlanRequest, desired: Desired, rules: ManifestRules) -> tuple[GuestTask, ...]:
-    """The classes that the guests' scripts write, as far as they are targets, by partition and name."""
+    """Return the classes that the guests' scripts write, as far as they are targets, by partition and name."""
     machines = {vm.mark.name: vm.id for vm in desired.observed.of(request.application).partitions if vm.mark}
     tasks = (
         guest_task(task, rules.replaceable, rules.locate, machines.get(task.inside, "")) for task in desired.by_hand
@@ -270,7 +270,7 @@ def _guest_tasks(request: PlanRequest, desired: Desired, rules: ManifestRules) -
 
 
 def _manifest_partitions(request: PlanRequest, desired: Desired) -> frozenset[str]:
-    """The partitions of a host that the manifest names: those that it is to have, and those that are there."""
+    """Return the partitions of a host that the manifest names: those that it is to have, and those that are there."""
     own = desired.observed.of(request.application).partitions
     there = {partition.mark.name for partition in own if partition.mark}
     wanted = {partition.settings.name for partition in desired.state.partitions}
@@ -278,7 +278,7 @@ def _manifest_partitions(request: PlanRequest, desired: Desired) -> frozenset[st
 
 
 def _unused(observed: State, application: str, name: str) -> UnusedPartition:
-    """What a partition still holds that the manifest no longer names."""
+    """Return what a partition still holds that the manifest no longer names."""
     machine = next(vm for vm in observed.of(application).partitions if vm.mark and vm.mark.name == name)
     saves = machine.settings.stop_action is StopAction.SAVE
     return UnusedPartition(
@@ -289,7 +289,7 @@ def _unused(observed: State, application: str, name: str) -> UnusedPartition:
 
 
 def _staying_stopped(request: PlanRequest, desired: Desired) -> tuple[str, ...]:
-    """The partitions of the manifest that `rarms stop` stopped, where the plan asks for all of the manifest."""
+    """Return the partitions of the manifest that `rarms stop` stopped, where the plan asks for all of the manifest."""
     if request.purpose is not Purpose.APPLY:
         return ()
     wanted = (partition.mark for partition in desired.state.partitions if partition.mark)
@@ -297,7 +297,7 @@ def _staying_stopped(request: PlanRequest, desired: Desired) -> tuple[str, ...]:
 
 
 def _difference(request: PlanRequest, desired: Desired, context: HostContext, rules: ManifestRules) -> Difference:
-    """The changes of the host for this purpose."""
+    """Return the changes of the host for this purpose."""
     if request.purpose in {Purpose.APPLY, Purpose.DESTROY}:
         return compare(desired.state, desired.observed, request.application, context, rules)
     found = tuple(requested_changes(desired.observed, request, rules.locate))

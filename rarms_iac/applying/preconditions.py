@@ -21,7 +21,7 @@ UNKNOWN_SCHEDULER = Finding.warning("RARMS166", "It is not known whether the hos
 
 
 def unproven_rights(observed: Iterable[State], places: Places) -> Iterator[Diagnostic]:
-    """The hosts of which we do not know that we see everything: they may look empty and be full."""
+    """Yield the hosts of which we do not know that we see everything: they may look empty and be full."""
     for state in observed:
         if state.facts.rights is not Rights.PROVEN:
             yield no_rights(state.facts, places.key("hosts", state.facts.name))
@@ -96,7 +96,7 @@ def marked_resources(state: State) -> tuple[str, ...]:
 
 
 def no_rights(facts: HostFacts, place: Place | None = None) -> Diagnostic:
-    """The finding about a host of which it is unknown whether everything was seen."""
+    """Return the finding about a host of which it is unknown whether everything was seen."""
     lack = "has no right to" if facts.rights is Rights.MISSING else "could not prove that it may"
     return NO_RIGHTS.of_host(
         facts.name,
@@ -109,7 +109,7 @@ def no_rights(facts: HostFacts, place: Place | None = None) -> Diagnostic:
 
 
 def ignored_reserves(desired: State, places: Places) -> Iterator[Diagnostic]:
-    """A host on which the wanted reserves, limits or weights would have no effect, or none that is known."""
+    """Yield a host on which the wanted reserves, limits or weights would have no effect, or none that is known."""
     asked = [partition.settings.name for partition in desired.partitions if asks_for_processors(partition.settings)]
     if asked:
         for finding in scheduler_findings(desired.facts, ", ".join(asked), None):  # places are looked for only then
@@ -117,7 +117,7 @@ def ignored_reserves(desired: State, places: Places) -> Iterator[Diagnostic]:
 
 
 def scheduler_findings(facts: HostFacts, whose: str, place: Place | None) -> Iterator[Diagnostic]:
-    """A host on which no reserve has an effect (an error), or none that is known; `whose` would have one."""
+    """Yield a host on which no reserve has an effect (an error), or none that is known; `whose` would have one."""
     why = _why_ignored(facts)
     if why:
         yield SCHEDULER.of_host(

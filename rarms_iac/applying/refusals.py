@@ -40,7 +40,7 @@ _LOST = prose("rarms cannot bring that back. Afterwards ", PLAN, " says what dif
 
 
 def used(host: str, plan: str) -> Diagnostic:
-    """The plan's serial has passed on this host."""
+    """Return the plan's serial has passed on this host."""
     return MOVED.of_host(
         host,
         "Plan {plan} was applied to {host}, or another apply or undo has run there since it was made.",
@@ -60,7 +60,7 @@ def moved(host: str, parts: Sequence[str]) -> Diagnostic:
 
 
 def different_host(host: str, serial: int, planned: int) -> Diagnostic:
-    """A host never forgets a run: one that knows of fewer than the plan is not the one that the plan saw."""
+    """Return a host never forgets a run: one that knows of fewer than the plan is not the one that the plan saw."""
     return MOVED.of_host(
         host,
         "{host} is not the host that the plan saw, or was set back since: it knows of {serial} applies "
@@ -73,7 +73,7 @@ def different_host(host: str, serial: int, planned: int) -> Diagnostic:
 
 
 def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
-    """A run of another plan was begun and never closed."""
+    """Return a run of another plan was begun and never closed."""
     if isinstance(journal, Journal) and (other := begun_by_another_version(host, journal)) is not None:
         return other
     started = journal.started
@@ -117,7 +117,7 @@ def begun_by_another_version(host: str, journal: Journal) -> Diagnostic | None:
 
 
 def unsigned(host: str, plan: str, *, is_begun: bool) -> Diagnostic:
-    """A key is set, and the signature of the plan, or of the journal of an unfinished run, does not fit it."""
+    """Return the refusal of a signature, of a plan or of an unfinished run's journal, that the key does not fit."""
     subject = "The unfinished run" if is_begun else "The part"
     advice = (
         prose("Look at the journal. Close the run (", APPLY_ABANDON, "), or finish it where the key is not set.")
@@ -134,7 +134,7 @@ def unsigned(host: str, plan: str, *, is_begun: bool) -> Diagnostic:
 
 
 def without_key(plan: str) -> Diagnostic:
-    """The policy of the plan's manifest demands signed plans, and no key is set that a signature could fit."""
+    """Return the policy of the plan's manifest demands signed plans, and no key is set that a signature could fit."""
     return UNSIGNED.at(
         None,
         "The manifest of plan {plan} says `signed_plans: true`, and no key is set in this environment.",
@@ -150,7 +150,7 @@ def is_run_of(journal: Journal | ScriptRun, application: Application) -> bool:
 
 
 def run_of_another(host: str, journal: Journal | ScriptRun, application: Application) -> Diagnostic:
-    """What was done last on the host was done for another application or robot, which alone may take it back."""
+    """Return what was done last on the host was done for another application or robot, which alone may take it back."""
     started = journal.started
     begun_for, own = (
         f"{quoted(each)} of the robot {quoted(robot)}" if robot else quoted(each)
@@ -187,7 +187,7 @@ def lock_held(host: str, detail: str) -> Diagnostic:
 
 
 def step_moved(host: str, step: Step, live: Readings) -> Diagnostic:
-    """A step found neither what the plan saw nor what it wants."""
+    """Return a step found neither what the plan saw nor what it wants."""
     return MOVED.at(
         step.place,
         "{resource} on {host}, before `{step}`: {_differences}.",
@@ -200,7 +200,7 @@ def step_moved(host: str, step: Step, live: Readings) -> Diagnostic:
 
 
 def step_failed(host: str, step: Step, error: HostError) -> Diagnostic:
-    """The host refused a step or failed in it."""
+    """Return the host refused a step or failed in it."""
     return STEP_FAILED.at(
         step.place,
         "{resource} on {host}, `{step}`: {reason}.",
@@ -212,7 +212,7 @@ def step_failed(host: str, step: Step, error: HostError) -> Diagnostic:
 
 
 def step_missed(host: str, step: Step, live: Readings) -> Diagnostic:
-    """The call went through, and the host still shows something else."""
+    """Return the call went through, and the host still shows something else."""
     return STEP_FAILED.at(
         step.place,
         "{resource} on {host}, after `{step}`: {_differences}.",
@@ -229,7 +229,7 @@ def _step_facts(host: str, step: Step) -> dict[str, Any]:
 
 
 def _reading_facts(live: Readings, expected: Readings) -> dict[str, Any]:
-    """What each setting that differs is, and what it should be: `is_reserve` 50, `expected_reserve` 70."""
+    """Return what each setting that differs is, and what it should be: `is_reserve` 50, `expected_reserve` 70."""
     names = [name for name in expected if live.get(name) != expected[name]]
     return {f"expected_{_label(name)}": expected[name] for name in names} | {
         f"is_{_label(name)}": live[name] for name in names if name in live
@@ -237,7 +237,7 @@ def _reading_facts(live: Readings, expected: Readings) -> dict[str, Any]:
 
 
 def host_failed(error: HostError) -> Diagnostic:
-    """The host cannot be reached, read or changed or read, or what it keeps for us is damaged."""
+    """Return the failure to reach, read or change a host, or of damaged files of ours there."""
     detail, reason = "{host}: {reason}.", error.message
     if isinstance(error, HostUnreachable):
         return HOST_FAILED.of_host(error.host, detail, error.advice, reason=reason, unreachable=True)
@@ -286,7 +286,7 @@ def nothing_to_undo(host: str, why: str) -> Diagnostic:
 
 
 def undo_partial(host: str, step: Step) -> Diagnostic:
-    """A step of the run cannot be taken back, or not wholly."""
+    """Return a step of the run cannot be taken back, or not wholly."""
     return UNDO_PARTIAL.at(
         None,  # the step's line is of the manifest that was applied, which may name another component by now
         "{resource} on {host}, `{step}`: {reason}.",
@@ -298,12 +298,12 @@ def undo_partial(host: str, step: Step) -> Diagnostic:
 
 
 def undo_script_partial(host: str, lost: str) -> Diagnostic:
-    """What an undo script could not take back, as it says of itself."""
+    """Return what an undo script could not take back, as it says of itself."""
     return UNDO_PARTIAL.of_host(host, "{host}: {reason}.", _LOST, reason=lost.rstrip("."))
 
 
 def undo_foreign(host: str, value: ForeignValue, *, can_keep: bool) -> Diagnostic:
-    """The undo sets a value again that rarms had not set."""
+    """Return the undo sets a value again that rarms had not set."""
     set_again = prose("After the undo, ", APPLY, f" sets {value.applied} again.")
     keep = prose(f"To keep {value.applied}, run ", command("undo", keep=True), " instead.") if can_keep else ""
     return UNDO_FOREIGN.at(
@@ -320,13 +320,13 @@ def undo_foreign(host: str, value: ForeignValue, *, can_keep: bool) -> Diagnosti
 
 
 def undo_script_foreign(host: str, line: str) -> Diagnostic:
-    """What an undo script sets again although rarms had not set it, as it says of itself."""
+    """Return what an undo script sets again although rarms had not set it, as it says of itself."""
     advice = prose("After the undo, ", APPLY, " sets the manifest's value again.")
     return UNDO_FOREIGN.of_host(host, "{host}, not set by rarms: {value}.", advice, value=line)
 
 
 def no_script(host: str, plan: str) -> Diagnostic:
-    """The plan was made for a host that walks steps, or by a version that wrote no scripts."""
+    """Return the refusal of a plan without the script that its host needs."""
     return SCRIPT_REFUSED.of_host(host, "Plan {plan} holds no script for {host}.", _NEW_PLAN, plan=plan)
 
 
@@ -343,7 +343,7 @@ def differences(live: Readings, expected: Readings) -> str:
 
 
 def _label(name: str) -> str:
-    """The name of a reading as people know it: of a task class's value, its own."""
+    """Return the name of a reading as people know it: of a task class's value, its own."""
     return name.removeprefix(VALUE)
 
 

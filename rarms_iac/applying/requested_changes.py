@@ -53,7 +53,7 @@ def requested_changes(state: State, request: PlanRequest, locate: Locator) -> It
 
 
 def _stop_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Update | Diagnostic]:
-    """What runs is stopped, with any mark; what does not run is only marked, where it is wanted running."""
+    """Yield changes that stop what runs, with any mark, and that mark what is wanted running but does not run."""
     for address, before in _partitions(state, request):
         after = stopped_partition(before, request.stopped_by)
         if before.state in {RunState.PAUSED, RunState.BUSY, RunState.CRITICAL}:
@@ -112,7 +112,7 @@ def _update(address: Address, before: Partition, after: Partition, why: str, loc
 
 
 def stopped_partition(partition: Partition, stopped_by: StoppedBy) -> Partition:
-    """The managed partition once it is stopped, with the mark that says by whom."""
+    """Return the managed partition once it is stopped, with the mark that says by whom."""
     assert partition.mark is not None
     return replace(
         partition,
@@ -133,7 +133,7 @@ def _started(partition: Partition) -> Partition:
 
 
 def _import_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Adopt | Diagnostic]:
-    """The change that makes the machine of this id the manifest's partition; its settings stay.
+    """Yield the change that makes the machine of this id the manifest's partition; its settings stay.
 
     The mark says what the machine has now, so that the next plan tells what the manifest wants of it.
     """
@@ -194,7 +194,7 @@ def _taken(state: State, application: str, name: str, machine: Partition) -> Dia
 
 
 def _release_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Release | Diagnostic]:
-    """The change that takes our mark off this partition; the machine and its settings stay."""
+    """Yield the change that takes our mark off this partition; the machine and its settings stay."""
     (name,), application = request.partitions, request.application
     place = locate(Address(partition=name))
     managed: dict[str, Partition] = {

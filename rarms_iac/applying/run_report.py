@@ -105,13 +105,13 @@ class RunReporter:
     """Told while a run goes on; must not raise. This one drops what it is told."""
 
     def run_started(self, begun: RunBegun) -> None:
-        """A host's run begins, or goes on."""
+        """Report that a host's run begins or goes on."""
 
     def step_started(self, host: str, number: int, total: int, step: ReportedStep) -> None:
-        """A step is about to be looked at; `number` counts from 1."""
+        """Report that a step is looked at next; `number` counts from 1."""
 
     def step_ended(self, host: str, number: int, total: int, step: ReportedStep, status: StepStatus) -> None:
-        """A step is done, or was as wanted already."""
+        """Report that a step is done, or had nothing to do."""
 
     def host_output(self, host: str, line: str) -> None:
-        """The host said something beside its steps."""
+        """Report what the host said apart from its steps."""

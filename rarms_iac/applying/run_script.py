@@ -49,14 +49,14 @@ class ScriptJob:
 
 
 def apply_job(plan: str, part: HostPlan) -> ScriptJob:
-    """The plan's own bytes: the script that does it, and beside it the one that takes it back."""
+    """Return the plan's own bytes: the script that does it, and beside it the one that takes it back."""
     name, undo = script_name(part), script_name(part, undo=True)
     files = {name: part.scripts[name], undo: part.scripts[undo], **_module_files(shipped_module())}
     return ScriptJob(run=RunKind.APPLY, plan=plan, script=_bundle(name, files), earlier={})
 
 
 def finish_job(host: str, journal: ScriptRun) -> ScriptJob:
-    """The unfinished run as the host's journal holds it, with any plan, manifest or version of rarms there is by now.
+    """Return the unfinished run as the host's journal holds it, whatever plan, manifest or version there is now.
 
     Raises:
         HostDamaged: PowerShell cannot read the journal's script.
@@ -69,7 +69,7 @@ def finish_job(host: str, journal: ScriptRun) -> ScriptJob:
 
 
 def undo_job(host: str, journal: ScriptRun) -> ScriptJob:
-    """The undo script that the journal of an apply holds.
+    """Return the undo script that the journal of an apply holds.
 
     Raises:
         HostDamaged: PowerShell cannot read the journal's script.
@@ -100,7 +100,7 @@ def _bundle(name: str, files: Mapping[str, str]) -> ScriptBundle:
 
 
 def _module_files(module: Mapping[str, str]) -> dict[str, str]:
-    """The files of a module by their paths from the script that calls it."""
+    """Return the files of a module by their paths from the script that calls it."""
     return {f"{MODULE_FOLDER}/{name}": text for name, text in module.items()}
 
 
@@ -232,7 +232,7 @@ def _titled_step(event: RunEvent) -> TitledStep:
 
 
 def _unknown_ending(host: str, plan: str, why: str) -> Diagnostic:
-    """The script was started, and the way to it was lost before it said how it ended."""
+    """Return the failure of a started script whose connection was lost before it said how it ended."""
     return UNKNOWN_ENDING.of_host(
         host,
         "Plan {plan} on {host}: {reason}. What was done until then, and whether it goes on, is not known here.",
@@ -243,7 +243,7 @@ def _unknown_ending(host: str, plan: str, why: str) -> Diagnostic:
 
 
 def _script_refused(host: str, event: RunEvent) -> Diagnostic:
-    """The script ended with exit code 3: before a step, or before any."""
+    """Return the script ended with exit code 3: before a step, or before any."""
     if event.kind is EventKind.LOCK:
         return lock_held(host, event.reason)
     if event.address == "host":
@@ -265,7 +265,7 @@ def _script_refused(host: str, event: RunEvent) -> Diagnostic:
 
 
 def _script_failed(host: str, at: str, printed: str, code: int) -> Diagnostic:
-    """The script ended with another exit code, in the middle of a step or outside of all."""
+    """Return the script ended with another exit code, in the middle of a step or outside of all."""
     location, reason = f"{at} on {host}" if at else host, last_words(printed)
     return STEP_FAILED.at(
         None,

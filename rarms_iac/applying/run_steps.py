@@ -117,7 +117,7 @@ def matches(live: Readings, expected: Readings) -> bool:
 
 
 def _deviations(host: StepwiseHost, started: RunStarted, scope: Scope) -> Iterator[Diagnostic]:
-    """Looking again: every address against the last reading that a step of the run expects of it."""
+    """Yield looking again: every address against the last reading that a step of the run expects of it."""
     state = host.observe()
     for address, wanted in sorted(_expected(started.steps).items()):
         live = readings(state, address, scope)
@@ -126,7 +126,7 @@ def _deviations(host: StepwiseHost, started: RunStarted, scope: Scope) -> Iterat
 
 
 def _expected(steps: Iterable[Step]) -> Mapping[Address, Readings]:
-    """What each address shows once these steps are done, in their order."""
+    """Return what each address shows once these steps are done, in their order."""
     expected: dict[Address, dict[str, Reading]] = {}
     for step in steps:
         # A machine that is made anew has the address of the one that went, but not its id: the last address counts.
@@ -151,7 +151,7 @@ def hold(hosts: "tuple[LiveHost, ...]", owner: str, timeout_ms: int) -> Iterator
 
 
 def failed_run(error: HostError) -> RunReport:
-    """The report of a run that ended with this error."""
+    """Return the report of a run that ended with this error."""
     if isinstance(error, HostLocked):
         return RunReport(ending=RunEnding.REFUSED, findings=(refusals.locked(error),))
     if isinstance(error, EndedThere):

@@ -20,7 +20,7 @@ Locate = Callable[[Address], Place | None]
 
 
 def guest_task(task_class: TaskClass, replaceable: frozenset[str], locate: Locate, machine: str) -> GuestTask:
-    """A class that is wanted in a guest that could not be looked into, as the guest's script writes it.
+    """Return a class that is wanted in a guest that could not be looked into, as the guest's script writes it.
 
     Args:
         task_class: as it is wanted.
@@ -41,7 +41,7 @@ def guest_task(task_class: TaskClass, replaceable: frozenset[str], locate: Locat
 
 
 def guest_scripts_by_hand(host_plan: HostPlan, locate: Locate) -> Iterator[Diagnostic]:
-    """That the scripts of guests do not run with the host's: nothing reaches into a guest."""
+    """Yield that the scripts of guests do not run with the host's: nothing reaches into a guest."""
     if host_plan.facts.provider is not ProviderKind.HYPERV:
         return
     unseen = {task.partition for task in host_plan.guest_tasks or ()}
@@ -74,7 +74,7 @@ def of_the_host_itself(state: State) -> State:
 
 
 def with_scripts(plan: Plan) -> tuple[Plan, tuple[Diagnostic, ...]]:
-    """The plan with the scripts of its Hyper-V hosts, and what forbids to show or run one of them."""
+    """Return the plan with the scripts of its Hyper-V hosts, and what forbids to show or run one of them."""
     hosts: list[HostPlan] = []
     findings: list[Diagnostic] = []
     for part in plan.hosts:

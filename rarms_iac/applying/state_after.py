@@ -29,7 +29,7 @@ def partitions_after(observed: State, application: str, changes: Sequence[Change
 
 
 def partition_after_change(change: Change) -> Partition | None:
-    """A partition after its change; None where it is removed or released, or where it is no partition."""
+    """Return a partition after its change; None where it is removed or released, or where it is no partition."""
     match change:
         case Create(after=after) | Update(after=after) | Adopt(after=after):
             return after if isinstance(after, Partition) else None

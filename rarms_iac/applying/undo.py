@@ -179,7 +179,7 @@ def script_undone(run: ScriptRun) -> tuple[str, ...]:
 
 
 def steps_to_undo(journal: Journal, spared: frozenset[Address] = frozenset()) -> tuple[tuple[int, Step], ...]:
-    """The steps that the run may have done, with their numbers, the last one first, but for those of what is kept.
+    """Return the steps that the run may have done, with their numbers, last one first, without those of what is kept.
 
     What was done to a machine before it was removed went with it: only the removal itself is told.
     """
@@ -230,7 +230,7 @@ def undo_findings(
 
 
 def repaired_addresses(journal: Journal | ScriptRun) -> frozenset[Address]:
-    """The partitions and task classes whose foreign values the run replaced: `--keep` leaves them as applied."""
+    """Return the partitions and task classes whose foreign values the run replaced: `--keep` leaves them as applied."""
     is_apply = isinstance(journal, Journal) and journal.started.run is RunKind.APPLY
     return frozenset(value.address for value in _foreign_values(journal)) if is_apply else frozenset()
 
@@ -256,7 +256,7 @@ def why_not_kept(host: LiveHost, journal: Journal | ScriptRun) -> str:
 
 
 def _foreign_values(journal: Journal | ScriptRun) -> tuple[ForeignValue, ...]:
-    """The foreign values that an undo of the run would set again."""
+    """Return the foreign values that an undo of the run would set again."""
     if not isinstance(journal, Journal):
         return ()
     undone = {step.address for step in steps_undone(journal)}
@@ -265,14 +265,14 @@ def _foreign_values(journal: Journal | ScriptRun) -> tuple[ForeignValue, ...]:
 
 
 def _resource_of(step: Step) -> Address:
-    """The partition or task class that a step changes; a disk is its partition's."""
+    """Return the partition or task class that a step changes; a disk is its partition's."""
     return replace(step.address, disk="")
 
 
 def undo_run(
     journal: Journal, origin: RunOrigin, last: Journal, spared: frozenset[Address] = frozenset()
 ) -> RunStarted:
-    """The run that takes the journal's steps back. It raises the serial: what was planned before it is stale.
+    """Return the run that takes the journal's steps back. It raises the serial: what was planned before it is stale.
 
     Args:
         journal: the run that is taken back.
@@ -297,7 +297,7 @@ def undo_run(
 
 
 def raised_serials(serials: Mapping[str, int], application: str) -> Mapping[str, int]:
-    """The serials with this application's counted up by one; a first run makes it 1."""
+    """Return the serials with this application's counted up by one; a first run makes it 1."""
     return {**serials, application: serials.get(application, 0) + 1}
 
 

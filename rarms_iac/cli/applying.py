@@ -119,7 +119,7 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
 
 
 def _plan_or_wait(hosts: Hosts, request: PlanRequest, how: RunOptions) -> Plan | None:
-    """The plan; None where another run began since the hosts were free, and this one is to wait for such runs."""
+    """Return the plan; None where another run began meanwhile and this one is to wait for it."""
     try:
         return make_plan(hosts, request)
     except UseCaseError as refusal:
@@ -194,7 +194,7 @@ def report_end(
 
 
 def code_of(session: Session, ending: RunEnding) -> ExitCode:
-    """The exit code of a run that ended so."""
+    """Return the exit code of a run that ended so."""
     match ending:
         case RunEnding.DONE | RunEnding.NOTHING:
             return ExitCode.DONE

@@ -45,7 +45,7 @@ class RarmsCommand(click.Command):
             raise
 
     def _manifest_in_the_way(self, context: click.Context, error: click.UsageError, words: list[str]) -> str | None:
-        """The manifest that is an argument of a command that takes none, but `-f`; None: that is not wrong."""
+        """Return the manifest that is an argument of a command that takes none, but `-f`; None: that is not wrong."""
         takes_arguments = any(isinstance(parameter, click.Argument) for parameter in self.params)
         takes_manifest = any("-f" in parameter.opts for parameter in self.params)
         if type(error) is not click.UsageError or takes_arguments or not takes_manifest:
@@ -105,7 +105,7 @@ _NO_MANIFEST_NEEDED = ("files", "plan_file", "boot")
 
 
 def _from_above(context: click.Context, session: Session, request: T) -> T:
-    """The request with the manifest of the repository, where none is named and there is none here; that is said."""
+    """Return the request; where it names no manifest and there is none here, take that of the repository, saying so."""
     if not isinstance(request, ManifestFile) or request.manifest != DEFAULT_MANIFEST:
         return request
     is_named = context.get_parameter_source("manifest") is not ParameterSource.DEFAULT

@@ -51,7 +51,7 @@ Register-ArgumentCompleter -Native -CommandName %(prog_name)s -ScriptBlock {
 """
 
     def get_completion_args(self) -> tuple[list[str], str]:
-        """The finished words, and the one at the cursor."""
+        """Return the finished words, and the one at the cursor."""
         return os.environ.get("COMP_WORDS", "").splitlines(), os.environ.get("COMP_CWORD", "")
 
     def get_completions(self, args: list[str], incomplete: str) -> list[CompletionItem[str]]:
@@ -59,7 +59,7 @@ Register-ArgumentCompleter -Native -CommandName %(prog_name)s -ScriptBlock {
         return [item for item in super().get_completions(args, incomplete) if item.type == "plain"]
 
     def format_completion(self, item: CompletionItem[str]) -> str:
-        """The value and its help, which PowerShell wants not to be empty."""
+        """Return the value and its help, which PowerShell wants not to be empty."""
         return f"{item.value}\t{item.help or item.value}"
 
 
@@ -72,7 +72,7 @@ def answer_completion(instruction: str) -> int:
 
 
 def completion_script(shell: str) -> str:
-    """The script that asks rarms at each Tab; it ends with a line end."""
+    """Return the script that asks rarms at each Tab; it ends with a line end."""
     completer = get_completion_class(shell)
     assert completer is not None, "the command takes no other"
     # NOTE: not `BashComplete.source`, which starts a bash to learn its version.
@@ -80,7 +80,7 @@ def completion_script(shell: str) -> str:
 
 
 def completer_of(field: str, metavar: str | None) -> Completer | None:
-    """What completes the value of a request's field; None: click knows, or nothing does."""
+    """Return what completes the value of a request's field; None: click knows, or nothing does."""
     if field == "output":
         return lambda _context, _parameter, text: _starting_with(text, _output_forms())
     if field in _SECTIONS:
@@ -107,7 +107,7 @@ def _codes(field: str) -> tuple[str, ...]:
 
 
 def _declared(context: click.Context, field: str) -> tuple[str, ...]:
-    """The keys of the manifest's section, as far as it can be read."""
+    """Return the keys of the manifest's section, as far as it can be read."""
     from rarms_iac.app.manifests import declared_names
     from rarms_iac.app.requests import DEFAULT_MANIFEST
 

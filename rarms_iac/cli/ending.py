@@ -118,7 +118,7 @@ class Interrupts:
                 signal.signal(number, handler)
 
     def receive(self, number: int, _frame: FrameType | None) -> None:
-        """What a signal does."""
+        """Handle a signal."""
         first, self.exit_code = self.exit_code is None, SIGNALS[signal.Signals(number)]
         if not (self._gentle and first):
             raise Interrupted(self.exit_code)

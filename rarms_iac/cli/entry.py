@@ -36,7 +36,7 @@ def run_command_line(arguments: Sequence[str]) -> int:
 def run_guarded(
     session: Session, arguments: Sequence[str], invoke: Callable[[Session, Sequence[str]], ExitCode]
 ) -> ExitCode:
-    """What the command answers; every exception becomes words on standard error and an exit code."""
+    """Return what the command answers; every exception becomes words on standard error and an exit code."""
     terminal = session.terminal
     try:
         with session.interrupts.listening():
@@ -79,7 +79,7 @@ def _invoke(session: Session, arguments: Sequence[str]) -> ExitCode:
 
 
 def usage_text(error: click.UsageError) -> "RenderableType":
-    """What was wrong with the words, and where the right ones are listed."""
+    """Return what was wrong with the words, and where the right ones are listed."""
     from rarms_iac.views.console import paragraph, stack
 
     usage = paragraph(error.ctx.get_usage()) if error.ctx else None

@@ -50,13 +50,13 @@ class LazyGroup(click.Group):
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002 - click's signature
-        """The command of this name, imported now."""
+        """Return the command of this name, imported now."""
         if cmd_name not in COMMANDS:
             return None
         return load_command(cmd_name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - click's signature
-        """The list in `rarms --help`, from the table."""
+        """Write the list of `rarms --help` from the table."""
         with formatter.section("Commands"):
             formatter.write_dl([each for each in COMMANDS.items() if each[0] not in FOR_SIMULATED_HOSTS])
         with formatter.section("On simulated hosts"):
@@ -70,7 +70,7 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """The command that the first word names.
+        """Return the command that the first word names.
 
         Raises:
             click.UsageError: there is none; the message offers the nearest.
@@ -85,7 +85,7 @@ class LazyGroup(click.Group):
 
 
 def root_group() -> LazyGroup:
-    """The whole command line."""
+    """Return the whole command line."""
     version = session_flag("--version", act=_version, text="Show the version and exit.", is_eager=True)
     return LazyGroup(
         name="rarms",

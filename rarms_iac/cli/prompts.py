@@ -132,7 +132,7 @@ class TerminalCombiningPrompt(TerminalTuningPrompt):
 
 
 def measuring_control(session: Session, *, stop_partitions: bool) -> Control:
-    """The command's part while it measures: what is shown, signals, and whether partitions may be stopped."""
+    """Return the command's part while it measures: what is shown, signals, and whether partitions may be stopped."""
     consents = _stop_consent(session, stop_partitions=stop_partitions)
     return Control(reporter=TerminalReporter(session), stop=session.interrupts, consents=consents)
 

@@ -43,7 +43,7 @@ def common_options() -> list[click.Parameter]:
 def session_flag(
     *flags: str, act: Callable[[click.Context, click.Parameter, bool], None], text: str, is_eager: bool = False
 ) -> click.Option:
-    """An option that acts on the session and reaches no command."""
+    """Return an option that acts on the session and reaches no command."""
     return click.Option(flags, is_flag=True, is_eager=is_eager, expose_value=False, callback=act, help=text)
 
 

@@ -59,7 +59,7 @@ _TOGETHER = {
 
 
 def load_command(name: str) -> click.Command:
-    """The command of this name, which is one of `COMMANDS`; its module is imported now."""
+    """Return the command of this name, which is one of `COMMANDS`; its module is imported now."""
     module = next((module for module, names in _TOGETHER.items() if name in names), f"{name}_command")
     command: click.Command = getattr(import_module(f"rarms_iac.cli.commands.{module}"), f"{name}_command")
     return command

@@ -20,7 +20,10 @@ NOT_AT_REST = Finding.error("RARMS155", "A partition is in a state that it canno
 
 
 def _named_settings(settings: PartitionSettings) -> dict[str, object]:
-    """The settings by the words for them; processor time as the plan shows it, of all virtual processors together."""
+    """Return the settings by the words for them.
+
+    Processor time is shown as the plan shows it, of all virtual processors together.
+    """
     return {
         "name": settings.name,
         "processors": settings.processors,
@@ -45,7 +48,7 @@ def partition_changes(
     context: HostContext,
     rules: ManifestRules,
 ) -> PartialDifference:
-    """The changes of managed partitions; machines of others and marks that do not count are findings.
+    """Return the changes of managed partitions; machines of others and marks that do not count are findings.
 
     Args:
         wanted: the desired partitions by name.
@@ -80,7 +83,7 @@ def partition_changes(
 def _partition_change(
     name: str, after: Partition | None, before: Partition | None, context: HostContext, rules: ManifestRules
 ) -> Change | Diagnostic | None:
-    """The change of a partition, or why it cannot be made; None: nothing has to be changed."""
+    """Return the change of a partition, or why it cannot be made; None: nothing has to be changed."""
     address = Address(partition=name, machine=before.id if before else "")
     if before is None:
         assert after is not None
@@ -198,7 +201,7 @@ def _machines_in_the_way(
 
 
 def machine_in_the_way(machine: Partition, place: Place | None) -> Diagnostic:
-    """The finding about a machine of others that has the name of a wanted partition.
+    """Return the finding about a machine of others that has the name of a wanted partition.
 
     Args:
         machine: the machine, as observed.
@@ -248,7 +251,7 @@ def _protected_before(name: str) -> Diagnostic:
 
 
 def not_at_rest(address: Address, state: RunState, place: Place | None) -> Diagnostic:
-    """The finding about a partition that is neither off nor running.
+    """Return the finding about a partition that is neither off nor running.
 
     Args:
         state: what it is doing.

@@ -19,7 +19,7 @@ _PATTERN = re.compile(r"[*?\[\]`]")
 
 
 def task_changes(desired: State, managed: ManagedMachines, observed: State, rules: ManifestRules) -> PartialDifference:
-    """The changes of task classes of the host and of managed guests; those of other guests are not looked at.
+    """Return the changes of task classes of the host and of managed guests; those of other guests are not looked at.
 
     Args:
         desired: what the manifest wants of this host.
@@ -92,7 +92,7 @@ def _compare_wanted(
 
 
 def not_restorable(address: Address, before: TaskClass | Responsiveness, place: Place | None) -> Diagnostic | None:
-    """The finding about values that an undo could not write back, those from before rarms included.
+    """Return the finding about values that an undo could not write back, those from before rarms included.
 
     Args:
         address: the task class, or SystemResponsiveness.
@@ -172,7 +172,7 @@ def _foreign_task(address: Address, before: TaskClass, place: Place | None) -> D
 def responsiveness_changes(
     after: Responsiveness | None, before: Responsiveness | None, application: str, rules: ManifestRules
 ) -> PartialDifference:
-    """The change of SystemResponsiveness.
+    """Return the change of SystemResponsiveness.
 
     Unlike a task class of others the value may be taken over: Windows sets it itself, and it is brought back.
 

@@ -215,7 +215,9 @@ PARTITION_PREFIX = "partition/"
 
 
 def partitions_after_last_run(journal: Journal | ScriptRun | None, application: str) -> frozenset[str] | None:
-    """The partitions that were on the host when its last run ended: what is gone since was removed with another tool.
+    """Return the partitions that were on the host when its last run ended.
+
+    A partition that is missing now was removed with another tool.
 
     The plan's digests name what was there before it. An undo brings that back, except for what the plan removed.
 

@@ -56,7 +56,7 @@ def hold_back(changes: Sequence[Change], budget: StepBudget) -> HeldChanges:
 
 
 def _changes_of_moves(changes: Sequence[Change], budget: StepBudget) -> _Held:
-    """What makes partitions here that would then be on two hosts."""
+    """Return what makes partitions here that would then be on two hosts."""
     return {
         at: HeldBack(change=change, why=f"it is on {budget.remaining[name]}, and this plan does not remove it there")
         for at, change in enumerate(changes)
@@ -65,7 +65,7 @@ def _changes_of_moves(changes: Sequence[Change], budget: StepBudget) -> _Held:
 
 
 def _changes_without_name(changes: Sequence[Change], held_back: _Held) -> _Held:
-    """Moves onto a name that its holder, held back, keeps."""
+    """Move onto a name that its holder, held back, keeps."""
     holders = {_name_before(entry.change): entry.change for entry in held_back.values()}
     return {
         at: HeldBack(change=change, why=f"its name stays with {holders[change.address.partition].address}")

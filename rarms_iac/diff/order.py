@@ -93,7 +93,7 @@ class _Walk:
                 self._do(steps.pop(0))
 
     def run_the_rest(self) -> OrderedSteps | Deadlock:
-        """The other steps, as the budget allows; and a stop where it does not."""
+        """Return the other steps, as the budget allows; and a stop where it does not."""
         while True:
             self._run_fitting_steps()
             waiting = [at for at in range(len(self.queue)) if self.queue[at]]
@@ -185,7 +185,7 @@ class _Walk:
 
 
 def _rank(change: Change) -> int:
-    """Removals before all, changes of what is there before what is made, task classes when their partition is."""
+    """Return a key that puts removals first, then changes, then what is made; task classes go with their partition."""
     if change.address.task or change.address.responsiveness:
         return 3
     match change:

@@ -130,7 +130,7 @@ def mark_moves(planned: Sequence[PlannedChange]) -> tuple[tuple[Step, ...], tupl
 
 
 def _name_given_up(planned: PlannedChange) -> str:
-    """The name that the change's partition gives up; empty where it keeps its name."""
+    """Return the name that the change's partition gives up; empty where it keeps its name."""
     match planned.change:
         case Update(before=Partition(mark=mark)) if mark and mark.name != planned.change.address.partition:
             return mark.name

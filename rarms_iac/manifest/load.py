@@ -43,7 +43,7 @@ class Loaded:
 
 
 def manifest_path(path: str) -> str:
-    """The file that `-f PATH` means: in a folder, its `rarms.yaml`."""
+    """Return the file that `-f PATH` means: in a folder, its `rarms.yaml`."""
     return str(Path(path) / DEFAULT_NAME) if path != STANDARD_INPUT and Path(path).is_dir() else path
 
 

@@ -53,7 +53,7 @@ class Combined:
 
 
 def combine(texts: Sequence[ParsedText]) -> Combined:
-    """A manifest and its overlays as one; later overlays win."""
+    """Return a manifest and its overlays as one; later overlays win."""
     manifest, *overlays = texts
     if not overlays:
         return Combined(value=manifest.value, places=ManifestPlaces(manifest.source.positions), diagnostics=())
@@ -146,7 +146,7 @@ def _fits(path: YamlPath, patterns: tuple[tuple[str, ...], ...]) -> bool:
 
 
 def _relative(node: Any, written_in: str, to: str, path: YamlPath) -> Any:
-    """A tree with its paths relative to another folder."""
+    """Return a tree with its paths relative to another folder."""
     if isinstance(node, Collection):
         entries = [
             replace(entry, value=_relative(entry.value, written_in, to, (*path, entry.key.value if entry.key else at)))
@@ -170,7 +170,7 @@ def _names_a_file(word: str, folder: str) -> bool:
 
 
 def moved_path(text: str, written_in: str, to: str) -> str:
-    """A path relative to one folder, as seen from another; an absolute one stays."""
+    """Return a path relative to one folder, as seen from another; an absolute one stays."""
     if PurePosixPath(text).is_absolute() or PureWindowsPath(text).is_absolute():
         return text
     try:

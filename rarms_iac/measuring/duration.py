@@ -141,7 +141,10 @@ def _shortest_ms(experiment: Experiment, count: SettingCount, earlier: Sequence[
 
 
 def _spent_again_ms(experiment: Experiment, setting: Setting, count: SettingCount) -> float:
-    """What an earlier setting would take now: in proportion to the samples, where it ends after a number of them."""
+    """Return how long an earlier setting would take now.
+
+    A setting that ends after a number of samples takes time in proportion to them.
+    """
     if count.goes_on:
         return setting.host_ms
     taken = {series.component: len(series.samples) for series in setting.series}
@@ -165,7 +168,7 @@ def least_samples(member: Component) -> int:
 
 
 def _least_ms(run: Run, member: Component, earlier: Sequence[Setting], count: SettingCount) -> float:
-    """A setting of a search may end as soon as its samples tell, a setting of a sweep goes on to its end."""
+    """Return a setting of a search may end as soon as its samples tell, a setting of a sweep goes on to its end."""
     between = float(run.arrival.period) if isinstance(run.arrival, Periodic) else _fastest_ms(member.name, earlier)
     if count.goes_on:
         return least_samples(member) * between
@@ -175,7 +178,7 @@ def _least_ms(run: Run, member: Component, earlier: Sequence[Setting], count: Se
 
 
 def _fastest_ms(name: str, earlier: Sequence[Setting]) -> float:
-    """The time of a job, on the average of the setting where it was least; 0 where nothing is recorded."""
+    """Return the time of a job, on the average of the setting where it was least; 0 where nothing is recorded."""
     paces = [
         series.elapsed_ms / len(series.samples)
         for setting in earlier

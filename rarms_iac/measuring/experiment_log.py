@@ -155,7 +155,7 @@ def data_log_path(hosts: Hosts, experiment: Experiment) -> Path:
 
 
 def _header(session: MeasuringSession, experiment: Experiment) -> Header:
-    """What the data log of this experiment begins with, as everything is now."""
+    """Return what the data log of this experiment begins with, as everything is now."""
     system, setup = session.hosts.system, experiment.setup
     subject = subject_of(system, experiment.host, setup.members, setup.interference)
     files = files_of(session.hosts.manifest, most_bytes=None)

@@ -169,7 +169,7 @@ def show_index(measured: MeasuredIndex, *, helps: bool = True) -> str:
 
 
 def index_facts(measured: MeasuredIndex) -> dict[str, Any]:
-    """The numbers of an index against its threshold, in its own unit.
+    """Return the numbers of an index against its threshold, in its own unit.
 
     Args:
         measured: with or without an estimate.
@@ -225,7 +225,7 @@ def _not_achievable(
 
 
 def _waits_elsewhere(setting: Setting, experiment: Experiment) -> list[str]:
-    """The component, alone in its partition, that falls behind and would with all processors, too."""
+    """Return the component, alone in its partition, that falls behind and would with all processors, too."""
     if len(experiment.members) > 1:
         return []
     return [
@@ -273,7 +273,7 @@ def _not_resolved(
 
 
 def _how_to_show(end: NotResolved, highest: Setting | None, experiment: Experiment) -> tuple[Wording, dict[str, Any]]:
-    """What would tell whether a threshold holds, and the numbers behind that."""
+    """Return what would tell whether a threshold holds, and the numbers behind that."""
     there = min((len(series.samples) for series in highest.series), default=0) if highest else 0
     taken = counted(there, "sample")
     move_away = f"Move the threshold away from what the component just reaches: {MOST_SAMPLES} samples would not tell."
@@ -305,13 +305,13 @@ def _how_to_show(end: NotResolved, highest: Setting | None, experiment: Experime
 
 
 def _setting_budget(time_ms: float, experiment: Experiment) -> str:
-    """What to write so that a setting may take so long with each of the loads that share its budget."""
+    """Return what to write so that a setting may take so long with each of the loads that share its budget."""
     minutes = ceil(len(experiment.loads) * time_ms / 60_000)
     return f"`policy: {{ measuring: {{ setting: {minutes} min }} }}`"
 
 
 def _ended_early(setting: Setting | None, experiment: Experiment) -> str:
-    """That the budget was not spent, where it is not."""
+    """Return that the budget was not spent, where it is not."""
     if setting is None or setting.host_ms >= (budget_ms := experiment.budget.at(setting.reserve)):
         return ""
     took, may_take = show_duration(setting.host_ms), show_duration(budget_ms)
@@ -326,7 +326,7 @@ def _or_more_time(setting: Setting, experiment: Experiment) -> str:
 
 
 def _unsteady(settings: Iterable[Setting]) -> list[tuple[int, str, str]]:
-    """The CR, the component and the reason of each series without a steady state."""
+    """Return the CR, the component and the reason of each series without a steady state."""
     return [
         (setting.reserve, series.component, reason)
         for setting in settings
@@ -799,7 +799,7 @@ def _ways_out(hosts: Hosts, proof: LayoutProof, verdict: IndexVerdict, free: Map
 
 
 def _asked_lp(measured: MeasuredIndex, reserved_lp: Fraction) -> Fraction | None:
-    """The LPs with which it would be as quick as its threshold asks, if its time goes by one over what it gets."""
+    """Return the LPs that it would need for its threshold, if its time is in inverse proportion to what it gets."""
     if measured.overload is not None:
         needed = measured.overload.needed_lp
         return None if needed is None else _round_up(needed)

@@ -138,7 +138,7 @@ def ask_levels(further: Further, result: ExperimentResult, prompt: LevelPrompt) 
 
 
 def _extended(problem: RequestError | UseCaseError, prompt: LevelPrompt, further: Further) -> ExperimentResult | None:
-    """What higher settings came to, where the level needs them and the user wants them; else None."""
+    """Return what higher settings came to, where the level needs them and the user wants them; else None."""
     if not isinstance(problem, BeyondMeasured) or not prompt.extends(problem):
         return None
     try:
@@ -157,7 +157,7 @@ def _request_of(component: str, level: str) -> SelectRequest:
 
 
 def _selected(hosts: Hosts, request: SelectRequest, prompt: LevelPrompt) -> Selection | None:
-    """The level as it was written, once it was shown and confirmed; None: it was not wanted."""
+    """Return the level as it was written, once it was shown and confirmed; None: it was not wanted."""
     manifest = load_manifest(hosts.manifest.source)
     proposed = select_level(manifest, replace(request, dry_run=True))
     return select_level(manifest, request) if prompt.confirms(proposed) else None

@@ -189,7 +189,7 @@ def _together(outcomes: Sequence[MeasureOutcome], not_begun: Iterable[Experiment
 def _measure_all(
     session: MeasuringSession, request: MeasureRequest, prompt: LevelPrompt | None
 ) -> tuple[MeasureOutcome, Mapping[Path, Remeasurement]]:
-    """The outcome, and by data log the remeasurements that nothing is left to do for."""
+    """Return the outcome, and by data log the remeasurements that nothing is left to do for."""
     hosts = session.hosts
     experiments = experiments_of_request(hosts, request)
     groups, begun = by_partition(experiments), 0
@@ -252,7 +252,7 @@ def _answer_findings(hosts: Hosts, of_loads: Sequence[ExperimentResult]) -> Iter
 
 
 def _real_components(hosts: Hosts, experiments: Sequence[Experiment]) -> Sequence[Component]:
-    """The components of the experiments that run as processes, each once."""
+    """Return the components of the experiments that run as processes, each once."""
     names = dict.fromkeys(
         name
         for experiment in experiments

@@ -391,7 +391,7 @@ def _members(hosts: Hosts, request: MeasureRequest) -> tuple[tuple[str, ...], ..
 
 
 def _hosts_to_measure_on(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Host]:
-    """The first host of each platform that all of them may run on and that can be measured on."""
+    """Yield the first host of each platform that all of them may run on and that can be measured on."""
     system = hosts.system
     allowed = [
         system.hosts[name]

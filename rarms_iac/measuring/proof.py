@@ -484,7 +484,7 @@ def _samples_needed(verdict: Verdict, series: Series, measured: MeasuredIndex) -
 
 
 def _estimate_of(verdict: Verdict) -> tuple[Estimate | None, str]:
-    """What the verdict on a single index rests on, or why there is nothing."""
+    """Return what the verdict on a single index rests on, or why there is nothing."""
     match verdict:
         case Missed(overload=Overload()):
             return None, ""

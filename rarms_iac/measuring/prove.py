@@ -168,7 +168,7 @@ def _prove_there(hosts: Hosts, request: ProveRequest, control: Control) -> Prove
 def _layouts_to_prove(
     hosts: Hosts, states: Mapping[str, State], everywhere: Mapping[str, State], samples: int | None
 ) -> Mapping[str, AppliedLayout]:
-    """The applied layouts by host; what would make their proofs useless is found before components run."""
+    """Return the applied layouts by host; what would make their proofs useless is found before components run."""
     applied = applied_layouts(hosts, states, everywhere)
     layouts = {name: with_samples(layout, samples) for name, layout in applied.items()}
     refuse_unapplied(hosts, states, everywhere)
@@ -249,7 +249,7 @@ def _describe_wall_time(hosts: Hosts, host: str, layout: AppliedLayout, loads: S
 
 
 def _recorded(hosts: Hosts, host: str, layout: AppliedLayout) -> tuple[Entry, ...]:
-    """What the configuration logs of a layout's components hold."""
+    """Return what the configuration logs of a layout's components hold."""
     platform = hosts.system.hosts[host].platform
     logs = [configuration_path(hosts.folder, platform, component.name) for component in layout.judged]
     with log_errors():
@@ -306,7 +306,7 @@ def _proven(verdict: IndexVerdict) -> ProvenIndex:
 
 
 def _real_components(hosts: Hosts, layouts: Mapping[str, AppliedLayout]) -> Iterator[Component]:
-    """The components that ran as processes."""
+    """Yield the components that ran as processes."""
     for name, layout in layouts.items():
         if hosts.system.hosts[name].provider is not ProviderKind.SIMULATED:
             yield from layout.components
@@ -334,7 +334,7 @@ def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:
 def _conditions(
     session: MeasuringSession, state: State, layout: AppliedLayout, loads: Sequence[str], thresholds: int
 ) -> tuple[ProofConditions, ...]:
-    """What the layout of a host is run under, one after the other.
+    """Return what the layout of a host is run under, one after the other.
 
     Raises:
         UseCaseError: There is no room for a load, or the host cannot run it or a component (negative).

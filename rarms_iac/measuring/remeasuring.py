@@ -68,7 +68,7 @@ def _last(log: ExperimentLog, asked: str) -> Remeasurement | None:
 
 
 def _of_that_command(log: ExperimentLog, asked: str, begun: str | None) -> Remeasurement | None:
-    """The remeasurement of a command that began then; one that is not ended is gone on with in any case."""
+    """Return the remeasurement of a command that began then; one that is not ended is gone on with in any case."""
     last = _last(log, asked)
     if begun is None or last is None or (last.ended and last.begun != begun):
         return None

@@ -311,7 +311,7 @@ class _Seen:
         return _Moment(elapsed_ms=self.running.elapsed_ms(), cpu_ms=cpu_ms)
 
     def series(self) -> Mapping[str, Series]:
-        """The series of each component so far."""
+        """Return the series of each component so far."""
         if self._since is None and self._began_anew_ms is None:
             self._unsettled, self._since = "it ended before its host had settled", self._mark()
         elapsed = self.counted_ms

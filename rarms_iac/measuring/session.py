@@ -264,7 +264,7 @@ def stopped_by_measurement(state: State, application: str) -> tuple[str, ...]:
 
 
 def stopped_to_measure(state: State, application: str) -> State:
-    """What a host looks like once the partitions of an application that run have been stopped to measure.
+    """Return what a host looks like once the partitions of an application that run have been stopped to measure.
 
     Returns:
         The same host with these partitions off, and marked as stopped by a measurement.

@@ -106,7 +106,7 @@ def work_in_test_partitions(experiment: Experiment) -> tuple[PartitionWork, Part
 
 
 def _task_classes(experiment: Experiment) -> tuple[ClassValues, ...]:
-    """The task classes that the members name, as a plan would set them in a partition of just these."""
+    """Return the task classes that the members name, as a plan would set them in a partition of just these."""
     return classes_of(experiment.members, experiment.tasks, P1, FirstLine(file="")).classes
 
 
@@ -156,7 +156,7 @@ def run_setting(site: Site, request: Measure, known: KnownSettings) -> Setting |
 def _try_setting(
     site: Site, request: Measure, empty: Setting, known: KnownSettings
 ) -> tuple[Setting | SettingFailed | Stopped, SettingEvidence | None]:
-    """A setting from the first sample to the last, and what the host counted meanwhile."""
+    """Return a setting from the first sample to the last, and what the host counted meanwhile."""
     experiment, control = site.experiment, site.control
     goal = replace(goal_of(experiment), ends_at_until=request.within_until)
     until = {name: run.until for name, run in goal.runs.items() if run.until is not None}
@@ -218,7 +218,7 @@ def _contenders(
 
 
 def _work(site: Site, request: Measure) -> Work:
-    """What runs at this setting.
+    """Return what runs at this setting.
 
     Each setting has a seed of its own, so that settings do not share one lucky or unlucky draw.
     """

@@ -288,7 +288,7 @@ def _fixed_part(subject: TuningSubject) -> str:
 
 
 def _tune_again(subject: TuningSubject, **options: str | bool) -> RecommendedCommand:
-    """The command that tunes the same hosts; on one host, where others are not tuned."""
+    """Return the command that tunes the same hosts; on one host, where others are not tuned."""
     is_whole = set(subject.hosts.chosen) == set(subject.system.hosts)
     return command("tune", host=False if is_whole else subject.host.name, **options)
 

@@ -150,7 +150,7 @@ class TuningSubject:
         return Item(name=coi.name, claims=claims, current_host=now or "")
 
     def _homes(self, members: Members) -> tuple[str, ...]:
-        """The chosen hosts that all of these components may run on."""
+        """Return the chosen hosts that all of these components may run on."""
         components = [self.system.components[each] for each in members]
         return tuple(name for name in self.hosts.chosen if all(each.may_run_on(name) for each in components))
 
@@ -293,7 +293,10 @@ def tuning_host(hosts: Hosts) -> Host:
 
 
 def _can_be_tuned(group: Group, problem: Problem, host: Host) -> bool:
-    """A partition whose entry fixes what it gets is left alone: what is measured elsewhere would not hold there."""
+    """Return partitions to leave alone: their entries fix what they get.
+
+    What is measured elsewhere would not hold there.
+    """
     request = group.request
     own = request.memory is not None or request.processors is not None or request.cpu.limit is not None
     measured = depends_on_a_log(group) and all(member.apt for member in group.members)

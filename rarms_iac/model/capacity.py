@@ -97,7 +97,7 @@ def foreign_claimants(state: State, application: str) -> tuple[Partition, ...]:
 
 
 def capacity_of(host: Host, facts: HostFacts | None) -> Capacity:
-    """The capacity of a host by the manifest, or by what was observed where that is less.
+    """Return the capacity of a host by the manifest, or by what was observed where that is less.
 
     Args:
         host: of the manifest.

@@ -72,7 +72,7 @@ class Prose(OutputText):
     pieces: tuple[str | RecommendedCommand, ...]
 
     def __str__(self) -> str:
-        """The text with its commands between backticks."""
+        """Return the text with its commands between backticks."""
         return plain_text(self)
 
     def __bool__(self) -> bool:

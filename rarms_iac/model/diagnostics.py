@@ -48,7 +48,7 @@ class Place:
     length: int = 1  # characters to underline on that line
 
     def __str__(self) -> str:
-        """The form that editors and terminals open."""
+        """Return the form that editors and terminals open."""
         return f"{self.file}:{self.line}:{self.column}"
 
 
@@ -70,17 +70,17 @@ class Finding:
 
     @classmethod
     def error(cls, code: str, summary: str) -> Self:
-        """A kind of problem that stops a command."""
+        """Return a kind of problem that stops a command."""
         return cls(code=code, severity=Severity.ERROR, summary=summary)
 
     @classmethod
     def warning(cls, code: str, summary: str) -> Self:
-        """A kind of problem that stops nothing and may be accepted."""
+        """Return a kind of problem that stops nothing and may be accepted."""
         return cls(code=code, severity=Severity.WARNING, summary=summary)
 
     @classmethod
     def note(cls, code: str, summary: str) -> Self:
-        """What a user may want to know."""
+        """Return what a user may want to know."""
         return cls(code=code, severity=Severity.NOTE, summary=summary)
 
     def at(
@@ -268,7 +268,7 @@ class Places(Protocol):
     """Where in the manifest files a value or its key stands; asked only when something is to be told."""
 
     def value(self, *path: str | int) -> Place:
-        """The place of the value at this path; of the nearest parent that exists where it does not.
+        """Return the place of the value at this path; of the nearest parent that exists where it does not.
 
         Args:
             path: keys and positions from the document's root.
@@ -278,7 +278,7 @@ class Places(Protocol):
         """
 
     def key(self, *path: str | int) -> Place:
-        """The place of the key at this path, likewise.
+        """Return the place of the key at this path, likewise.
 
         Args:
             path: as of `value`.
@@ -288,7 +288,7 @@ class Places(Protocol):
         """
 
     def text(self, *path: str | int) -> str:
-        """The text of the scalar at this path as it is written; empty if it stands in quotes or is not there.
+        """Return the text of the scalar at this path as it is written; empty if it stands in quotes or is not there.
 
         Args:
             path: as of `value`.

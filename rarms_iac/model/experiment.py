@@ -120,7 +120,7 @@ def experiments_of(
 def experiment_of(
     system: System, host: Host, members: tuple[str, ...], interference: str, used: Used = never_seen
 ) -> Experiment:
-    """The experiment with these components together in P1; what a partition of just these asks for stands.
+    """Return the experiment with these components together in P1; what a partition of just these asks for stands.
 
     Args:
         used: how many processors components were seen to use at once.
@@ -164,7 +164,7 @@ def _with_samples(component: Component, samples: int | None) -> Component:
 
 
 def _requested_partition(system: System, names: tuple[str, ...]) -> PartitionRequest:
-    """What the manifest says of the partition of just these components."""
+    """Return what the manifest says of the partition of just these components."""
     for request in system.partitions.values():
         if tuple(sorted(request.components)) == names:
             return request
@@ -172,7 +172,7 @@ def _requested_partition(system: System, names: tuple[str, ...]) -> PartitionReq
 
 
 def _limit(request: PartitionRequest, components: tuple[Component, ...], host: Host, processors: int) -> int:
-    """Fixed by the manifest, in the provider's grain; open: none, as a cap would falsify what is measured."""
+    """Return fixed by the manifest, in the provider's grain; open: none, as a cap would falsify what is measured."""
     amounts = (
         [request.cpu.limit] if request.cpu.limit is not None else [component.cpu.limit for component in components]
     )

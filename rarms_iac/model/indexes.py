@@ -112,24 +112,24 @@ INDEXES: dict[str, PerformanceIndex] = {index.name: index for index in _NAMED}
 
 
 def find_index(name: str) -> PerformanceIndex | None:
-    """The index of this name, None if there is none."""
+    """Return the index of this name, None if there is none."""
     return INDEXES.get(name) or percentile_index(name)
 
 
 def index_named(name: str) -> PerformanceIndex:
-    """The index of this name, which a manifest or a log has that was checked."""
+    """Return the index of this name, which a manifest or a log has that was checked."""
     index = find_index(name)
     assert index is not None, f"{name} was checked to be an index"
     return index
 
 
 def percentile_of(name: str) -> Fraction | None:
-    """The per cent in the name, None if it is no percentile's name."""
+    """Return the per cent in the name, None if it is no percentile's name."""
     return Fraction(name[1 : name.index("_")]) if _PERCENTILE.match(name) else None
 
 
 def percentile_index(name: str) -> PerformanceIndex | None:
-    """The percentile of this name, None if it is no percentile's name."""
+    """Return the percentile of this name, None if it is no percentile's name."""
     if _PERCENTILE.match(name) is None:
         return None
     return PerformanceIndex(
@@ -151,7 +151,7 @@ def threshold_of(index: PerformanceIndex, text: str) -> Threshold:
 
 
 def show_value(index: PerformanceIndex, value: Fraction | float, *thresholds: Fraction) -> str:
-    """A value of the index with its unit.
+    """Return a value of the index with its unit.
 
     Args:
         index: which index.

@@ -126,7 +126,7 @@ class Layout:
         )
 
     def on(self, host: str) -> tuple[PlacedPartition, ...]:
-        """The partitions of a host, by name.
+        """Return the partitions of a host, by name.
 
         Args:
             host: its name.

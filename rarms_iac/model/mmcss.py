@@ -17,7 +17,7 @@ TOP_OF_MEDIUM = 7
 
 
 def thread_priority(category: TaskCategory, priority: int, background_priority: int) -> int:
-    """What threads of a class run at while they have their share."""
+    """Return what threads of a class run at while they have their share."""
     match category:
         case TaskCategory.HIGH:
             return 26
@@ -85,7 +85,10 @@ OFF = 100
 
 
 def taken_for(percent: int) -> int:
-    """What Windows makes of the number: out of range it is 20, otherwise rounded down to tens (page of May 2025)."""
+    """Return what Windows makes of the number.
+
+    Out of range it is 20, otherwise rounded down to tens (page of May 2025).
+    """
     return percent // 10 * 10 if 10 <= percent <= OFF else USUAL
 
 

@@ -67,7 +67,7 @@ def disk_path(making: CreatePartition, plan: str, usual: str) -> str:
 
 
 def partition_folder(making: CreatePartition, name: str) -> str:
-    """The folder that Hyper-V makes below `vm_path` for a machine of this name."""
+    """Return the folder that Hyper-V makes below `vm_path` for a machine of this name."""
     return f"{making.vm_path.rstrip(SLASH)}{SLASH}{name}"
 
 

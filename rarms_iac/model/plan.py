@@ -34,7 +34,7 @@ class Scope:
     plan: str  # id
 
     def pending(self, partition: str) -> str:
-        """What a partition is called while this plan makes it; a dot cannot occur in a manifest's name."""
+        """Return what a partition is called while this plan makes it; a dot cannot occur in a manifest's name."""
         return f"{partition}.rarms-{self.plan}"
 
 
@@ -72,7 +72,7 @@ class Step:
     place: Place | None = None  # the manifest line behind it
 
     def reversed(self, title: str) -> "Step":
-        """The step that takes this one back, which needs an undo; reversing that does this one again."""
+        """Return the step that takes this one back, which needs an undo; reversing that does this one again."""
         assert self.undo.operation is not None, "a step without an undo is not taken back"
         return replace(
             self,
@@ -273,5 +273,5 @@ class Plan:
 
 
 def owner_of(step: Step) -> str:
-    """The partition that a step belongs to, or the address of a task class of the system itself."""
+    """Return the partition that a step belongs to, or the address of a task class of the system itself."""
     return step.address.partition or str(step.address)

@@ -29,7 +29,7 @@ Used = Callable[[tuple[str, ...]], int | None]
 
 
 def never_seen(_names: tuple[str, ...]) -> None:
-    """A `Used` where nothing was measured."""
+    """Return a `Used` for nothing measured."""
 
 
 def together(numbers: Sequence[int], host_lp: int) -> int:

@@ -67,12 +67,12 @@ class NotAQuantity(ValueError):
 
 
 def units_of(*kinds: Unit) -> tuple[str, ...]:
-    """The units that fit, in the order in which messages list them."""
+    """Return the units that fit, in the order in which messages list them."""
     return tuple(unit for kind in kinds for unit in UNITS[kind])
 
 
 def parse_quantity(text: str, *kinds: Unit) -> tuple[Unit, Fraction]:
-    """The kind and the exact value of e.g. `88 ms`, `512 MiB`, `70 %`, `1.4 LP`, `24 /s`.
+    """Return the kind and the exact value of e.g. `88 ms`, `512 MiB`, `70 %`, `1.4 LP`, `24 /s`.
 
     Where processor time fits, a share is of the host, and may say so: `70 % of host`.
 
@@ -115,7 +115,7 @@ OF_HOST = "of host"
 
 
 def in_processors(amount: CpuAmount, host_processors: int) -> LogicalProcessors:
-    """The amount in logical processors, on a host that has so many."""
+    """Return the amount in logical processors, on a host that has so many."""
     match amount:
         case ShareOfHost(percent):
             return LogicalProcessors(percent * host_processors / 100)
@@ -124,17 +124,17 @@ def in_processors(amount: CpuAmount, host_processors: int) -> LogicalProcessors:
 
 
 def per_virtual_processor(processors: LogicalProcessors, virtual_processors: int) -> int:
-    """The whole per cent of each virtual processor that guarantees so many LPs, rounded up (windows.md 1.1)."""
+    """Return the whole per cent of each virtual processor that guarantees so many LPs, rounded up (windows.md 1.1)."""
     return ceil(100 * processors / virtual_processors)
 
 
 def guaranteed(percent: int, virtual_processors: int) -> LogicalProcessors:
-    """The LPs that a per cent of each virtual processor guarantees: n * r / 100 (windows.md 1.1)."""
+    """Return the LPs that a per cent of each virtual processor guarantees: n * r / 100 (windows.md 1.1)."""
     return LogicalProcessors(Fraction(percent * virtual_processors, 100))
 
 
 def plain(value: Fraction | int) -> str:
-    """A number without needless digits: `12`, `1.4`, `0.333`."""
+    """Return a number without needless digits: `12`, `1.4`, `0.333`."""
     exact = Fraction(value)
     return str(exact.numerator) if exact.denominator == 1 else _rounded(float(exact), 3)
 
@@ -148,7 +148,7 @@ def _rounded(value: float, places: int) -> str:
 
 
 def show_number(value: float, *others: float) -> str:
-    """A measured number with three digits that count, and tenths at least: `0.0123`, `88.1`, `1234.6`.
+    """Return a measured number with three digits that count, and tenths at least: `0.0123`, `88.1`, `1234.6`.
 
     No exponent is ever written, and no infinity: that is `no bound`.
 
@@ -243,7 +243,7 @@ MOST_DIGITS = 10_000
 
 
 def show_period(microseconds: int | None) -> str:
-    """A period in milliseconds, `8.8 ms`; `none` where there is none."""
+    """Return a period in milliseconds, `8.8 ms`; `none` where there is none."""
     return f"{plain(Fraction(microseconds, 1000))} ms" if microseconds else "none"
 
 
@@ -255,7 +255,7 @@ MEMORY_GRAIN = 2 * 2**20
 
 
 def machine_memory(wanted: int) -> Bytes:
-    """The least memory that Hyper-V takes and that holds these bytes."""
+    """Return the least memory that Hyper-V takes and that holds these bytes."""
     return Bytes(max(LEAST_MEMORY, -(-wanted // MEMORY_GRAIN) * MEMORY_GRAIN))
 
 
@@ -285,7 +285,7 @@ def show_duration(milliseconds: float) -> str:
 
 
 def show_amount(amount: CpuAmount) -> str:
-    """The amount as the manifest would write it."""
+    """Return the amount as the manifest would write it."""
     match amount:
         case ShareOfHost(percent):
             return f"{show_percent(percent)} {OF_HOST}"

@@ -82,7 +82,7 @@ def change_title(operation: Operation, old: PartitionSettings, to: PartitionSett
 
 
 def reversal(step: Step, changes: Mapping[Address, Change]) -> Step:
-    """The step that takes one back, titled from what is found then to what was there before.
+    """Return the step that takes one back, titled from what is found then to what was there before.
 
     Args:
         step: of a plan; it has an undo with an operation.

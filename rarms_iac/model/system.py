@@ -464,7 +464,10 @@ class System:
         return tuple(name for name in loads if name in self.interference)
 
     def section_of(self, partition: str) -> str:
-        """The section of the manifest that asks for a partition: its own entry, or the component it is called after."""
+        """Return the section of the manifest that asks for a partition.
+
+        That is its own entry, or the component that it is named after.
+        """
         return "partitions" if partition in self.partitions else "components"
 
 

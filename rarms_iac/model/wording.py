@@ -21,13 +21,13 @@ _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight"
 
 
 def in_a_row(words: Sequence[object], last: str = "and") -> str:
-    """`a`, `a and b`, `a, b and c`; or with another word before the last."""
+    """Return `a`, `a and b`, `a, b and c`; or with another word before the last."""
     *others, end = map(str, words)
     return f"{', '.join(others)} {last} {end}" if others else end
 
 
 def list_names(names: Iterable[str], most: int = MOST_NAMES) -> str:
-    """`a`, `a and b`, `a, b and c`; of more than one above `most` the first ones and how many more."""
+    """Return `a`, `a and b`, `a, b and c`; of more than one above `most` the first ones and how many more."""
     known = list(names)
     return list_others(known, (), most) if known else ""
 
@@ -46,7 +46,7 @@ def list_others(names: Sequence[str], without: Collection[str], most: int = MOST
 
 
 def number(many: int) -> str:
-    """A small number as a word."""
+    """Return a small number as a word."""
     return _NUMBERS[many] if many < len(_NUMBERS) else str(many)
 
 
@@ -113,7 +113,7 @@ def is_invisible(character: str) -> bool:
 
 
 def name_character(character: str) -> str:
-    """`a no-break space (U+00A0)`: a character in words, with its number."""
+    """Return `a no-break space (U+00A0)`: a character in words, with its number."""
     name = unicodedata.name(character, {"\t": "tab", "\n": "line feed"}.get(character, "control character")).lower()
     return f"{'an' if name[0] in 'aeio' else 'a'} {name} (U+{ord(character):04X})"
 
@@ -127,7 +127,10 @@ MOST_SUGGESTIONS = 20
 
 
 def did_you_mean(word: str, candidates: Collection[str]) -> str | None:
-    """The nearest of the candidates (ties by name), or None where none is near: about one slip in three letters."""
+    """Return the nearest of the candidates (ties by name), or None where none is near.
+
+    Near means about one slip in three letters.
+    """
     allowed = max(len(word) > 1, min(len(word), 32) // 3)
     near = (candidate for candidate in candidates if candidate != word and abs(len(candidate) - len(word)) <= allowed)
     compared = [candidate for candidate, _ in zip(near, range(MOST_CANDIDATES), strict=False)]
@@ -136,12 +139,12 @@ def did_you_mean(word: str, candidates: Collection[str]) -> str | None:
 
 
 def suggestion(word: str, candidates: Collection[str]) -> str:
-    """A sentence to put behind a message, with a space before it: ` Did you mean "vision"?`, or nothing."""
+    """Return a sentence to put behind a message, with a space before it: ` Did you mean "vision"?`, or nothing."""
     return suggested(did_you_mean(word, candidates))
 
 
 def suggested(meant: str | None) -> str:
-    """The sentence of `suggestion` with a name that was found already."""
+    """Return the sentence of `suggestion` with a name that was found already."""
     return f' Did you mean "{meant}"?' if meant is not None else ""
 
 
@@ -169,7 +172,7 @@ class Suggestions:
 
 
 def question(meant: str | None) -> str:
-    """What was meant, as advice of its own: `Did you mean 512 MiB?`, or nothing."""
+    """Return what was meant, as advice of its own: `Did you mean 512 MiB?`, or nothing."""
     return f"Did you mean {meant}?" if meant else ""
 
 
@@ -196,7 +199,10 @@ def distance(word: str, other: str, limit: int) -> int:
 
 
 def remark(text: str) -> str:
-    """The text on one line of printable ASCII; all else that was in it is shown by its number, line ends as spaces."""
+    """Return the text on one line of printable ASCII.
+
+    All else that was in it is shown by its number, line ends as spaces.
+    """
     return "".join(map(_character, " ".join(text.split())))
 
 

@@ -102,7 +102,7 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
 
 
 def _unseen_guests(tasks: Iterable[TaskClass], observed: State, current: Mapping[str, str]) -> frozenset[str]:
-    """The partitions of these classes whose guests were not looked into; a simulated host shows them all.
+    """Return the partitions of these classes whose guests were not looked into; a simulated host shows them all.
 
     Every Windows has task classes, so a guest of a Hyper-V host of which none is known was not looked into.
     """
@@ -143,7 +143,10 @@ def _wanted(partition: PlacedPartition, there: Partition | None, system: System)
 
 
 def _stopped(wanted: Partition) -> Partition:
-    """A partition that `rarms stop` stopped: all that it is to be, but for running. Its digest does not tell that."""
+    """Return a partition that `rarms stop` stopped.
+
+    It is as wanted, but does not run; its digest does not tell that.
+    """
     assert wanted.mark is not None
     return replace(
         wanted,
@@ -154,7 +157,7 @@ def _stopped(wanted: Partition) -> Partition:
 
 
 def _stopped_unwanted(there: Partition) -> Partition:
-    """A partition that the manifest no longer wants: as it is, but stopped, and not started with its host."""
+    """Return a partition that the manifest no longer wants: as it is, but stopped, and not started with its host."""
     assert there.mark is not None
     name = there.mark.name
     settings = replace(there.settings, name=name, running=False, start_action=StartAction.NOTHING, secure_boot=None)
@@ -162,7 +165,7 @@ def _stopped_unwanted(there: Partition) -> Partition:
 
 
 def _marked(settings: PartitionSettings, mark: Mark, there: Partition | None, sharing: CoreSharing) -> Partition:
-    """The partition with these settings; its mark says them, and the machine that is there."""
+    """Return the partition with these settings; its mark says them, and the machine that is there."""
     machine = there.id if there else ""
     live = there.settings.secure_boot if there else None
     return Partition(
@@ -178,7 +181,7 @@ def _marked(settings: PartitionSettings, mark: Mark, there: Partition | None, sh
 def _tasks(
     system: System, layout: Layout, observed: State, current: Mapping[str, str], places: Places
 ) -> tuple[list[TaskClass], dict[tuple[str, str], ClassValues], tuple[Diagnostic, ...]]:
-    """The classes of every operating system of this host that has components."""
+    """Return the classes of every operating system of this host that has components."""
     tasks: list[TaskClass] = []
     decided: dict[tuple[str, str], ClassValues] = {}
     problems: list[Diagnostic] = []
@@ -232,7 +235,7 @@ def _task(values: ClassValues, inside: str, there: TaskClass | None, application
 def _record(
     there: TaskClass | Responsiveness | None, application: Application, wanted: Mapping[str, RegistryValue]
 ) -> TaskRecord:
-    """The record of what rarms writes: what was there before is kept once, by the application's first record."""
+    """Return the record of what rarms writes: what was there before is kept once, by the application's first record."""
     before = (there.values if there else None) or None
     if there and there.record and there.record.application == application.name:
         before = there.record.before

@@ -124,7 +124,7 @@ def most_critical_first(components: Iterable[Component]) -> tuple[Component, ...
 
 
 def _together(free: Mapping[str, Component]) -> Iterable[list[Component]]:
-    """The components that share a partition; the manifest's checks tell of other names in `together`."""
+    """Return the components that share a partition; the manifest's checks tell of other names in `together`."""
     parts: dict[str, list[Component]] = {}
     for name, first in bound_together(free).items():
         parts.setdefault(first, []).append(free[name])

@@ -198,7 +198,7 @@ def _homes(group: Group, problem: Problem) -> set[str]:
 
 
 def _current_hosts(system: System, groups: Sequence[Group], views: Mapping[str, HostView]) -> Mapping[str, str]:
-    """The host of each partition that is on one, by the name that it is to have."""
+    """Return the host of each partition that is on one, by the name that it is to have."""
     wanted = {group.name for group in groups}
     return {
         name: host
@@ -208,7 +208,7 @@ def _current_hosts(system: System, groups: Sequence[Group], views: Mapping[str, 
 
 
 def _checked_bin(host: Host, view: HostView, *, has_deadlines: bool) -> Bin:
-    """The host with all that its checks bound; as `without_checks` has it, where they bound nothing."""
+    """Return the host with all that its checks bound; as `without_checks` has it, where they bound nothing."""
     capacity = capacity_of(host, view.facts)
     by_script, by_deadline = host.provider is ProviderKind.HYPERV, has_deadlines and host.provider is ProviderKind.LINUX
     if by_script or by_deadline:
@@ -227,7 +227,10 @@ def _checked_bin(host: Host, view: HostView, *, has_deadlines: bool) -> Bin:
 
 
 def _checked_claims(group: Group, problem: Problem) -> Mapping[str, Claim]:
-    """What a partition claims on the hosts where no check refuses it; on all of them, where it is refused on each."""
+    """Return what a partition claims on the hosts where no check refuses it.
+
+    Where every host is refused, return all of them.
+    """
     sizes, hosts = problem.sizes[group.name], problem.system.hosts
     claims = {
         name: _with_deadline(claim, sizes[name], group, hosts[name])
@@ -283,7 +286,7 @@ def _kinds(system: System, depends_on: Callable[[Host], Hashable]) -> Mapping[st
 
 
 def _traits(host: Host) -> Hashable:
-    """What of a host decides what a partition gets there, beside its data logs."""
+    """Return what of a host decides what a partition gets there, beside its data logs."""
     settings = None if isinstance(host.settings, SimulatedHost) else host.settings
     return host.logical_processors, host.provider, settings
 
@@ -294,7 +297,7 @@ def _sizes(
     reservations: ReservationSource,
     views: Mapping[str, HostView],
 ) -> tuple[Mapping[str, PlacedPartition], tuple[Cause, ...]]:
-    """The group's size on each host that all its members may run on, or why it cannot be there."""
+    """Return the group's size on each host that all its members may run on, or why it cannot be there."""
     limits = [member.hosts for member in group.members if member.hosts is not None]
     found: dict[str, PlacedPartition] = {}
     causes: dict[Cause, None] = {}
@@ -313,14 +316,14 @@ def _sizes(
 
 
 def _claims(sizes: Mapping[str, PlacedPartition]) -> Mapping[str, Claim]:
-    """What it claims on each host, worked out once for hosts that share a size."""
+    """Return what it claims on each host, worked out once for hosts that share a size."""
     distinct = {id(partition): partition for partition in sizes.values()}
     claims = {key: partition.claim for key, partition in distinct.items()}
     return {host: claims[id(partition)] for host, partition in sizes.items()}
 
 
 def _item(name: str, claims: Mapping[str, Claim], problem: Problem) -> Item:
-    """A partition that stays where it is, also where a check refuses it there, unless it may move."""
+    """Return a partition that stays where it is, also where a check refuses it there, unless it may move."""
     current = problem.current_hosts.get(name, "")
     everywhere = problem.claims[name]
     stays = current in everywhere and not problem.may_move

@@ -152,7 +152,7 @@ def wanted_reserve(group: Group, host: Host, reservations: ReservationSource) ->
 
 
 def _processors(group: Group, host: Host, reservations: ReservationSource) -> int:
-    """What the manifest fixes, else what was measured, else the host's."""
+    """Return what the manifest fixes, else what was measured, else the host's."""
     found = processor_number(group.members, group.request.processors, host.logical_processors)
     if found.source is ProcessorSource.MANIFEST:
         return found.number

@@ -121,7 +121,7 @@ def _with_level(
 
 
 def _options(request: TaskRequest) -> list[_Option]:
-    """The highest threads first, so that of those that weigh the same the highest is taken."""
+    """Return the highest threads first, so that of those that weigh the same the highest is taken."""
     is_free = request.category is None
     return [
         _Option(
@@ -154,7 +154,7 @@ NAMED_UP_TO = 32
 
 
 def masks_of(users: Sequence[Sequence[Component]], processors: int) -> Mapping[str, int]:
-    """The mask of each class that is kept to some, by its name in lower case.
+    """Return the mask of each class that is kept to some, by its name in lower case.
 
     From the least critical up, each level gets its own processors beside those of the levels below, the last ones
     first. A level that finds no room beside them is not kept, and then none above it is.

@@ -92,7 +92,7 @@ def _criticality(users: Sequence[Component]) -> int:
 
 
 def _called(users: Sequence[Component], fixed: Mapping[str, TaskRequest]) -> str:
-    """The class's name as `tasks` writes it, or as its first user by name does."""
+    """Return the class's name as `tasks` writes it, or as its first user by name does."""
     first = min(users, key=lambda user: user.name).task
     assert first is not None
     return fixed[first.lower()].name if first.lower() in fixed else first

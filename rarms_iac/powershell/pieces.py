@@ -324,7 +324,7 @@ def _plain(values: Mapping[str, object] | None) -> object:
 
 
 def _creation_pieces(step: Step, creation: operations.CreatePartition, files: NewFiles) -> tuple[ScriptPiece, ...]:
-    """The machine, its disk, and what Hyper-V gives it by itself."""
+    """Return the machine, its disk, and what Hyper-V gives it by itself."""
     address, read = str(step.address), _reader(step)
 
     def piece(action: str, before: Mapping[str, Reading], after: Mapping[str, Reading], call: str) -> ScriptPiece:

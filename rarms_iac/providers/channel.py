@@ -226,7 +226,7 @@ def ssh_words(connect: Connect, command: Sequence[str]) -> tuple[str, ...]:
 
 
 def _quoted(value: str | int) -> str:
-    """The value of an option as ssh reads a line of its configuration: a blank would end it."""
+    """Return the value of an option as ssh reads a line of its configuration: a blank would end it."""
     return f'"{value}"' if " " in str(value) else str(value)
 
 

@@ -120,7 +120,7 @@ class StepwiseHost(ReadableHost, Protocol):
         """
 
     def journal(self) -> Journal | None:
-        """The last run on this host, None where there was none.
+        """Return the last run on this host, None where there was none.
 
         Returns:
             The run with all records so far.
@@ -130,7 +130,7 @@ class StepwiseHost(ReadableHost, Protocol):
         """
 
     def unfinished(self) -> Journal | None:
-        """The run that is under way on this host, None where there is none; that answer is cheap.
+        """Return the run that is under way on this host, None where there is none; that answer is cheap.
 
         Returns:
             As `journal` returns it.
@@ -267,7 +267,7 @@ class ScriptedHost(ReadableHost, Protocol):
     """A host that runs whole scripts, which hold the lock, keep the journal and guard every step themselves."""
 
     def journal(self) -> ScriptRun | None:
-        """The last run on this host, None where there was none.
+        """Return the last run on this host, None where there was none.
 
         Returns:
             The run, as the host's own journal has it.
@@ -278,7 +278,7 @@ class ScriptedHost(ReadableHost, Protocol):
         """
 
     def unfinished(self) -> ScriptRun | None:
-        """The last run, where it is neither completed nor abandoned; it raises as `journal` does.
+        """Return the last run, where it is neither completed nor abandoned; it raises as `journal` does.
 
         Returns:
             As `journal` returns it.
@@ -392,14 +392,14 @@ class RobotHost(ReadableHost, Protocol):
     """A host whose own rarms does whole commands: it holds itself, keeps the journal and guards every step."""
 
     def journal(self) -> Journal | None:
-        """The last run on this host.
+        """Return the last run on this host.
 
         Returns:
             As of `StepwiseHost`.
         """
 
     def unfinished(self) -> Journal | None:
-        """The run that is under way on this host.
+        """Return the run that is under way on this host.
 
         Returns:
             As of `StepwiseHost`.

@@ -127,7 +127,7 @@ def report_failure(host: str, path: Path) -> Iterator[None]:
 
 
 def journal_in(data: bytes | None, path: Path) -> Journal | None:
-    """The last run in the bytes of a journal, None where there was none; `path` is for messages.
+    """Return the last run in the bytes of a journal, None where there was none; `path` is for messages.
 
     Raises:
         Damaged: a record is not as it was written.
@@ -139,7 +139,9 @@ def journal_in(data: bytes | None, path: Path) -> Journal | None:
 
 
 def unfinished_in(data: bytes | None, path: Path) -> Journal | None:
-    """The run that is under way, None where there is none: one that was closed is known by its last record alone.
+    """Return the run that is under way, or None.
+
+    Of one that was closed only the last record is known.
 
     Raises:
         Damaged, NotDecodable: as `journal_in`, where the last record closes no run.
@@ -152,7 +154,7 @@ def unfinished_in(data: bytes | None, path: Path) -> Journal | None:
 
 
 def journal_of(records: list[JournalRecord]) -> Journal:
-    """The run that these records tell, in their order.
+    """Return the run that these records tell, in their order.
 
     Raises:
         NotDecodable: they do not tell one.

@@ -38,19 +38,19 @@ class MarkReading:
 
 
 def write_mark(notes: str, mark: Mark) -> str:
-    """The notes with this mark, in place of any other; the user's lines stay."""
+    """Return the notes with this mark, in place of any other; the user's lines stay."""
     line = f"rarms/1 {mark.application}/{mark.name} vm={mark.machine} set={mark.written}"
     others = erase_mark(notes)
     return f"{others}\n{line}" if others else line
 
 
 def erase_mark(notes: str) -> str:
-    """The notes without marks."""
+    """Return the notes without marks."""
     return _split_notes(notes)[1]
 
 
 def read_mark(notes: str) -> Mark | None:
-    """The mark in the notes, None where there is none or more than one."""
+    """Return the mark in the notes, None where there is none or more than one."""
     marks, _ = _split_notes(notes)
     return marks[0] if len(marks) == 1 else None
 
@@ -97,7 +97,7 @@ def _why_foreign(notes: str) -> str:
 
 @lru_cache(maxsize=10_000)  # a host is looked at several times a step, and its notes hardly ever change
 def _split_notes(notes: str) -> tuple[tuple[Mark, ...], str]:
-    """The marks in the notes, and the other lines."""
+    """Return the marks in the notes, and the other lines."""
     lines = [(line, _LINE.fullmatch(line.rstrip("\r"))) for line in notes.split("\n")]
     marks = tuple(_mark_of(found) for _, found in lines if found)
     return marks, "\n".join(line for line, found in lines if not found)

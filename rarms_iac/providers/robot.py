@@ -346,7 +346,7 @@ class _Ended:
         self.error_lines = tuple(result.error.splitlines())
 
     def send(self, data: bytes) -> None:
-        """It has ended: drop the data."""
+        """Drop the data: it has ended."""
 
     def next_line(self, silence_s: float, look: Callable[[], None]) -> str | None:  # noqa: ARG002 - the protocol's
         return next(self._lines, None)

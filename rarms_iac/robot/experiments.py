@@ -81,7 +81,7 @@ class SeenHost:
         return ""
 
     def look_once(self) -> None:
-        """It was looked at once."""
+        """Note that the host was looked at."""
 
     def ask(self, command: str, job: Json, listener: RobotListener) -> Json:  # noqa: ARG002 - the protocol's
         raise HostFailed(self.name, f"a robot does not ask another one to {command}", "Ask it from your computer.")

@@ -147,7 +147,7 @@ class InterferingLoad:
 
 
 def load_words(name: str, load: Interference, scratch: Path, processors: int, reserve: float | None) -> tuple[str, ...]:
-    """The program that is the load, as words.
+    """Return the program that is the load, as words.
 
     Raises:
         CannotStart: there is no browser, or no stress-ng, on this machine; or bursts are to take what a partition
@@ -193,7 +193,7 @@ def check_load(name: str, load: Interference, context: StartContext) -> None:
 
 
 def find_program(name: str, kind: str, programs: Sequence[str]) -> str:
-    """The first of these programs that this machine has, for the load of this name.
+    """Return the first of these programs that this machine has, for the load of this name.
 
     Raises:
         CannotStart: it has none.
@@ -205,7 +205,7 @@ def find_program(name: str, kind: str, programs: Sequence[str]) -> str:
 
 
 def logical_processors() -> int:
-    """The LPs that this process may use."""
+    """Return the LPs that this process may use."""
     if sys.platform == "linux":
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -192,7 +192,7 @@ def _whole_of_decimals(found: re.Match[str]) -> str:
 
 
 def read_values(samples: Samples, values: Mapping[str, Any], line: str) -> Reading | Unreadable:
-    """The fields that the manifest names, from the values of an object or of a pattern's groups.
+    """Return the fields that the manifest names, from the values of an object or of a pattern's groups.
 
     A response time that is null (a group that took no part) is a job without an answer; it succeeded only if its
     `success` says so.
@@ -234,7 +234,7 @@ def look_up(values: Mapping[str, Any], field: Field) -> tuple[bool, Any]:
 
 
 def number(value: object) -> float | None:
-    """A finite number that is not negative, also as text; None: it is not one.
+    """Return a finite number that is not negative, also as text; None: it is not one.
 
     Text is a number as a whole or not at all: `12,5` and `1_000` are refused.
     """
@@ -327,7 +327,7 @@ def _read_caller(run: Run, read: LineReader, line: str) -> JobAnswer | Unreadabl
 
 
 def _read_result(run: Run, read: LineReader, result: object, response: float) -> Reading | Unreadable:
-    """The job by the clock of who called it, and by what the function returned where the manifest names fields."""
+    """Return the job by the caller's clock, and by what the function returned where the manifest names fields."""
     samples = run.samples
     if not any((samples.response_time, samples.success, samples.count)):
         return Reading(response_ms=response)

@@ -60,7 +60,7 @@ class SampleRecord:
         self._last: float | None = None
 
     def begin(self, at: float) -> float:
-        """The setting begins, if it has not yet; answers with when it did."""
+        """Return the setting begins, if it has not yet; answers with when it did."""
         if self._begun is None:
             self._begun = at
         return self._begun
@@ -112,11 +112,11 @@ class SampleRecord:
         return 1000 * max(0.0, (self._last if self._last is not None else time.perf_counter()) - self._begun)
 
     def answered(self, began: float, response_ms: float | None, *, successful: bool, count: float = 1.0) -> Sample:
-        """A job's sample."""
+        """Return a job's sample."""
         return Sample(began_ms=self._since(began), response_ms=response_ms, successful=successful, count=count)
 
     def failure(self, began: float, message: str) -> Sample:
-        """A failed sample: unsuccessful, without response time, and why."""
+        """Return a failed sample: unsuccessful, without response time, and why."""
         return Sample(began_ms=self._since(began), response_ms=None, successful=False, failure=message)
 
     @property
@@ -135,7 +135,7 @@ class SampleRecord:
 
 
 def earliest(*times: float | None) -> float | None:
-    """The first of these times; None where there is none."""
+    """Return the first of these times; None where there is none."""
     known = [time for time in times if time is not None]
     return min(known) if known else None
 
@@ -191,7 +191,7 @@ class _LineReader:
         return None if self._now.stopping else self._now.last + self._patience
 
     def _sample(self, event: Event | None, at: float) -> Sample | None:
-        """The sample that this makes, if any."""
+        """Return the sample that this makes, if any."""
         if self._now.stopping:
             return None  # a line of a process that is being stopped belongs to no job
         match event:

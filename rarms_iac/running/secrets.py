@@ -53,7 +53,7 @@ def hide_secrets(run: Run, own: Mapping[str, str]) -> Callable[[str], str]:
 
 
 def _without_cut_off(text: str, form: str, name: str) -> str:
-    """The text without the end of a form at its beginning, and without the beginning of one at its end or a `...`."""
+    """Return the text without a cut form of a value at its beginning, at its end or before `...`."""
     if form[:LEAST] in text:
         for size in range(len(form) - 1, LEAST - 1, -1):
             text = text.replace(f"{form[:size]}...", f"{name}...")

@@ -98,7 +98,7 @@ def order_of(component: str, run: Run, context: StartContext) -> StartOrder:
 
 
 def order_of_words(name: str, words: tuple[str, ...], context: StartContext) -> StartOrder:
-    """A program and its arguments as they are started in the manifest's folder.
+    """Return a program and its arguments as they are started in the manifest's folder.
 
     Raises:
         CannotStart: the program is not there.
@@ -181,7 +181,7 @@ def _pace(run: Run) -> tuple[str, str]:
 
 
 def _word(word: str, base: Path) -> str:
-    """A word that names a file is relative to the manifest, in any folder that the component runs in."""
+    """Return a word that names a file is relative to the manifest, in any folder that the component runs in."""
     try:
         names_a_file = bool(word) and not word.startswith("-") and (base / word).exists()
     except (OSError, ValueError):  # too long, or with a character that no file's name has

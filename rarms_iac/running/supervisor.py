@@ -130,7 +130,10 @@ class Supervisor:
             self._events.put_nowait([])
 
     def next(self, until: float | None = None) -> Event | None:
-        """The next thing that happened; None when nothing has by then. What happened already always comes first."""
+        """Return the next thing that happened.
+
+        None when nothing has by then. What happened already always comes first.
+        """
         while not self._ready:
             if self._interrupted.is_set():
                 raise ReadingInterrupted
@@ -259,7 +262,7 @@ class _Lines:
         self._skipped = 0  # bytes of the line that is too long; 0: none is
 
     def cut(self, piece: bytes, at: float) -> list[Event | dict[str, Any]]:
-        """What this piece completes."""
+        """Return what this piece completes."""
         events: list[Event | dict[str, Any]] = []
         *lines, rest = (self._rest + piece).split(b"\n")
         for line in lines:

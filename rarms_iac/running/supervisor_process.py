@@ -204,7 +204,7 @@ def descendants(of: int) -> list[int]:
 
 
 def cpu_ms() -> float:
-    """The processor time of everything that was started and is gone."""
+    """Return the processor time of everything that was started and is gone."""
     import resource
 
     used = resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -24,7 +24,7 @@ CRASHED = 0xC0000000
 
 
 def new_job() -> Any:
-    """A job object whose processes end with its last handle."""
+    """Return a job object whose processes end with its last handle."""
     job = win32job.CreateJobObject(None, "")
     limits = win32job.QueryInformationJobObject(job, win32job.JobObjectExtendedLimitInformation)
     limits["BasicLimitInformation"]["LimitFlags"] |= win32job.JOB_OBJECT_LIMIT_KILL_ON_JOB_CLOSE

@@ -193,7 +193,7 @@ def components_not_shown(apts: Iterable[tuple[Curve, Threshold]], reserve: Reser
 
 
 def _unpooled(curve: Curve) -> Curve:
-    """The curve as it was measured, not made monotone."""
+    """Return the curve as it was measured, not made monotone."""
     points = (
         Point(reserve=point.reserve, value=estimate.value, lower=estimate.lower, upper=estimate.upper)
         for point, estimate in zip(curve.points, curve.estimates, strict=True)

@@ -105,7 +105,7 @@ def estimate_steady(index: str, series: Series, run: Run, *, error: float) -> Es
 
 
 def _estimate_of_quarters(index: str, series: Series, run: Run, error: float) -> Estimate | None:
-    """What four quarters show together, no surer than all samples do as if they were steady.
+    """Return what four quarters show together, no surer than all samples do as if they were steady.
 
     None: too few samples; an extreme; a quarter without an answer; or quarters that go one way and double: a trend,
     and it is not known where that ends.
@@ -129,12 +129,12 @@ def _estimate_of_quarters(index: str, series: Series, run: Run, error: float) ->
 
 
 def _starts(series: Series) -> list[int]:
-    """The samples with which the load or the component began anew."""
+    """Return the samples with which the load or the component began anew."""
     return sorted({*series.starts, *series.runs})
 
 
 def _answered_starts(series: Series) -> list[int]:
-    """The samples of `_starts`, counted among the jobs that answered."""
+    """Return the samples of `_starts`, counted among the jobs that answered."""
     return answered_before(series, _starts(series))
 
 
@@ -149,7 +149,7 @@ class _Moments:
     def with_unseen_jobs(
         self, distance_below: float, distance_above: float, effective: float
     ) -> tuple["_Moments", "_Moments"]:
-        """The moments for the lower and for the upper bound, each with an unseen job on its side."""
+        """Return the moments for the lower and for the upper bound, each with an unseen job on its side."""
         return self._with_unseen(distance_below, effective), self._with_unseen(distance_above, effective)
 
     def _with_unseen(self, distance: float, effective: float) -> "_Moments":
@@ -209,7 +209,10 @@ def mean_estimate(
 def _moments(
     numbers: Sequence[float], mean: float, effective: float, starts: Sequence[int], error: float
 ) -> tuple[_Moments, float]:
-    """What bounds rest on, and of how many samples: of batches, where high and low neighbours balance each other."""
+    """Return what bounds rest on, and of how many samples.
+
+    Of batches, where high and low neighbours balance each other.
+    """
     count = len(numbers)
     if effective > count / 2 and (of_batches := batch_moments(numbers, starts, error)):
         return _Moments(mean, *of_batches), float(count)
@@ -224,7 +227,7 @@ def _too_dependent(count: int, effective: float) -> str:
 
 
 def _bound(moments: _Moments, effective: float, error: float, *, side: float) -> float:
-    """The bound of a mean on one side; skewness only ever moves it outwards."""
+    """Return the bound of a mean on one side; skewness only ever moves it outwards."""
     standard = sqrt(max(0.0, moments.second) / max(1.0, effective - 1.0))
     if standard == 0.0:
         return moments.mean
@@ -334,7 +337,7 @@ def _minimum_response_time(series: Series, _run: Run, error: float, _unseen: boo
 
 
 def _extreme(times: Sequence[float], error: float, starts: Sequence[int], *, longest: bool) -> Estimate | NoEstimate:
-    """The extreme seen; n samples leave a share of 1 - error ** (1 / n) of the jobs possibly beyond it."""
+    """Return the extreme seen; n samples leave a share of 1 - error ** (1 / n) of the jobs possibly beyond it."""
     if not times:
         return NoEstimate(reason="no job answered")
     effective = effective_samples(times, starts, error)
@@ -350,7 +353,10 @@ def _extreme(times: Sequence[float], error: float, starts: Sequence[int], *, lon
 
 
 def _jitter(series: Series, _run: Run, error: float, unseen: bool) -> Estimate | NoEstimate:
-    """The standard deviation: the root of a mean, that of the squared deviations, with an unseen job as that has."""
+    """Return the standard deviation.
+
+    The root of a mean, that of the squared deviations, with an unseen job as that has.
+    """
     times = response_times(series.samples)
     if len(times) < 3:
         return NoEstimate(reason=f"{len(times)} jobs answered; jitter with bounds needs three")
@@ -408,7 +414,7 @@ def _throughput(series: Series, _run: Run, error: float, unseen: bool) -> Estima
 
 
 def _counts_a_success(jobs: SampleColumns, error: float, unseen: bool) -> tuple[float, float, float]:
-    """What a success counts, between its bounds; what a job counts by definition is known."""
+    """Return what a success counts, between its bounds; what a job counts by definition is known."""
     counts = list(compress(jobs.counts, jobs.successful)) or jobs.counts.tolist()
     mean = sum(counts) / len(counts)
     if all(count == 1.0 for count in counts):

@@ -183,7 +183,7 @@ def _is_on_schedule(between_ms: float, period: float) -> bool:
 
 
 def _least_mean(times: Sequence[float], error: float, *, wanders: bool) -> float:
-    """The lower bound of the mean; of a machine whose speed wanders also by its quarters, as of batch means."""
+    """Return the lower bound of the mean; of a machine whose speed wanders also by its quarters, as of batch means."""
     bounds = [seen.lower] if isinstance(seen := mean_estimate(times, error), Estimate) else []
     if wanders and len(times) >= _FEWEST:
         length = len(times) // _QUARTERS

@@ -184,7 +184,7 @@ _STARTS_ALIKE = 2.33
 
 
 def _of_starts(values: Sequence[float], bounds: Sequence[int], error: float) -> float | None:
-    """What starts that differ are worth; None: they are alike."""
+    """Return what starts that differ are worth; None: they are alike."""
     parts = [values[begin:end] for begin, end in pairwise(bounds) if end > begin]
     count, many = len(values), len(parts)
     mean, means = sum(values) / count, [sum(part) / len(part) for part in parts]
@@ -202,7 +202,7 @@ def _of_starts(values: Sequence[float], bounds: Sequence[int], error: float) -> 
 
 
 def _of_a_stretch(values: Sequence[float]) -> float:
-    """What values are worth that were sampled in one go."""
+    """Return the effective number of values that were sampled in one run."""
     count = len(values)
     if count < 3:
         return float(count)
@@ -218,7 +218,7 @@ def _of_a_stretch(values: Sequence[float]) -> float:
 
 
 def _initial_positive(deviations: Sequence[float], variance: float, neighbours: float) -> float:
-    """The integrated autocorrelation time by pairs of lags (2k, 2k + 1) while their sum is positive and falls.
+    """Return the integrated autocorrelation time by pairs of lags (2k, 2k + 1) while their sum is positive and falls.
 
     Args:
         deviations: from their mean.

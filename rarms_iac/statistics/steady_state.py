@@ -47,7 +47,10 @@ def _steady_part(series: Series) -> Series | Unsteady:
 
 
 def _steady_run(run: Series) -> Series | Unsteady:
-    """A run without its warm-up; where the starts of its load differ, a change is looked for among their means."""
+    """Return a run without its warm-up.
+
+    Where the starts of its load differ, a change is looked for among their means.
+    """
     times, starts = response_times(run.samples), answered_before(run, run.starts)
     starts = starts if starts_differ(times, starts) else []
     first = find_steady_part(times[: starts[0]] if starts else times)
@@ -185,14 +188,14 @@ class _Change:
 
 
 def _find_change(numbers: Sequence[float]) -> _Change | None:
-    """The clearest change of level, None if chance explains it."""
+    """Return the clearest change of level, None if chance explains it."""
     length, means = _block_means(numbers)
     change = _change_in(means)
     return change and replace(change, at=change.at * length)
 
 
 def _change_in(means: Sequence[float]) -> _Change | None:
-    """The clearest change of level among means of equal worth, None if chance explains it; `at` counts means."""
+    """Return the clearest change of level among means of equal worth, None if chance explains it; `at` counts means."""
     noise = _noise(means)
     if noise == 0.0 and means.count(means[0]) == len(means):
         return None
@@ -237,7 +240,7 @@ def _first_autocorrelation(means: Sequence[float]) -> float:
 
 
 def _noise(means: Sequence[float]) -> float:
-    """The standard deviation of a block's mean, from neighbours only: a drift hardly moves it (von Neumann)."""
+    """Return the standard deviation of a block's mean, from neighbours only: a drift hardly moves it (von Neumann)."""
     squares = sum((later - sooner) ** 2 for sooner, later in pairwise(means))
     return sqrt(squares / (2 * (len(means) - 1)))
 

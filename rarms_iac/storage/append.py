@@ -49,7 +49,7 @@ class Damaged(Exception):
 
 
 def sealed_line(record: Record) -> bytes:
-    """The record as its line, the end included.
+    """Return the record as its line, the end included.
 
     Args:
         record: fields of JSON values, no number of which is NaN or infinite.
@@ -207,7 +207,7 @@ def records_in(data: bytes, path: Path) -> tuple[dict[str, Json], ...]:
 
 
 def first_in(data: bytes, path: Path) -> dict[str, Json]:
-    """The first record of these bytes alone.
+    """Return the first record of these bytes alone.
 
     Args:
         data: the bytes of a log.
@@ -223,7 +223,7 @@ def first_in(data: bytes, path: Path) -> dict[str, Json]:
 
 
 def last_in(data: bytes, path: Path) -> dict[str, Json] | None:
-    """The last record of these bytes alone, without a look at those before it; None where it is torn or damaged.
+    """Return the last record of these bytes alone, without a look at those before it; None where it is torn or damaged.
 
     Args:
         data: the bytes of a log.
@@ -245,13 +245,13 @@ def _checksum(text: bytes) -> bytes:
 
 
 def _records(lines: Iterable[bytes], path: Path) -> Iterator[dict[str, Json]]:
-    """The records of these lines, each with its end, up to a last one that is torn."""
+    """Yield the records of these lines, each with its end, up to a last one that is torn."""
     for number, text in _sound_lines(lines, path):
         yield _object(path, number, text)
 
 
 def _sound_lines(lines: Iterable[bytes], path: Path, *, in_git: bool = False) -> Iterator[tuple[int, bytes]]:
-    """The number and the object's text of each line, up to a last one that is torn."""
+    """Yield the number and the object's text of each line, up to a last one that is torn."""
     number = torn_at = found = 0
     for number, line in enumerate(lines, start=1):
         if in_git and not line.strip():
@@ -278,7 +278,7 @@ def _can_be_torn(line: bytes) -> bool:
 
 
 def _text_of(line: bytes, *, needs_end: bool = True) -> bytes | None:
-    """The object's text without its seal, None where the line is not whole."""
+    """Return the object's text without its seal, None where the line is not whole."""
     if not needs_end and not line.endswith(b"\n"):
         line += b"\n"
     tail_at = max(0, len(line) - _SEAL_SPACE)

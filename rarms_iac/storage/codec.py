@@ -41,12 +41,12 @@ class NotDecodable(ValueError):
 
 
 def _once(make: Callable[[Any], T]) -> Callable[[Any], T]:
-    """A function that works each type out once."""
+    """Return a function that works each type out once."""
     return cast("Callable[[Any], T]", cache(make))
 
 
 def encode(value: object, hint: object = None) -> Json:
-    """The JSON of a value, as its type (or the wider `hint`, for a union or mapping) says.
+    """Return the JSON of a value, as its type (or the wider `hint`, for a union or mapping) says.
 
     Args:
         value: a frozen value, or a collection of them.
@@ -59,7 +59,9 @@ def encode(value: object, hint: object = None) -> Json:
 
 
 def encode_output(value: object) -> Json:
-    """The JSON of a result for programs, as `model.output` says: read by nothing of ours, so no type needs to be told.
+    """Return the JSON of a result for programs, as `model.output` says.
+
+    rarms never reads it, so it names no types.
 
     Args:
         value: a frozen value, or a collection of them.
@@ -94,7 +96,7 @@ def encode_output(value: object) -> Json:
 
 
 def decode(hint: type[T], data: object) -> T:
-    """The value of this type that the JSON says.
+    """Return the value of this type that the JSON says.
 
     Args:
         hint: a class; a union takes `decode_union`.
@@ -149,7 +151,7 @@ def in_range(number: N, allowed: Range, path: str) -> N:
 
 
 def _in_64_bits(number: int, path: str) -> int:
-    """The number where 64 bits, with or without a sign, hold it: all that is computed from it stays finite."""
+    """Return the number where 64 bits, with or without a sign, hold it: all that is computed from it stays finite."""
     if not -(2**63) <= number < 2**64:
         raise NotDecodable(path, "it is a whole number of more than 64 bits")
     return number
@@ -222,7 +224,7 @@ def _decoder(hint: Any) -> Decode:
 
 
 def _bare(hint: Any) -> Any:
-    """The type behind a NewType or remarks on it; a bound that may be infinite stays one."""
+    """Return the type behind a NewType or remarks on it; a bound that may be infinite stays one."""
     while hint != OpenBound:
         if isinstance(hint, NewType):
             hint = hint.__supertype__
@@ -273,7 +275,7 @@ def _decode_dataclass(cls: type) -> Decode:
 
 
 def decoder_of_field(record: str, name: str, hint: Any) -> Decode:
-    """The decoder of a field, which also holds its numbers to their range.
+    """Return the decoder of a field, which also holds its numbers to their range.
 
     Args:
         record: name of its class.
@@ -326,7 +328,7 @@ def _numbers_in(value: Any) -> Iterator[float]:
 
 
 def _kind_of(cls: Any) -> str | None:
-    """The constant value of a dataclass' `kind` field, None where it has none."""
+    """Return the constant value of a dataclass' `kind` field, None where it has none."""
     if not _is_record(cls) or _KIND not in {field.name for field in fields(cls)}:
         return None
     values = get_args(get_type_hints(cls)[_KIND])
@@ -463,7 +465,7 @@ def _below(path: str, name: str) -> str:
 
 
 def _shortened(data: Any) -> str:
-    """The JSON value for a message, short."""
+    """Return the JSON value for a message, short."""
     if isinstance(data, dict | list):
         return "an object" if isinstance(data, dict) else "an array"
     text = "null" if data is None else str(data).lower() if isinstance(data, bool) else repr(data)

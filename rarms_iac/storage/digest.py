@@ -18,7 +18,7 @@ def digest(value: object) -> str:
 
 
 def short(text: str, digits: int = 12) -> str:
-    """The first hex digits of a digest: enough to tell things apart that are not forged.
+    """Return the first hex digits of a digest: enough to tell things apart that are not forged.
 
     Args:
         text: a digest.

@@ -23,7 +23,7 @@ class FindingPage:
 
 
 def finding_page(code: str) -> str | None:
-    """The finding's page as it is written, or None where there is none of that code.
+    """Return the finding's page as it is written, or None where there is none of that code.
 
     Args:
         code: such as `RARMS014`.
@@ -35,7 +35,7 @@ def finding_page(code: str) -> str | None:
 
 
 def severity_line(page: str) -> str:
-    """What the page says of the severity: `warning`, `error`, or `error, can be accepted`.
+    """Return what the page says of the severity: `warning`, `error`, or `error, can be accepted`.
 
     Args:
         page: of a finding.
@@ -72,7 +72,7 @@ def is_code(subject: str) -> bool:
 
 
 def code_of(finding: str) -> str:
-    """The code that is meant: `14`, `rarms14` and `RARMS014` are one.
+    """Return the code that is meant: `14`, `rarms14` and `RARMS014` are one.
 
     Args:
         finding: what a user wrote.

@@ -13,7 +13,7 @@ _HUGE = (b"e000", b"e+000", b"0" * 300)
 
 
 def canonical(value: object) -> str:
-    """The value as JSON with sorted keys and no spaces, in ASCII.
+    """Return the value as JSON with sorted keys and no spaces, in ASCII.
 
     What `storage.codec` can write, and plain JSON. The same value gives the same text on every system, in any
     order of its mappings.
@@ -28,7 +28,7 @@ def canonical(value: object) -> str:
 
 
 def readable_json(document: Json) -> bytes:
-    """The document as JSON that a person can read and git can compare.
+    """Return the document as JSON that a person can read and git can compare.
 
     Args:
         document: JSON.
@@ -41,7 +41,7 @@ def readable_json(document: Json) -> bytes:
 
 
 def parse_json(text: str) -> Json:
-    """The JSON of a text that came from outside.
+    """Return the JSON of a text that came from outside.
 
     Args:
         text: of a file that was read up to its limit.

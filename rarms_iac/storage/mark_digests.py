@@ -43,7 +43,7 @@ def was_changed(there: Partition, *, by_hand: bool) -> bool:
 
 
 def _digest_now(there: Partition, *, by_hand: bool) -> str:
-    """The digest of what is there.
+    """Return the digest of what is there.
 
     Whether a partition that is started by hand runs counts for nothing, nor that rarms itself stopped one.
     """

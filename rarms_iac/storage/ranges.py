@@ -51,7 +51,7 @@ RANGES: Mapping[str, Range] = {
 
 
 def range_of(record: str, field: str) -> Range:
-    """The range of a number.
+    """Return the range of a number.
 
     Args:
         record: name of the class that holds it.

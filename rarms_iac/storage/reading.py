@@ -70,7 +70,7 @@ _OF_THE_KERNEL = ("/proc", "/sys", "/sys/kernel/debug", "/sys/kernel/tracing", "
 
 @cache
 def _kernels_devices() -> frozenset[int]:
-    """The devices of what the kernel makes up when it is read; a system without such has none."""
+    """Return the devices of what the kernel makes up when it is read; a system without such has none."""
     found = set()
     for mount in filter(os.path.ismount, _OF_THE_KERNEL if sys.platform != "win32" else ()):
         with suppress(OSError):

@@ -39,7 +39,7 @@ def is_signed_script(text: str, key: bytes) -> bool:
 
 
 def _naming(name: str, text: str, before: Mapping[str, str], after: Mapping[str, str]) -> str:
-    """The script with the digest of its undo script as that is now."""
+    """Return the script with the digest of its undo script as that is now."""
     undo = f"{name.removesuffix('.ps1')}{_UNDO}"
     return text.replace(_digest(before[undo]), _digest(after[undo])) if undo in before and undo in after else text
 

@@ -37,7 +37,7 @@ def shipped(relative: str) -> Path:
 
 
 def shipped_text(relative: str) -> str:
-    """The text of a shipped file, with LF on every system.
+    """Return the text of a shipped file, with LF on every system.
 
     Args:
         relative: as of `shipped`.

@@ -24,7 +24,7 @@ class SnapshotUnreadable(Exception):
 
 
 def write_snapshot(state: State) -> bytes:
-    """The state as JSON that a person can read and git can compare.
+    """Return the state as JSON that a person can read and git can compare.
 
     Args:
         state: of a host.
@@ -37,7 +37,7 @@ def write_snapshot(state: State) -> bytes:
 
 
 def read_snapshot(data: bytes) -> State:
-    """The state that a snapshot says.
+    """Return the state that a snapshot says.
 
     Args:
         data: all of the file.

@@ -107,7 +107,7 @@ class Guard:
         await (answer or self._inner)(scope, receive, send_with_headers)
 
     def _answer(self, request: Request) -> Response | None:
-        """What the guard itself answers; None: the browser may pass."""
+        """Return what the guard itself answers; None: the browser may pass."""
         if not self._is_addressed(request.headers):
             return _refused()
         path, method = request.url.path, request.method
@@ -143,7 +143,7 @@ class Guard:
         return response
 
     def _judge_post(self, headers: Headers) -> Response | None:
-        """A request that may change something comes from the page itself, as JSON of a length that is told."""
+        """Return a request that may change something comes from the page itself, as JSON of a length that is told."""
         if "origin" not in headers or headers.get("content-type") != "application/json":
             return _refused()
         length = headers.get("content-length", "")

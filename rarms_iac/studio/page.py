@@ -117,7 +117,7 @@ def _boxes(request: type, *names: str) -> Iterator[Box]:
 
 
 def _boxes_of_running(request: type) -> tuple[Box, Box]:
-    """What is done with partitions that run meanwhile: they are stopped, or left."""
+    """Return what is done with partitions that run meanwhile: they are stopped, or left."""
     busy = next(_boxes(request, "on_busy_host"))
     stop = _box("stop_partitions", STOP_PARTITIONS, excludes=busy.name)
     return stop, replace(busy, excludes=stop.name)
@@ -248,7 +248,7 @@ def _can_undo(known: Knowledge, application: str) -> bool:
 
 
 def _report(known: Knowledge, workspace: Workspace) -> Report:
-    """An empty one where nothing could be read; without an application it is called as its file."""
+    """Return an empty one where nothing could be read; without an application it is called as its file."""
     name = known.manifest.system.application.name if known.manifest else manifest_path(workspace.source.manifest)
     return known.report or Report(application=name, description="", measurements=(), capacities=())
 
@@ -321,7 +321,7 @@ def _test_partition(partition: TestPartitionStatus) -> tuple[str, str, str, str]
 
 
 def _components(known: Knowledge, report: Report) -> Iterator[ComponentOnPage]:
-    """The most critical first."""
+    """Yield the most critical first."""
     components = known.manifest.system.components.values() if known.manifest else ()
     for component in sorted(components, key=lambda each: (-each.criticality, natural_order(each.name))):
         table = on_page(levels_of_component(report, component.name))

@@ -108,7 +108,7 @@ class Studio:
         )
 
     def _version(self, state: WorkState) -> str:
-        """Changes with each file, and with each use case that begins or ends."""
+        """Change with each file, and with each use case that begins or ends."""
         return f"{state.number}{state.ending}-{self._watch.version(is_running=not state.ending)}"
 
     async def _style(self, _request: Request) -> Response:
@@ -125,7 +125,7 @@ class Studio:
         return StreamingResponse(self._news(), media_type="text/event-stream")
 
     async def _news(self) -> AsyncIterator[str]:
-        """What changed, until the browser or the server ends."""
+        """Return what changed, until the browser or the server ends."""
         sent_work = sent_files = ""
         latest: tuple[int, Ending] | None = None
         tick = 0

@@ -19,7 +19,7 @@ COMMANDS = ("stop", "go left", "go right", "follow me", "turn around", "go to th
 
 
 def frame(number: int, photograph: np.ndarray) -> tuple[np.ndarray, list[int]]:
-    """The photograph somewhere in a dim room, nearer or farther, in more or less light; and where its face is."""
+    """Return the photograph in a dim room, nearer or farther, in more or less light, and where its face is."""
     chance = np.random.default_rng(number)
     scale = chance.uniform(0.7, 1.0)
     person = cv2.resize(photograph, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
@@ -31,7 +31,7 @@ def frame(number: int, photograph: np.ndarray) -> tuple[np.ndarray, list[int]]:
 
 
 def speak(command: str) -> None:
-    """The command as 16 kHz mono, with 0.3 s of silence around it, as the recogniser's model expects it."""
+    """Write the command as 16 kHz mono with 0.3 s of silence around it, as the recogniser's model expects."""
     with tempfile.NamedTemporaryFile(suffix=".wav") as spoken:
         subprocess.run(["espeak-ng", "-v", "en-us", "-s", "140", "-w", spoken.name, command], check=True)
         heard = DATA / f"{command.replace(' ', '-')}.wav"
@@ -41,7 +41,7 @@ def speak(command: str) -> None:
 
 
 def main() -> None:
-    """Writes all of it below `data`."""
+    """Write all of it below `data`."""
     DATA.mkdir(exist_ok=True)
     photograph = cv2.cvtColor(data.astronaut(), cv2.COLOR_RGB2BGR)
     faces = {}

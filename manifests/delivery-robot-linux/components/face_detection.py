@@ -17,7 +17,7 @@ SMALLEST = 50  # pixels; people farther away do not concern the robot
 
 
 def main() -> None:
-    """Looks at frame after frame until its reader has gone, or at as many as the first argument says."""
+    """Look at frame after frame until its reader has gone, or at as many as the first argument says."""
     cv2.setNumThreads(1)
     cascade = cv2.CascadeClassifier(cv2.data.haarcascades + "haarcascade_frontalface_default.xml")
     faces = json.loads((DATA / "faces.json").read_text(encoding="ascii"))

@@ -12,13 +12,13 @@ _chance = random.Random(3)  # noqa: S311 - the same maps every time
 
 
 def obstacles() -> frozenset[Cell]:
-    """A floor with furniture: about every eighth cell is taken, the corners are free."""
+    """Return a floor with furniture: about every eighth cell is taken, the corners are free."""
     taken = {(_chance.randrange(SIZE), _chance.randrange(SIZE)) for _ in range(SIZE * SIZE // 8)}
     return frozenset(taken - {(0, 0), (SIZE - 1, SIZE - 1)})
 
 
 def cheapest(taken: frozenset[Cell], start: Cell, goal: Cell) -> int | None:
-    """The least cost from start to goal; None where no way leads there."""
+    """Return the least cost from start to goal; None where no way leads there."""
 
     def at_least(cell: Cell) -> int:
         return abs(goal[0] - cell[0]) + abs(goal[1] - cell[1])

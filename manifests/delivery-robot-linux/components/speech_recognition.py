@@ -22,14 +22,14 @@ public <command> = stop | (follow me) | (turn around) | <go> | <bring>;
 
 
 def sound(path: Path) -> bytes:
-    """The samples of a recording: 16 bit, 16 kHz, mono."""
+    """Return the samples of a recording: 16 bit, 16 kHz, mono."""
     with wave.open(str(path)) as recording:
         samples: bytes = recording.readframes(recording.getnframes())
         return samples
 
 
 def understand(decoder: Decoder, samples: bytes) -> str:
-    """The command that was most probably spoken; empty where none was."""
+    """Return the command that was most probably spoken; empty where none was."""
     decoder.start_utt()
     decoder.process_raw(samples, full_utt=True)
     decoder.end_utt()
@@ -38,7 +38,7 @@ def understand(decoder: Decoder, samples: bytes) -> str:
 
 
 def main() -> None:
-    """Listens to one command a period until its reader has gone, or to as many as the arguments say."""
+    """Listen to one command a period until its reader has gone, or to as many as the arguments say."""
     options = argparse.ArgumentParser()
     options.add_argument("--period-ms", type=float, default=0.0)
     options.add_argument("commands", type=int, nargs="?")

@@ -21,7 +21,7 @@ PACKET = 32 * 1024  # bytes
 
 
 def main() -> None:
-    """Sends a frame a period until its reader has gone, or as many as the arguments say."""
+    """Send a frame a period until its reader has gone, or as many as the arguments say."""
     options = argparse.ArgumentParser()
     options.add_argument("--period-ms", type=float, default=33.0)
     options.add_argument("frames", type=int, nargs="?")

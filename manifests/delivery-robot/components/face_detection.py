@@ -13,7 +13,7 @@ Frame = list[list[int]]
 
 
 def frame_with_face(chance: random.Random) -> tuple[Frame, tuple[int, int]]:
-    """A noisy room with one face: bright skin, a dark band of eyes, a dark mouth."""
+    """Return a noisy room with one face: bright skin, a dark band of eyes, a dark mouth."""
     left, top = chance.randrange(WIDTH - FACE), chance.randrange(HEIGHT - FACE)
     frame = [[chance.randrange(60, 100) for _ in range(WIDTH)] for _ in range(HEIGHT)]
     for y in range(FACE):
@@ -24,7 +24,7 @@ def frame_with_face(chance: random.Random) -> tuple[Frame, tuple[int, int]]:
 
 
 def integral(frame: Frame) -> Frame:
-    """Sums of all pixels above and to the left, so that any rectangle costs four look-ups."""
+    """Sum of all pixels above and to the left, so that any rectangle costs four look-ups."""
     sums = [[0] * (WIDTH + 1)]
     for row in frame:
         running, above, line = 0, sums[-1], [0]

@@ -12,13 +12,13 @@ _chance = random.Random(3)  # noqa: S311 - the same maps every time
 
 
 def obstacles() -> set[Cell]:
-    """A floor with furniture: about every fifth cell is taken, start and goal are free."""
+    """Return a floor with furniture: about every fifth cell is taken, start and goal are free."""
     cells = {(_chance.randrange(SIZE), _chance.randrange(SIZE)) for _ in range(SIZE * SIZE // 5)}
     return cells - {(0, 0), (SIZE - 1, SIZE - 1)}
 
 
 def shortest(taken: set[Cell], start: Cell, goal: Cell) -> int | None:
-    """The least cost from start to goal; None where no way leads there."""
+    """Return the least cost from start to goal; None where no way leads there."""
     best = {(start, heading): 0 for heading in range(4)}
     queue = [(0, start, heading) for heading in range(4)]
     while queue:

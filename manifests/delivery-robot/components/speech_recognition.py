@@ -15,7 +15,7 @@ Features = list[tuple[float, ...]]
 
 
 def spoken(word: str, chance: random.Random) -> list[float]:
-    """The word as samples: one tone a syllable, at the speaker's own pace, in noise."""
+    """Return the word as samples: one tone a syllable, at the speaker's own pace, in noise."""
     samples: list[float] = []
     for tone in WORDS[word]:
         length = int(chance.uniform(10, 20)) * FRAME
@@ -24,7 +24,7 @@ def spoken(word: str, chance: random.Random) -> list[float]:
 
 
 def energy(frame: list[float], tone: int) -> float:
-    """The energy of one tone (Goertzel's filter)."""
+    """Return the energy of one tone (Goertzel's filter)."""
     turn = 2 * math.cos(2 * math.pi * tone / RATE)
     last = before = 0.0
     for sample in frame:

@@ -14,13 +14,13 @@ PERIOD_S = float(os.environ.get("RARMS_PERIOD_MS", "33")) / 1000  # as the manif
 
 
 def picture(number: int) -> bytes:
-    """The camera's picture: a pattern that drifts a pixel a frame."""
+    """Return the camera's picture: a pattern that drifts a pixel a frame."""
     row = bytes((x * x // 64 + 3 * x) % 256 for x in range(number, number + WIDTH))
     return b"".join(row[y % 32 :] + row[: y % 32] for y in range(HEIGHT))
 
 
 def encoded(frame: bytes, last: bytes) -> bytes:
-    """The frame as its compressed difference to the last one."""
+    """Return the frame as its compressed difference to the last one."""
     difference = (int.from_bytes(frame, "big") ^ int.from_bytes(last, "big")).to_bytes(len(frame), "big")
     return zlib.compress(difference, 6)
 

@@ -34,14 +34,14 @@ class Examination:
             yield machine, conditions.get(machine.id.lower(), MachineCondition(id=machine.id))
 
     def host_finding(self, finding: Finding, detail: str, advice: Wording, values: Facts = NO_MORE_FACTS) -> Diagnostic:
-        """A finding about the host itself; `values` without its name."""
+        """Return a finding about the host itself; `values` without its name."""
         given: Mapping[str, Any] = values
         return finding.of_host(self.name, "{_detail}", advice, place=self.place, _detail=detail, **given)
 
     def machine_finding(
         self, finding: Finding, machine: Partition, detail: str, advice: Wording, values: Facts = NO_MORE_FACTS
     ) -> Diagnostic:
-        """A finding about a machine, a partition of ours at its name in the manifest, any other machine at its id.
+        """Return a finding about a machine: a partition of ours at its name in the manifest, another one at its id.
 
         `values` go without the names of host and machine.
         """
@@ -58,5 +58,5 @@ class Examination:
 
 
 def machine_title(machine: Partition) -> str:
-    """A machine for people: its name and the begin of its id, because names are not unique."""
+    """Return a machine for people: its name and the begin of its id, because names are not unique."""
     return f'"{machine.settings.name}" ({machine.id[:8]})'

@@ -13,7 +13,7 @@ CPU_GROUP = Finding.warning("RARMS235", "A machine is in a CPU group")
 
 
 def check_cpu_group(host: Examination) -> Iterator[Diagnostic]:
-    """A machine in a CPU group draws only on the group's logical processors and cap (windows.md 2)."""
+    """Yield a machine in a CPU group draws only on the group's logical processors and cap (windows.md 2)."""
     for machine in host.state.partitions:
         if machine.cpu_group:
             yield host.machine_finding(
@@ -28,7 +28,7 @@ def check_cpu_group(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_cluster(host: Examination) -> Iterator[Diagnostic]:
-    """A cluster may move a machine, and keeps a copy of its settings (windows.md 5)."""
+    """Yield a cluster may move a machine, and keeps a copy of its settings (windows.md 5)."""
     for machine, condition in host.machines():
         if condition.clustered:
             yield host.machine_finding(
@@ -42,7 +42,7 @@ def check_cluster(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_machine_state(host: Examination) -> Iterator[Diagnostic]:
-    """A critical machine has lost its storage (windows.md 5)."""
+    """Yield a critical machine has lost its storage (windows.md 5)."""
     for machine, _ in host.machines():
         if machine.state is RunState.CRITICAL:
             yield host.machine_finding(
@@ -56,7 +56,7 @@ def check_machine_state(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_guest_answers(host: Examination) -> Iterator[Diagnostic]:
-    """A running guest whose services do not answer cannot be asked to shut down, nor be measured in (windows.md 7)."""
+    """Find running guests that do not answer: they cannot be shut down or measured in (windows.md 7)."""
     for machine, _ in host.machines():
         if machine.mark and machine.state is RunState.RUNNING and not machine.can_be_asked:
             yield host.machine_finding(
@@ -70,7 +70,7 @@ def check_guest_answers(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_machine_width(host: Examination) -> Iterator[Diagnostic]:
-    """A machine with more virtual processors than there are logical ones has no guaranteed reserve (windows.md 1.2)."""
+    """Find those with more virtual processors than logical ones: they have no guaranteed reserve (windows.md 1.2)."""
     available = host.state.facts.logical_processors
     for machine, _ in host.machines():
         count = machine.settings.processors

@@ -11,7 +11,7 @@ UNEQUAL = Finding.warning("RARMS405", "The logical processors of a host are uneq
 
 
 def check_unequal_processors(host: Examination) -> Iterator[Diagnostic]:
-    """A partition may run on any of them, and a component takes longer on the slower ones."""
+    """Yield a partition may run on any of them, and a component takes longer on the slower ones."""
     kinds = host.state.facts.processor_kinds
     if kinds:
         yield host.host_finding(

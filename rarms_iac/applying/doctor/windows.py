@@ -44,7 +44,7 @@ def check_preconditions(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_hypervisor(host: Examination) -> Iterator[Diagnostic]:
-    """The role is a feature of Windows, and the hypervisor starts before it (windows.md 2, 5)."""
+    """Find a missing role or hypervisor. Windows has the role and starts the hypervisor before it (windows.md 2, 5)."""
     condition = host.condition
     if condition.role is False:
         yield host.host_finding(
@@ -85,7 +85,7 @@ def check_elevation(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_free_memory(host: Examination) -> Iterator[Diagnostic]:
-    """A machine whose memory is not free does not start: 0x800705AA (windows.md 5)."""
+    """Yield a machine whose memory is not free does not start: 0x800705AA (windows.md 5)."""
     available = host.state.memory_left
     off = [
         machine for machine in host.state.partitions if machine.mark and machine.state in (RunState.OFF, RunState.SAVED)
@@ -119,7 +119,7 @@ def check_counters(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_running_script(host: Examination) -> Iterator[Diagnostic]:
-    """What is looked at in the middle of a run is neither as before nor as after it."""
+    """Yield what is looked at in the middle of a run is neither as before nor as after it."""
     if host.condition.script_running:
         yield host.host_finding(
             SCRIPT_RUNNING,
@@ -152,7 +152,7 @@ def check_responsiveness(host: Examination) -> Iterator[Diagnostic]:
 
 
 def effective_responsiveness(value: RegistryValue) -> int:
-    """The per cent that Windows takes the value for; its default where the type is not DWORD."""
+    """Return the per cent that Windows takes the value for; its default where the type is not DWORD."""
     if value.kind is not ValueKind.DWORD or not isinstance(value.data, int):
         return USUAL
     return taken_for(value.data)
@@ -203,7 +203,10 @@ def _version_numbers(version: str) -> tuple[int, ...]:
 
 
 def check_execution_policy(host: Examination) -> Iterator[Diagnostic]:
-    """The first scope that sets an execution policy decides; group policy beats `-ExecutionPolicy` (windows.md 9)."""
+    """Find an execution policy that forbids our scripts: the first scope that sets one decides.
+
+    Group policy beats `-ExecutionPolicy` (windows.md 9).
+    """
     policies = host.condition.policies
     # How the PowerShell that looked was started says nothing of the next one.
     scopes = [
@@ -233,7 +236,7 @@ def _policy_finding(host: Examination, problem: str, *, is_group_policy: bool) -
 
 
 def check_process_width(host: Examination) -> Iterator[Diagnostic]:
-    """A 32-bit process is shown another registry (windows.md 6.6)."""
+    """Yield a 32-bit process is shown another registry (windows.md 6.6)."""
     bits = host.condition.bits
     if bits is not None and bits < 64:
         yield host.host_finding(

@@ -168,7 +168,7 @@ def review_restarts(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic
 
 
 def review_guests_that_are_not_asked(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
-    """A guest without the service through which it is asked to shut down is turned off, like a pulled plug."""
+    """Yield a guest without the service through which it is asked to shut down is turned off, like a pulled plug."""
     mute = {
         machine.id for machine in desired.observed.partitions if machine.settings.running and not machine.can_be_asked
     }
@@ -203,7 +203,7 @@ def review_memory(plan: HostPlan) -> Iterator[Diagnostic]:
 
 
 def review_raised_limits(request: PlanRequest, desired: Desired) -> Iterator[Diagnostic]:
-    """A limit below what its reserve needs, rounded up, is raised, and the reader is told so."""
+    """Yield a limit below what its reserve needs, rounded up, is raised, and the reader is told so."""
     # A limit that was raised equals the reserve; only then the whole system is worth grouping again.
     raised = [partition for partition in desired.partitions if partition.settings.limit == partition.settings.reserve]
     groups = {group.name: group for group in groups_of(request.system)} if raised else {}
@@ -258,7 +258,7 @@ def review_removed_disks(request: PlanRequest, desired: Desired, plan: HostPlan)
 
 
 def review_remaining_disks(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
-    """Removing a machine keeps its disks where their removal was not asked for, and the space stays taken."""
+    """Yield removing a machine keeps its disks where their removal was not asked for, and the space stays taken."""
     if request.remove_disks:
         return
     for step in plan.steps:
@@ -281,7 +281,7 @@ def review_remaining_disks(request: PlanRequest, desired: Desired, plan: HostPla
 
 
 def review_undo(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic]:
-    """Steps without an undo; who destroys asked for it. What comes back in part is listed with the plan."""
+    """Yield steps without an undo; who destroys asked for it. What comes back in part is listed with the plan."""
     if request.purpose is Purpose.DESTROY:
         return
     for step in plan.steps:
@@ -298,7 +298,7 @@ def review_undo(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic]:
 
 
 def review_width(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
-    """A partition wider than its host waits for itself, and no reserve is guaranteed to it (windows.md 1.2)."""
+    """Yield a partition wider than its host waits for itself, and no reserve is guaranteed to it (windows.md 1.2)."""
     available = desired.observed.facts.logical_processors
     for change in plan.changes:
         partition = partition_after_change(change)

@@ -270,7 +270,7 @@ def classes_above(request: PlanRequest, desired: Desired, plan: HostPlan) -> Ite
 
 
 def _foreign_priority(values: Mapping[str, RegistryValue]) -> int | None:
-    """The priority of a foreign class's threads; None where its values do not say, or in Low."""
+    """Return the priority of a foreign class's threads; None where its values do not say, or in Low."""
     by_name = {name.lower(): value for name, value in values.items()}
     category = by_name.get("scheduling category")
     priority = by_name.get("priority")

@@ -143,7 +143,7 @@ def _check(session: Session, path: str) -> ExitCode:
 
 
 def _show_transport(session: Session, out: str | None) -> ExitCode:
-    """The fixed command that ssh starts, and the receiver that it takes from standard input and runs."""
+    """Return the fixed command that ssh starts, and the receiver that it takes from standard input and runs."""
     from rarms_iac.app.wiring import transport_scripts
 
     if out is not None:

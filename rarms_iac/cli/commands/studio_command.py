@@ -84,7 +84,7 @@ def _announcing(session: Session, *, no_open: bool) -> Iterator[Callable[[str], 
 
 
 def _leading_to(address: str) -> bytes:
-    """A page that leads on: the address itself, with its token, would stand in the list of processes."""
+    """Return a page that leads on: the address itself, with its token, would stand in the list of processes."""
     target = escape(address)
     return (
         f'<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url={target}">'

@@ -148,7 +148,7 @@ _FIELD_MEANING = {
 
 
 def _missing_field(name: str, samples: Samples) -> SampleValue | None:
-    """The field that this index needs and the samples lack, or None."""
+    """Return the field that this index needs and the samples lack, or None."""
     index = find_index(name)
     if index is None:
         return None
@@ -230,7 +230,7 @@ def samples_not_to_be_had(system: System) -> Iterator[Violation]:
 
 
 def _least_setting_ms(system: System, component: Component, samples_ms: float) -> float:
-    """What a setting takes at least beside all loads of a component together, on the host where that is least."""
+    """Return how long a setting takes at least with all loads of a component, on the host where that is least."""
     homes = component.hosts or tuple(system.hosts)
     begins_anew = all(system.hosts[name].provider is not ProviderKind.HYPERV for name in homes if name in system.hosts)
     return sum(
@@ -246,7 +246,7 @@ def _least_setting_ms(system: System, component: Component, samples_ms: float) -
 
 
 def _least_between(component: Component) -> Fraction:
-    """The least time from one job to the next, in ms; 0: nothing says."""
+    """Return the least time from one job to the next, in ms; 0: nothing says."""
     match run_of(component).arrival:
         case Periodic(period=period):
             return period
@@ -309,7 +309,7 @@ def _with_pattern(system: System) -> Iterator[tuple[Component, Samples]]:
 
 
 def pattern_groups(pattern: str) -> Mapping[str, int] | str:
-    """The named groups of an RE2 pattern with their numbers, or what is wrong with it."""
+    """Return the named groups of an RE2 pattern with their numbers, or what is wrong with it."""
     import re2
 
     try:

@@ -43,7 +43,7 @@ def unknown_name(system: System) -> Iterator[Violation]:
 
 @check(OTHER_VERSION)
 def older_than_required(system: System) -> Iterator[Violation]:
-    """A least version that this rarms does not reach."""
+    """Yield a least version that this rarms does not reach."""
     required = (system.application.requires_rarms or "").removeprefix(">=").strip()
     if _numbers(required) > _numbers(__version__):
         yield violation(
@@ -128,7 +128,7 @@ def _device_violation(path: Path, name: str, *, at_key: bool) -> Violation:
 
 @check(KEPT_NAME)
 def powershell_name(system: System) -> Iterator[Violation]:
-    """An application whose name no object of PowerShell can have as a property, as a journal's would."""
+    """Yield an application whose name no object of PowerShell can have as a property, as a journal's would."""
     name = system.application.name
     if name in POWERSHELL_MEMBERS:
         yield violation(
@@ -216,7 +216,10 @@ def moved_from_existing(system: System) -> Iterator[Violation]:
 
 
 def _circle_lengths(moved: Mapping[str, str]) -> dict[str, int]:
-    """The names that lead back to themselves, each with the number of entries that this takes; every entry once."""
+    """Return the names that lead back to themselves, each with the number of entries that this takes.
+
+    Every entry occurs once.
+    """
     seen: set[str] = set()
     lengths: dict[str, int] = {}
     for start in moved:
@@ -234,7 +237,7 @@ def _circle_lengths(moved: Mapping[str, str]) -> dict[str, int]:
 
 @check(Finding.warning("RARMS089", "The manifest has no component"))
 def no_components(system: System) -> Iterator[Violation]:
-    """A manifest without components."""
+    """Yield a manifest without components."""
     if not system.components:
         yield violation(
             ("components",),

@@ -129,7 +129,7 @@ def together_and_apart(system: System) -> Iterator[Violation]:
 
 @component_check(CONTRADICTION)
 def together_with_itself(component: Component) -> Iterator[Violation]:
-    """A component that `together` binds to itself: another was probably meant."""
+    """Yield a component that `together` binds to itself: another was probably meant."""
     for number, other in enumerate(component.together):
         if other == component.name:
             yield violation(

@@ -91,7 +91,7 @@ def _is_above(reserve: CpuAmount, limit: CpuAmount, hosts: list[Host]) -> bool:
 
 @check(OVER_HOST)
 def reserve_over_host(system: System) -> Iterator[Violation]:
-    """Fixed reserves above what every possible host has less `keep_for_host`."""
+    """Yield fixed reserves above what every possible host has less `keep_for_host`."""
     capacity = {
         host.name: host.logical_processors - in_processors(host.keep_for_host.processor, host.logical_processors)
         for host in system.hosts.values()
@@ -130,7 +130,7 @@ def _exceeds(reserve: CpuAmount, capacity: Fraction, host: Host) -> bool:
 
 @check(Finding.warning("RARMS063", "A fixed reserve is more than the component's threads can use"))
 def reserve_beyond_parallelism(system: System) -> Iterator[Violation]:
-    """Fixed reserves that are more LPs than the component has threads."""
+    """Yield fixed reserves that are more LPs than the component has threads."""
     for component in system.components.values():
         threads = None if component.simulation is None else component.simulation.threads
         if threads is None or component.runs_on is RunsOn.HOST or (component.processors or threads + 1) <= threads:
@@ -153,7 +153,7 @@ def reserve_beyond_parallelism(system: System) -> Iterator[Violation]:
 
 @check(UNUSABLE_RESERVE)
 def reserve_over_processors(system: System) -> Iterator[Violation]:
-    """Fixed reserves that are more LPs than `processors` allows, a whole LP each."""
+    """Yield fixed reserves that are more LPs than `processors` allows, a whole LP each."""
     for section, name, cpu, hosts in cpu_settings(system):
         owner = system.components[name] if section == "components" else system.partitions[name]
         count = owner.processors
@@ -201,7 +201,7 @@ def _virtual_processors(system: System) -> Iterator[tuple[str, str, int, list[Ho
 
 @partition_check(Finding.error("RARMS094", "A partition and its only component have different CPU settings"))
 def different_cpu(system: System, partition: PartitionRequest) -> Iterator[Violation]:
-    """A reserve, limit or weight that a partition and its only component fix differently."""
+    """Yield a reserve, limit or weight that a partition and its only component fix differently."""
     components = members(system, partition)
     if len(components) != 1:
         return
@@ -252,7 +252,7 @@ def held_back(system: System) -> Iterator[Violation]:
 
 
 def _users(system: System, section: str, name: str) -> tuple[Sequence[Component], int | None]:
-    """The components that the setting holds for, and the virtual processors that the manifest fixes for all of them."""
+    """Return the components that the setting counts for, and the processors that the manifest fixes for them."""
     if section == "components":
         return [system.components[name]], None
     partition = system.partitions[name]
@@ -322,7 +322,7 @@ def reserve_rounded_up(system: System) -> Iterator[Violation]:
 def _rounded(
     cpu: CpuRequest, host: Host, fixed: int | None, components: Sequence[Component]
 ) -> tuple[LogicalProcessors, LogicalProcessors, bool]:
-    """What is reserved there, what is given, and whether that is more than a tenth above."""
+    """Return what is reserved there, what is given, and whether that is more than a tenth above."""
     wanted = fixed_reserve(cpu, host) or LogicalProcessors(Fraction(0))
     processors = fixed or max((member.processors or host.logical_processors for member in components), default=1)
     given = guaranteed(per_virtual_processor(wanted, processors), processors)

@@ -20,19 +20,19 @@ _NOTHING_FIXED = CpuRequest()
 
 
 def allowed_hosts(system: System, component: Component) -> list[Host]:
-    """The hosts of the manifest that the component itself allows."""
+    """Return the hosts of the manifest that the component itself allows."""
     if component.hosts is None:
         return list(system.hosts.values())
     return [system.hosts[name] for name in component.hosts if name in system.hosts]
 
 
 def members(system: System, partition: PartitionRequest) -> list[Component]:
-    """The partition's components, each once, those that exist."""
+    """Return the partition's components, each once, those that exist."""
     return [system.components[name] for name in dict.fromkeys(partition.components) if name in system.components]
 
 
 def hosts_for(system: System, components: Iterable[Component]) -> list[Host]:
-    """The hosts that every one of the components allows."""
+    """Return the hosts that every one of the components allows."""
     allowed = [{host.name for host in allowed_hosts(system, component)} for component in components]
     return [host for host in system.hosts.values() if all(host.name in names for names in allowed)]
 
@@ -68,7 +68,7 @@ def bound_groups(system: System) -> list[list[Component]]:
 
 
 def operating_systems(system: System) -> Iterator[list[Component]]:
-    """The components that are sure to share one operating system: of one partition, or on one host itself."""
+    """Yield the components that are sure to share one operating system: of one partition, or on one host itself."""
     for partition in system.partitions.values():
         yield members(system, partition)
     yield from bound_groups(system)
@@ -77,19 +77,19 @@ def operating_systems(system: System) -> Iterator[list[Component]]:
 
 
 def task_entry(system: System, name: str) -> TaskRequest | None:
-    """The entry of a task class in `tasks`; classes are compared without case."""
+    """Return the entry of a task class in `tasks`; classes are compared without case."""
     return system.tasks.get(name) or next(
         (task for key, task in system.tasks.items() if key.lower() == name.lower()), None
     )
 
 
 def known_tasks(system: System) -> list[str]:
-    """The classes that a component may name: the manifest's own and the robotic ones."""
+    """Return the classes that a component may name: the manifest's own and the robotic ones."""
     return [*system.tasks, *(name for name in ROBOTIC_TASKS if name not in system.tasks)]
 
 
 def fixed_reserve(cpu: CpuRequest, host: Host) -> LogicalProcessors | None:
-    """The reserve in LPs of that host, where the manifest fixes one."""
+    """Return the reserve in LPs of that host, where the manifest fixes one."""
     if cpu.reserve is None or isinstance(cpu.reserve, Measured):
         return None
     return in_processors(cpu.reserve, host.logical_processors)

@@ -58,7 +58,7 @@ def unknown_task(system: System) -> Iterator[Violation]:
 
 @check(KEPT_NAME)
 def task_differs_in_case(system: System) -> Iterator[Violation]:
-    """The later of two entries that the registry would take for one."""
+    """Yield the later of two entries that the registry would take for one."""
     first: dict[str, str] = {}
     for name in system.tasks:
         before = first.setdefault(name.lower(), name)
@@ -75,7 +75,7 @@ def task_differs_in_case(system: System) -> Iterator[Violation]:
 
 @check(CLASS_ORDER)
 def shared_task(system: System) -> Iterator[Violation]:
-    """The less critical users of a class, whose threads get the priority of the most critical one."""
+    """Yield the less critical users of a class, whose threads get the priority of the most critical one."""
     for group in operating_systems(system):
         most_critical: dict[str, Component] = {}
         for component in sorted(group, key=lambda component: (-component.criticality, component.name)):

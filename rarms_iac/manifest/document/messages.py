@@ -36,7 +36,7 @@ _OTHER_SPELLINGS = {
 
 
 def nearest_unit(unit: str, fitting: Iterable[str]) -> str | None:
-    """The unit that was probably meant: `MB` and `mib` are MiB, `sec` is s."""
+    """Return the unit that was probably meant: `MB` and `mib` are MiB, `sec` is s."""
     written = unit.lower()
     return next(
         (known for known in fitting if written == known.lower() or written in _OTHER_SPELLINGS.get(known, ())), None
@@ -54,7 +54,7 @@ _KINDS = {
 
 
 def findings_of_structure(problem: NotAManifest) -> list[Diagnostic]:
-    """A finding an error, in a user's words; and how many follow that are not shown."""
+    """Return a finding an error, in a user's words; and how many follow that are not shown."""
     errors = problem.errors
     # A key that is missing because it is misspelt is reported once: where it is misspelt.
     misspelt = {meant for error in errors if (meant := _meant_key(error)) is not None}
@@ -88,14 +88,14 @@ def _position_of(text: str, character: str) -> str:
 
 
 def _show(value: Any) -> str:
-    """A value as a message shows it: short, and with invisible characters spelt out."""
+    """Return a value as a message shows it: short, and with invisible characters spelt out."""
     text = json.dumps(value, ensure_ascii=False, default=str)
     text = text if len(text) <= 60 else text[:57] + "..."
     return "".join(f"<U+{ord(sign):04X}>" if is_invisible(sign) else sign for sign in text)
 
 
 def _show_written(error: StructureError) -> str:
-    """The value of an error as the manifest has it: 3.10, where the value is the number 3.1."""
+    """Return the value of an error as the manifest has it: 3.10, where the value is the number 3.1."""
     is_number = isinstance(error.value, bool | int | float) and not error.is_key
     return (error.places.text(*error.path) if is_number else "") or _show(error.value)
 
@@ -143,7 +143,7 @@ def _unknown_key(error: StructureError) -> Diagnostic:
 
 
 def _meant_key(error: StructureError) -> Path | None:
-    """The key that was probably meant by one that does not exist; None of every other error."""
+    """Return the key that was probably meant by one that does not exist; None of every other error."""
     if error.kind != "extra_forbidden":
         return None
     *around, key = error.path
@@ -210,7 +210,10 @@ MOST_MAPS = 3
 
 
 def _maps_with(path: Path, value: Any) -> str:
-    """The value as the map that must stand there: `{every: 40 ms}`; of several, `{reserve: 40 %} or {limit: 40 %}`."""
+    """Return the value as the map that must stand there: `{every: 40 ms}`.
+
+    Several maps are joined: `{reserve: 40 %} or {limit: 40 %}`.
+    """
     if isinstance(value, bool) or not isinstance(value, str | int):
         return ""
     keys = keys_for(path, value)
@@ -218,7 +221,7 @@ def _maps_with(path: Path, value: Any) -> str:
 
 
 def _tag(error: StructureError) -> Diagnostic:
-    """An alternative that is chosen by `kind`."""
+    """Return an alternative that is chosen by `kind`."""
     if not isinstance(error.value, dict):
         detail = f"{error.name} must be a map, but it is {_kind_of(error)}."
         return WRONG_VALUE.at(
@@ -251,7 +254,7 @@ def _quantity(error: StructureError) -> Diagnostic:
 
 
 def _quantity_problem(text: str, units: tuple[str, ...], *, positive: bool) -> tuple[str, str]:
-    """What is wrong with a text that is no such quantity, and what to write; empty where only the form helps."""
+    """Return what is wrong with a text that is no such quantity, and what to write; empty where only the form helps."""
     if any(map(is_invisible, text)):
         seen = "".join(" " if sign.isspace() else "" if is_invisible(sign) else sign for sign in text[:100])
         found = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?)\s*(\S+)", seen.strip())
@@ -284,7 +287,7 @@ def _quantity_problem(text: str, units: tuple[str, ...], *, positive: bool) -> t
 
 
 def _amount_meant(number: str, units: tuple[str, ...]) -> str:
-    """The question for a number without a unit where an amount of processor time is asked for; else nothing."""
+    """Return the question for a number without a unit where an amount of processor time is asked for; else nothing."""
     if "LP" not in units or not re.fullmatch(r"[0-9]+(\.[0-9]+)?", number) or not number.strip("0."):
         return ""
     return question(f"{number} LP" if Fraction(number) < 1 else f"{number} % or {number} LP")
@@ -308,7 +311,7 @@ def _pattern(error: StructureError) -> Diagnostic:
 
 
 def not_a_robot(file: str, robot: str) -> Diagnostic:
-    """The last overlay, whose file without its ending is the robot's name, has one that is no name."""
+    """Return the last overlay, whose file without its ending is the robot's name, has one that is no name."""
     better = _as_name(robot)
     return WRONG_VALUE.at(
         Place(file=file, line=1, column=1),
@@ -322,7 +325,7 @@ def not_a_robot(file: str, robot: str) -> Diagnostic:
 
 
 def _as_name(text: str) -> str | None:
-    """The name that is most like this text; None if too little of it is left."""
+    """Return the name that is most like this text; None if too little of it is left."""
     name = nearest_name(text)
     return name if len(name) * 2 > len(text) else None
 
@@ -405,7 +408,7 @@ def _index(error: StructureError) -> Diagnostic:
 
 
 def _same_percentile(name: str) -> str:
-    """The name of the same percentile: `p99_response_time` of `p99.0_response_time`; empty: it has none."""
+    """Return the name of the same percentile: `p99_response_time` of `p99.0_response_time`; empty: it has none."""
     match = re.fullmatch(r"p0*([0-9]{1,2})(?:\.([0-9]{1,15}))?(?:th)?_response_time", name)
     if match is None:
         return ""
@@ -447,7 +450,7 @@ def _no_such_day(error: StructureError) -> Diagnostic:
 
 
 def _not_read(error: StructureError) -> Diagnostic:
-    """An error without words of its own: still a place, the value, and what the field is for."""
+    """Return an error without words of its own: still a place, the value, and what the field is for."""
     advice = describe(error.path) or "Check the manifest reference."
     return WRONG_VALUE.at(
         error.place, "{path} cannot be {_show_written}.", advice, _show_written=_show_written(error), **_facts(error)

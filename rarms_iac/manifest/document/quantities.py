@@ -49,7 +49,7 @@ def _facts(kinds: tuple[Unit, ...], *, positive: bool = False, also: str = "") -
 
 
 def quantity_schema(quantity: Quantity, word: StrEnum | None = None) -> dict[str, Any]:
-    """The JSON Schema of such a text; `errorMessage` is what editors show instead of the pattern."""
+    """Return the JSON Schema of such a text; `errorMessage` is what editors show instead of the pattern."""
     kinds, positive = quantity.kinds, quantity.positive
     units = units_of(*kinds)
     forms = [f"{unit}( {OF_HOST})?" if unit == "%" and Unit.PROCESSORS in kinds else unit for unit in units]
@@ -103,7 +103,7 @@ def quantity_reader(quantity: Quantity, word: StrEnum | None = None) -> Callable
 
 
 def write_quantity(value: Any, quantity: Quantity) -> str:
-    """A default as the manifest writes it."""
+    """Return a default as the manifest writes it."""
     match quantity.kinds[0]:
         case Unit.TIME:
             return show_milliseconds(value)
@@ -121,7 +121,7 @@ _threshold = lru_cache(maxsize=4096)(threshold_of)
 
 
 def read_thresholds(value: Any) -> dict[str, Threshold]:
-    """The thresholds by index.
+    """Return the thresholds by index.
 
     Raises:
         PydanticCustomError: it is no map, or `broken_thresholds` tells what is wrong in it.
@@ -175,7 +175,7 @@ def _is_quantity(index: PerformanceIndex, text: Any) -> bool:
 
 
 def thresholds_schema() -> dict[str, Any]:
-    """The JSON Schema of `apt`: each index takes the bound that makes sense for it."""
+    """Return the JSON Schema of `apt`: each index takes the bound that makes sense for it."""
     family = percentile_index("p95_response_time")
     assert family is not None
     return {

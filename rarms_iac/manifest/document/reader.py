@@ -48,13 +48,13 @@ class ValueType:
 
 @cache
 def manifest_reader() -> SchemaValidator:
-    """The reader of plain values; its errors have their paths."""
+    """Return the reader of plain values; its errors have their paths."""
     return SchemaValidator(_reading(System).core)
 
 
 @cache
 def manifest_blocks() -> Mapping[str, Json]:
-    """The JSON Schema of each block of the manifest, by the name of its class; that of `System` is the whole."""
+    """Return the JSON Schema of each block of the manifest, by the name of its class; that of `System` is the whole."""
     _reading(System)
     return dict(sorted(_blocks.items()))
 
@@ -63,7 +63,7 @@ _blocks: dict[str, Json] = {}
 
 
 def _bare(hint: Any, marks: tuple[Any, ...] = ()) -> tuple[Any, tuple[Any, ...]]:
-    """The type without its marks and `None` (a key may be absent, but not null), and the marks."""
+    """Return the type without its marks and `None` (a key may be absent, but not null), and the marks."""
     if get_origin(hint) is Annotated:
         inner, *more = get_args(hint)
         return _bare(inner, (*more, *marks))
@@ -227,7 +227,7 @@ def _alternatives(
 
 @cache
 def _block(cls: Any) -> ValueType:
-    """The fields of a block as a dict, which `_made` takes."""
+    """Return the fields of a block as a dict, which `_made` takes."""
     kind = getattr(cls, "kind", "")
     read: dict[str, Any] = {}
     properties: Json = {}
@@ -260,7 +260,7 @@ def _block(cls: Any) -> ValueType:
 
 
 def _default(value: Any, marks: tuple[Any, ...]) -> Json:
-    """A default as a user would write it; nothing where the description says what is taken."""
+    """Return a default as a user would write it; nothing where the description says what is taken."""
     if quantity := _mark(Quantity, marks):
         return {} if value in (None, MISSING) else {"default": write_quantity(value, quantity)}
     if isinstance(value, Enum):
@@ -270,7 +270,7 @@ def _default(value: Any, marks: tuple[Any, ...]) -> Json:
 
 
 def _made(cls: Any, values: dict[str, Any]) -> Any:
-    """The value of a block; what its defaults depend on is known only here."""
+    """Return the value of a block; what its defaults depend on is known only here."""
     values.pop("kind", None)
     if cls is Host:
         values.setdefault("platform", values["name"])

@@ -15,7 +15,7 @@ BrokenRule = tuple[tuple[str | int, ...], str, Mapping[str, Any]]
 
 
 def _only_its_own_block(kind: ProviderKind) -> dict[str, Any]:
-    """A host without `provider` is simulated."""
+    """Return a host without `provider` is simulated."""
     said: dict[str, Any] = {"properties": {"provider": {"const": kind.value}}}
     if kind is not ProviderKind.SIMULATED:
         said["required"] = ["provider"]

@@ -13,7 +13,7 @@ _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 @cache
 def manifest_schema() -> dict[str, Any]:
-    """The schema that `schemas/manifest.json` holds; callers do not change it."""
+    """Return the schema that `schemas/manifest.json` holds; callers do not change it."""
     blocks = dict(manifest_blocks())
     whole = blocks.pop("System")
     return {"$schema": _DIALECT, "$defs": blocks, **whole}
@@ -25,7 +25,10 @@ _REPLACED_WHOLE = frozenset({"samples", "until"})
 
 @cache
 def overlay_schema() -> dict[str, Any]:
-    """The schema that `schemas/overlay.json` holds: of a manifest whose keys may be absent, or null to remove them."""
+    """Return the schema that `schemas/overlay.json` holds.
+
+    Keys of the manifest may be absent there, or null to remove them.
+    """
     whole = manifest_schema()
     made: dict[str, Any] = _relaxed({key: value for key, value in whole.items() if key != "$defs"})
     blocks = {name: _relaxed(block) for name, block in whole["$defs"].items()}
@@ -53,7 +56,7 @@ def _relaxed(schema: Any) -> Any:
 
 
 def _overlaid(key: str, schema: dict[str, Any]) -> dict[str, Any]:
-    """A field of this name in an overlay."""
+    """Return a field of this name in an overlay."""
     if key in _REPLACED_WHOLE:
         return cast(dict[str, Any], _renamed(schema))
     if key == "apt":
@@ -66,7 +69,7 @@ def _overlaid(key: str, schema: dict[str, Any]) -> dict[str, Any]:
 
 
 def _renamed(schema: Any) -> Any:
-    """The schema of an overlay, which refers to the blocks of a whole manifest."""
+    """Return the schema of an overlay, which refers to the blocks of a whole manifest."""
     if isinstance(schema, list):
         return [_renamed(item) for item in schema]
     if not isinstance(schema, dict):
@@ -84,7 +87,7 @@ def _or_null(schema: dict[str, Any]) -> dict[str, Any]:
 
 
 def _reachable(schema: dict[str, Any], blocks: dict[str, Any]) -> dict[str, Any]:
-    """The blocks that the schema leads to, by name."""
+    """Return the blocks that the schema leads to, by name."""
     names, waiting = set[str](), [schema]
     while waiting:
         found = set(re.findall(r'"#/\$defs/(\w+)"', json.dumps(waiting.pop()))) - names
@@ -97,12 +100,12 @@ Path = tuple[str | int, ...]
 
 
 def keys_at(path: Path) -> tuple[str, ...]:
-    """The keys that a block at this path may have; none where its keys are free names."""
+    """Return the keys that a block at this path may have; none where its keys are free names."""
     return tuple(dict.fromkeys(key for schema in _schemas(path) for key in schema.get("properties", {})))
 
 
 def choices_at(path: Path) -> tuple[str, ...]:
-    """The values that may stand at this path; none where there are too many to list."""
+    """Return the values that may stand at this path; none where there are too many to list."""
     found: list[str] = []
     for schema in _schemas(path):
         found += [str(value) for value in schema.get("enum", ())]
@@ -112,13 +115,16 @@ def choices_at(path: Path) -> tuple[str, ...]:
 
 
 def keys_of_map(path: Path) -> tuple[str, ...]:
-    """The keys that a map at this path must have; none where no map may stand there, or it needs none."""
+    """Return the keys that a map at this path must have; none where no map may stand there, or it needs none."""
     maps = (schema for schema in _schemas(path) if schema.get("additionalProperties") is False)
     return tuple(dict.fromkeys(key for schema in maps for key in schema.get("required", ())))
 
 
 def keys_for(path: Path, value: str | int) -> tuple[str, ...]:
-    """The keys of a map at this path that take this value: `every` takes `40 ms`; keys that it must have come alone."""
+    """Return the keys of a map at this path that take this value: `every` takes `40 ms`.
+
+    Where the map needs keys, only those are returned.
+    """
     properties = [key for schema in _schemas(path) if "type" in schema for key in schema.get("properties", ())]
     found = [key for key in dict.fromkeys(properties) if any(_takes(each, value) for each in _schemas((*path, key)))]
     return tuple(key for key in found if key in keys_of_map(path)) or tuple(found)
@@ -133,7 +139,7 @@ def _takes(schema: dict[str, Any], value: str | int) -> bool:
 
 
 def describe(path: Path) -> str:
-    """The description of the field at this path; empty where there is none."""
+    """Return the description of the field at this path; empty where there is none."""
     return next((schema["description"] for schema in _schemas(path) if "description" in schema), "")
 
 
@@ -147,7 +153,7 @@ def _schemas(path: Path) -> list[dict[str, Any]]:
 
 
 def alternatives(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """The schema itself, what it refers to, and each of its alternatives."""
+    """Yield the schema itself, what it refers to, and each of its alternatives."""
     yield schema
     if "$ref" in schema:
         yield from alternatives(manifest_schema()["$defs"][schema["$ref"].removeprefix("#/$defs/")])

@@ -57,7 +57,7 @@ class NotAManifest(ValueError):
 
 
 def validate_document(document: Any, places: Places) -> System:
-    """The System of plain values.
+    """Return the System of plain values.
 
     Raises:
         NotAManifest: fields are wrong, or keys that need or exclude each other are.
@@ -86,7 +86,7 @@ def _cases(error: Any, document: Any) -> Iterator[BrokenRule]:
 
 
 def _with_listable_errors(problem: ValidationError, document: Any) -> ValidationError:
-    """The errors of the first part of the document that has any, where the whole has too many to be listed."""
+    """Return the errors of the first part of the document that has any, where the whole has too many to be listed."""
     for most in PART_SIZES:
         if problem.error_count() <= TOO_MANY_TO_LIST:
             break
@@ -143,7 +143,7 @@ def _structure_error(case: BrokenRule, document: Any, places: Places) -> Structu
 
 
 def _path(location: Path) -> tuple[Path, bool]:
-    """The path in the text, and whether the key itself is meant."""
+    """Return the path in the text, and whether the key itself is meant."""
     steps = tuple(step for step in location if not (isinstance(step, str) and step.startswith(TAG)))
     return (steps[:-1], True) if steps[-1:] == ("[key]",) else (steps, False)
 

@@ -24,7 +24,7 @@ class CannotFormat(ValueError):
 
 
 def format_text(text: str, file: str) -> str:
-    """The canonical form of a manifest's or overlay's text; formatting it again changes nothing.
+    """Return the canonical form of a manifest's or overlay's text; formatting it again changes nothing.
 
     Raises:
         CannotFormat: the text is no manifest.
@@ -33,7 +33,7 @@ def format_text(text: str, file: str) -> str:
 
 
 def format_tree(parsed: ParsedText) -> str:
-    """The canonical form of a file that was read already (`reading.read_yaml`).
+    """Return the canonical form of a file that was read already (`reading.read_yaml`).
 
     Raises:
         CannotFormat: the text is no manifest.
@@ -66,7 +66,7 @@ def _no_mapping(parsed: ParsedText) -> list[Diagnostic]:
 
 
 def diff_text(before: str, after: str, name: str, changed: str = "formatted") -> str:
-    """What an edit changes, as a unified diff; empty where it changes nothing.
+    """Return what an edit changes, as a unified diff; empty where it changes nothing.
 
     Args:
         before: the text of the file.

@@ -21,7 +21,7 @@ class ValueShape:
     is_quantity: bool = False
 
     def of(self, key: str) -> "ValueShape":
-        """The shape of the value under this key."""
+        """Return the shape of the value under this key."""
         return self.keys.get(key) or self.each or VALUE
 
 
@@ -30,12 +30,12 @@ VALUE = ValueShape()
 
 @cache
 def manifest_shape() -> ValueShape:
-    """The whole manifest; an overlay has the same shape."""
+    """Return the whole manifest; an overlay has the same shape."""
     return _shape([manifest_schema()])
 
 
 def _shape(schemas: list[dict[str, Any]]) -> ValueShape:
-    """What may stand where one of these schemas holds."""
+    """Return what may stand where one of these schemas holds."""
     keys: dict[str, list[dict[str, Any]]] = {}
     named: list[dict[str, Any]] = []
     is_quantity = False

@@ -60,7 +60,7 @@ def is_blank(node: Node) -> bool:
 
 
 def replaced(text: str, route: Route, new: Node) -> str:
-    """The text with another value at the end of the route; comments inside the old one move above."""
+    """Return the text with another value at the end of the route; comments inside the old one move above."""
     step = route.steps[-1]
     colon = _after_colon(text, step.key)
     start, end = _span(text, step.entry.value, colon)
@@ -82,7 +82,7 @@ def replaced(text: str, route: Route, new: Node) -> str:
 
 
 def inserted(text: str, route: Route, name: str, new: Node) -> str:
-    """The text with a new key in the map at the end of the route, at its canonical place."""
+    """Return the text with a new key in the map at the end of the route, at its canonical place."""
     node = route.end
     assert isinstance(node, Collection)
     before = _sibling_before(node, route.shape, name)
@@ -104,13 +104,13 @@ def inserted(text: str, route: Route, name: str, new: Node) -> str:
 
 
 def inserted_at_root(text: str, name: str, new: Node) -> str:
-    """The text of an empty document (`{}`) with its first key."""
+    """Return the text of an empty document (`{}`) with its first key."""
     comments = comments_in(text, 0, len(text))
     return "\n".join([*comments, *write_entry(Entry(Scalar(name, "'", 0, 0), new, []), manifest_shape(), 0), ""])
 
 
 def removed(text: str, route: Route) -> str:
-    """The text without the key at the end of the route, its value and the comments directly above it.
+    """Return the text without the key at the end of the route, its value and the comments directly above it.
 
     Where it was the only one of its map, comments stay.
     """
@@ -130,7 +130,7 @@ def removed(text: str, route: Route) -> str:
 
 
 def comments_at(text: str, route: Route) -> list[str]:
-    """The comments that go when the key at the end of the route does: above it, beside it and inside."""
+    """Return the comments that go when the key at the end of the route does: above it, beside it and inside."""
     step = route.steps[-1]
     if step.parent.flow:
         return comments_in(text, step.key.start, _flow_end(text, step.entry))
@@ -138,7 +138,7 @@ def comments_at(text: str, route: Route) -> list[str]:
 
 
 def commented(text: str, route: Route, comments: list[str]) -> str:
-    """The text with these comments above the last key of the route that has a line of its own; else at the end."""
+    """Return the text with these comments above the last key of the route that has a line of its own, or at the end."""
     own_line = [step.key for step in route.steps if not step.parent.flow]
     return _with_comments_above(text, own_line[-1], comments) if own_line else _with_lines(text, len(text), comments)
 
@@ -188,7 +188,7 @@ def _flow_end(text: str, entry: Entry) -> int:
 
 
 def _sibling_before(node: Collection, shape: ValueShape, name: str) -> Entry | None:
-    """The last entry that canonically stands before the new key."""
+    """Return the last entry that canonically stands before the new key."""
     place = {key: number for number, key in enumerate(shape.keys)}
     last = len(place)
     wanted = place.get(name, last)
@@ -209,7 +209,7 @@ def _ends_in_block_scalar(entry: Entry) -> bool:
 
 
 def _above(text: str, key: Scalar) -> int:
-    """The start of the key's line, or of the comments that stand directly above it in the same column."""
+    """Return the start of the key's line, or of the comments that stand directly above it in the same column."""
     column = _column(text, key.start)
     start = key.start - column
     while start > 0:
@@ -221,7 +221,7 @@ def _above(text: str, key: Scalar) -> int:
 
 
 def _below(text: str, entry: Entry, column: int) -> int:
-    """The start of the line after an entry and the comments that belong inside it."""
+    """Return the start of the line after an entry and the comments that belong inside it."""
     leaf = _last_leaf(entry)
     end = _key_of(entry).end
     if leaf is not None:
@@ -246,7 +246,7 @@ def _with_lines(text: str, at: int, lines: list[str]) -> str:
 
 
 def _with_comments_above(text: str, key: Scalar, comments: list[str]) -> str:
-    """The text with comments on lines of their own above a key; what changed must lie behind the key."""
+    """Return the text with comments on lines of their own above a key; what changed must lie behind the key."""
     if not comments:
         return text
     column = _column(text, key.start)

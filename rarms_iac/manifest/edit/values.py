@@ -34,7 +34,7 @@ class NoSuchPlace(LookupError):
 
 
 def set_value(text: str, path: Path, value: Value) -> str:
-    """The text with this value at the path; keys that are missing on the way are added at their canonical place.
+    """Return the text with this value at the path; keys that are missing on the way are added at their canonical place.
 
     Comments inside a value that is replaced move above it.
 
@@ -46,7 +46,7 @@ def set_value(text: str, path: Path, value: Value) -> str:
 
 
 def remove_value(text: str, path: Path, comments_to: Path = ()) -> str:
-    """The text without the key at the path and its value.
+    """Return the text without the key at the path and its value.
 
     The comments that belong to it move above the path `comments_to`, or above as much of that path as exists; without
     such a path they are removed, too.
@@ -59,7 +59,7 @@ def remove_value(text: str, path: Path, comments_to: Path = ()) -> str:
 
 
 def _edit(text: str, change: Callable[[str], str]) -> str:
-    """The changed text, canonical if it was, with the line ends and the byte order mark that it had."""
+    """Return the changed text, canonical if it was, with the line ends and the byte order mark that it had."""
     plain = unified(text)
     was_canonical = format_text(text, "rarms.yaml") == plain
     changed = change(plain)
@@ -103,7 +103,7 @@ def _whole(text: str, path: tuple[str, ...]) -> Route:
 
 
 def _node(value: Value, depth: int) -> Node:
-    """The value as it will be written: maps of plain values on one line, but not a section or a named thing."""
+    """Return the value as it will be written: maps of plain values on one line, but not a section or a named thing."""
     match value:
         case None | bool():
             return Scalar({None: "null", True: "true", False: "false"}[value], "", 0, 0)

@@ -43,7 +43,7 @@ class WrittenLine:
 
 
 def write_tree(root: Collection, source: str) -> str:
-    """The canonical text of a document; `source` is the text that it was built from."""
+    """Return the canonical text of a document; `source` is the text that it was built from."""
     if not root.entries:
         return _text([WrittenLine("{}"), *_comment_lines(root.tail, 0)])
     shape = manifest_shape()
@@ -52,13 +52,13 @@ def write_tree(root: Collection, source: str) -> str:
 
 
 def write_entry(entry: Entry, shape: ValueShape, indent: int) -> list[str]:
-    """The lines of one new entry of a block whose shape is `shape`."""
+    """Return the lines of one new entry of a block whose shape is `shape`."""
     part = _Writer("").entry(entry, shape, indent, sections=False)
     return _text([*_comment_lines(part.above, indent), *part.lines]).splitlines()
 
 
 def write_flow(node: Node, shape: ValueShape) -> str:
-    """The value on one line, however long, as it stands inside a flow collection."""
+    """Return the value on one line, however long, as it stands inside a flow collection."""
     written = _inline(_all_flow(node), shape, sys.maxsize)
     assert written is not None, "a new value has no comments and is all flow"
     return written
@@ -72,7 +72,7 @@ def _all_flow(node: Node) -> Node:
 
 
 def write_key(key: str, *, flow: bool) -> str:
-    """A key with its colon."""
+    """Return a key with its colon."""
     return _key(Scalar(key, "'", 0, 0), flow=flow)
 
 
@@ -93,15 +93,15 @@ class _Writer:
     def collection(
         self, node: Collection, shape: ValueShape, indent: int, *, sections: bool = False
     ) -> list[WrittenLine]:
-        """The lines of a collection in block form; between `sections` that are blocks stands a blank line."""
+        """Return the lines of a collection in block form; between `sections` that are blocks stands a blank line."""
         return _joined(self.parts(node, shape, indent, sections=sections), node.tail, indent, sections=sections)
 
     def parts(self, node: Collection, shape: ValueShape, indent: int, *, sections: bool = False) -> list[_WrittenEntry]:
-        """The entries of the map, in canonical order."""
+        """Return the entries of the map, in canonical order."""
         return [self.entry(entry, shape, indent, sections=sections) for entry in _ordered(node, shape)]
 
     def entry(self, entry: Entry, shape: ValueShape, indent: int, *, sections: bool) -> _WrittenEntry:
-        """A key with its value, or an item with its dash."""
+        """Return a key with its value, or an item with its dash."""
         inner = _inner(entry, shape)
         head = " " * indent + (_key(entry.key) if entry.key else "-")
         value = entry.value
@@ -117,7 +117,7 @@ class _Writer:
         return self.item(entry, value, inner, indent)
 
     def scalar(self, entry: Entry, value: Scalar, head: str, shape: ValueShape, indent: int) -> list[WrittenLine]:
-        """A scalar behind its key or dash, on one line or as a block."""
+        """Return a scalar behind its key or dash, on one line or as a block."""
         block = block_lines(value, self.source, WIDTH - indent - 2)
         if block is None:
             text = one_line(value, quantity=shape.is_quantity)
@@ -126,7 +126,10 @@ class _Writer:
         return [WrittenLine(f"{head} {block[0]}", entry.trailing), *below]
 
     def item(self, entry: Entry, value: Collection, shape: ValueShape, indent: int) -> _WrittenEntry:
-        """An item that is a block: its first line begins behind the dash, and what was above that line moves up."""
+        """Return an item that is a block.
+
+        Its first line begins behind the dash, and what was above that line moves up.
+        """
         first, *rest = self.parts(value, shape, indent + 2)
         moved = [comment for comment in (entry.trailing, *first.above) if comment]
         lines = _joined([_WrittenEntry([], first.lines), *rest], value.tail, indent + 2)
@@ -154,7 +157,7 @@ def _inner(entry: Entry, shape: ValueShape) -> ValueShape:
 
 
 def _ordered(node: Collection, shape: ValueShape) -> list[Entry]:
-    """The entries in canonical order; unknown keys keep theirs, after the known ones."""
+    """Return the entries in canonical order; unknown keys keep theirs, after the known ones."""
     if not node.is_mapping or not shape.keys:
         return node.entries
     place = {key: number for number, key in enumerate(shape.keys)}
@@ -162,7 +165,7 @@ def _ordered(node: Collection, shape: ValueShape) -> list[Entry]:
 
 
 def _keep_header(root: Collection, shape: ValueShape) -> None:
-    """The file's own comment, ended by a blank line, stays at its top when another key comes first."""
+    """Keep the file's own comment, ended by a blank line, at its top when another key comes first."""
     ordered = _ordered(root, shape)
     if not ordered or ordered[0] is root.entries[0]:
         return
@@ -174,7 +177,7 @@ def _keep_header(root: Collection, shape: ValueShape) -> None:
 
 
 def _inline(node: Node, shape: ValueShape, room: int) -> str | None:
-    """A collection on one line, where the user wrote it so and it is short enough; empty ones always."""
+    """Return a collection on one line, where the user wrote it so and it is short enough; empty ones always."""
     if isinstance(node, Scalar):
         return one_line(node, flow=True, quantity=shape.is_quantity)
     if not node.entries:
@@ -212,7 +215,7 @@ def _comment_lines(comments: list[str], indent: int) -> list[WrittenLine]:
 
 
 def _text(lines: list[WrittenLine]) -> str:
-    """The lines as text, trailing comments of neighbouring lines in one column."""
+    """Return the lines as text, trailing comments of neighbouring lines in one column."""
     written: list[str] = []
     run: list[WrittenLine] = []
     for line in lines:
@@ -231,7 +234,7 @@ def _aligned(run: list[WrittenLine]) -> list[str]:
 
 
 def one_line(scalar: Scalar, *, flow: bool = False, quantity: bool = False) -> str:
-    """The scalar on one line; inside a flow collection (`flow`) more needs quotes."""
+    """Return the scalar on one line; inside a flow collection (`flow`) more needs quotes."""
     value = scalar.value
     if quantity and (found := _QUANTITY.fullmatch(value)):
         return f"{found[1]} {found[2]}"
@@ -247,7 +250,7 @@ def one_line(scalar: Scalar, *, flow: bool = False, quantity: bool = False) -> s
 
 
 def block_lines(scalar: Scalar, source: str, room: int) -> list[str] | None:
-    """The scalar as a block: its header and its lines without indentation; None where one line is better.
+    """Return the scalar as a block: its header and its lines without indentation; None where one line is better.
 
     Literal and folded ones stay what they are. Text that was spread over lines in another way and does not fit
     into `room` characters is folded.

@@ -96,7 +96,7 @@ def _check_hidden(data: bytes, file: str) -> None:
 
 
 def hidden(character: str, place: Place) -> Diagnostic:
-    """The finding for a character that `HIDDEN` names."""
+    """Return the finding for a character that `HIDDEN` names."""
     code = ord(character)
     name = unicodedata.name(character, "control character" if code < 0xA0 else "no character")
     return UNSEEN.at(
@@ -118,5 +118,5 @@ def place_of(data: bytes, offset: int, file: str) -> Place:
 
 
 def place_at(mark: Any, file: str, length: int = 1) -> Place:
-    """A parser's position (from 0) as ours (from 1)."""
+    """Return a parser's position (from 0) as ours (from 1)."""
     return Place(file=file, line=mark.line + 1, column=mark.column + 1, length=max(1, length))

@@ -13,7 +13,7 @@ _SIMPLE_KEY = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_ -]{0,80}")
 
 
 def dotted(path: tuple[str | int, ...]) -> str:
-    """A path as people write it: `hosts.onboard.memory`, `components.vision.apart[0]`."""
+    """Return a path as people write it: `hosts.onboard.memory`, `components.vision.apart[0]`."""
     text = ""
     for step in path:
         if isinstance(step, int):
@@ -32,17 +32,17 @@ class ManifestPlaces:
         self._entries: dict[int, dict[str, Entry]] = {}  # of each mapping that was asked for, by its identity
 
     def value(self, *path: str | int) -> Place:
-        """The place of the value at this path; the key of its nearest parent where it does not exist."""
+        """Return the place of the value at this path; the key of its nearest parent where it does not exist."""
         node, key, steps = self._walk(path)
         return _at(node if steps == len(path) or key is None else key, path)
 
     def key(self, *path: str | int) -> Place:
-        """The place of the key at this path, or of the item of a list; of its nearest parent's likewise."""
+        """Return the place of the key at this path, or of the item of a list; of its nearest parent's likewise."""
         node, key, _ = self._walk(path)
         return _at(node if key is None else key, path)
 
     def text(self, *path: str | int) -> str:
-        """The text of the scalar without quotes at this path: `3.10`, of which the value is 3.1."""
+        """Return the text of the scalar without quotes at this path: `3.10`, of which the value is 3.1."""
         node, _, steps = self._walk(path)
         return node.value if steps == len(path) and isinstance(node, Scalar) and not node.style else ""
 
@@ -80,11 +80,11 @@ class FirstLine:
         self._file = file
 
     def value(self, *path: str | int) -> Place:
-        """The first line."""
+        """Return the first line."""
         return Place(file=self._file, line=1, column=1, path=dotted(path))
 
     def key(self, *path: str | int) -> Place:
-        """The first line."""
+        """Return the first line."""
         return self.value(*path)
 
     def text(self, *path: str | int) -> str:

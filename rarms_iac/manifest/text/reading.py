@@ -33,7 +33,7 @@ class Lines(Sequence[str]):
     @overload
     def __getitem__(self, index: slice) -> list[str]: ...
     def __getitem__(self, index: int | slice) -> str | list[str]:
-        """The line at this index, counted from 0; IndexError past the end."""
+        """Return the line at this index, counted from 0; IndexError past the end."""
         if isinstance(index, slice):
             return [self[at] for at in range(*index.indices(len(self)))]
         number = index + len(self) if index < 0 else index
@@ -76,7 +76,7 @@ class Source:
     lines: Lines = field(compare=False)
 
     def positions(self) -> Node:
-        """The tree of a text that was read without problems; it is built at each call."""
+        """Return the tree of a text that was read without problems; it is built at each call."""
         return build_positions(self.data.decode(), self.file)
 
 

@@ -27,7 +27,7 @@ class NotRepresentable(ValueError):
 
 
 def plain_scalar(text: str) -> PlainValue:
-    """The value of a word without quotes.
+    """Return the value of a word without quotes.
 
     Raises:
         NotRepresentable: a number of more than 15 digits, an infinite one, or none at all (`.nan`).

@@ -8,7 +8,7 @@ from rarms_iac.model.shared_findings import NOT_YAML
 
 
 def syntax_finding(problem: YAMLError, data: bytes, file: str) -> Diagnostic:
-    """The finding for what the parser cannot read: at the place that it names, or at the end of the text."""
+    """Return the finding for what the parser cannot read: at the place that it names, or at the end of the text."""
     mark = getattr(problem, "problem_mark", None) or getattr(problem, "context_mark", None)
     complaint = str(getattr(problem, "problem", ""))
     if mark is not None and data.decode("utf-8")[mark.index : mark.index + 1] == "\t":
@@ -106,7 +106,7 @@ _COMPLAINTS: tuple[tuple[str, str, str], ...] = (
 
 
 def _explain(problem: str, context: str) -> tuple[str, str]:
-    """What the parser found wrong and what to do, as (detail, advice)."""
+    """Return what the parser found wrong and what to do, as (detail, advice)."""
     for complaint in (problem, context):
         for words, detail, advice in _COMPLAINTS:
             if words in complaint:

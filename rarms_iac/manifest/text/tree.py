@@ -70,7 +70,7 @@ Node = Scalar | Collection
 
 
 def entries_by_key(mapping: Collection) -> dict[str, Entry]:
-    """The entries of a mapping; of a key that occurs twice the first one."""
+    """Return the entries of a mapping; of a key that occurs twice the first one."""
     entries: dict[str, Entry] = {}
     for entry in mapping.entries:
         if entry.key is not None:
@@ -90,7 +90,7 @@ def is_null(node: Node) -> bool:
 
 
 def plain(node: Node) -> Any:
-    """The values alone, as `events.read_events` gives them."""
+    """Return the values alone, as `events.read_events` gives them."""
     if isinstance(node, Scalar):
         try:
             return node.value if node.style else plain_scalar(node.value)
@@ -106,7 +106,7 @@ _HEADER_COMMENT = re.compile("[|>][-+0-9]*[ \\t]+(#[^\\n]*)")
 
 
 def unified(text: str) -> str:
-    """The text without a byte order mark, its lines ended by LF alone."""
+    """Return the text without a byte order mark, its lines ended by LF alone."""
     return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -123,14 +123,17 @@ def build_positions(text: str, file: str) -> Node:
 
 
 def comments_in(text: str, start: int, end: int) -> list[str]:
-    """The comments that begin between two places of such a text, those behind `|` and `>` included."""
+    """Return the comments that begin between two places of such a text, those behind `|` and `>` included."""
     builder = _Builder(text, "")
     builder.root()
     return [comment.rstrip() for at, comment in builder.comments if start <= at < end]
 
 
 def _events(text: str) -> Iterator[Any]:
-    """The parser's events, made anew each time: a list of them would keep the garbage collector busier than we are."""
+    """Yield the parser's events, made again each time.
+
+    A list of them would keep the garbage collector busy.
+    """
     return iter(CParser(text).get_event, None)
 
 
@@ -164,7 +167,7 @@ class _Builder:
         self.result: Node = Scalar("", "", 0, 0, file=file)
 
     def root(self) -> Node:
-        """The whole document; an empty one is an empty scalar."""
+        """Return the whole document; an empty one is an empty scalar."""
         for event in _events(self.text):
             kind = type(event)
             if kind is ScalarEvent:
@@ -259,7 +262,7 @@ class _Builder:
         return entry
 
     def _place(self, top: _OpenCollection, value: Node, start: int) -> Entry:
-        """Puts a value behind the key that waits for it, or makes it an item."""
+        """Put a value behind the key that waits for it, or makes it an item."""
         entry = top.waiting
         if entry is None:
             return self._new_entry(top, None, value, start)
@@ -287,7 +290,7 @@ class _Builder:
 
 
 def _trail(entry: Entry, comment: str) -> None:
-    """A line has one trailing comment: an earlier one moves above."""
+    """Move an earlier trailing comment above the line: a line has only one."""
     if entry.trailing:
         entry.before.append(entry.trailing)
     entry.trailing = comment.rstrip()

@@ -109,7 +109,7 @@ def _beyond(points: Sequence[_Point], target: float, work: float | None) -> Cros
 
 
 def _work(points: Sequence[_Point], processors: int) -> float | None:
-    """The work on as few processors as all settings allow: no response has time for more."""
+    """Return the work on as few processors as all settings allow: no response has time for more."""
     known = [(point.work, point.time_ms * point.reserve) for point in points if point.work is not None]
     counts = [n for n in range(1, processors + 1) if all(work / n <= _WORK_ALONE * room for work, room in known)]
     return sum(work for work, _ in known) / len(known) / counts[0] if known and counts else None
@@ -118,7 +118,7 @@ def _work(points: Sequence[_Point], processors: int) -> float | None:
 def _time_wanted(
     measured: Mapping[int, Series], goal: Goal, member: Member, index: str, threshold: Threshold
 ) -> tuple[str, float | None]:
-    """The index to look at and the time (ms) that it must fall to; None: nothing tells."""
+    """Return the index to look at and the time (ms) that it must fall to; None: nothing tells."""
     match index, threshold:
         case "success_rate", AtLeast(value=share):
             samples = [sample for series in measured.values() for sample in series.samples if sample.response_ms]
@@ -149,7 +149,10 @@ def _room(measured: Mapping[int, Series], goal: Goal, member: Member, index: str
 
 
 def _multiple(measured: Mapping[int, Series], goal: Goal, member: Member, share: float) -> float:
-    """The multiple of the mean within which this share of jobs answers, or what shows it: the same at every setting."""
+    """Return the multiple of the mean within which this share of jobs answers, or what shows it.
+
+    It is the same at every setting.
+    """
     worth = max(
         effective_samples(successes(series.samples)) / done_share(series, reserve, member.run, series.elapsed_ms, goal)
         for reserve, series in measured.items()
@@ -165,7 +168,7 @@ def _multiple(measured: Mapping[int, Series], goal: Goal, member: Member, share:
 
 
 def _point(reserve: ReservePercent, series: Series, member: Member, index: str) -> _Point | None:
-    """The setting as a point; None where it gives no estimate.
+    """Return the setting as a point; None where it gives no estimate.
 
     Of response times only the time counts in which there is a job; a throughput has also what a periodic one waits.
     """

@@ -154,7 +154,7 @@ def compound_of(members: Sequence[Coi]) -> Coi:
 
 
 def _cliques(cois: Sequence[Coi], may_share: Sharing, largest: int | None) -> Iterator[Mask]:
-    """Sets of two or more that may share a partition, smaller ones first."""
+    """Set of two or more that may share a partition, smaller ones first."""
     graph = _sharing_graph(cois[:EXACT_UP_TO], may_share)
     import networkx as nx
 

@@ -139,7 +139,7 @@ def _leasts(costs: Mapping[Mask, int]) -> dict[Mask, Least]:
 
 
 def _blocks(mask: Mask, costs: Mapping[Mask, int]) -> Iterator[Mask]:
-    """The compounds within the set that hold its most critical member."""
+    """Yield the compounds within the set that hold its most critical member."""
     top = 1 << mask.bit_length() - 1
     part = others = mask ^ top
     while part:

@@ -183,7 +183,7 @@ def _best(tuning: Tuning, candidates: Candidates, best: LayoutChoice, answers: S
 def _doubts(
     tuning: Tuning, known: Candidates, answers: Sequence[Answer], best: LayoutChoice | None
 ) -> tuple[Doubt, ...]:
-    """The compounds by which another layout may be better, or fit at all, if unresolved settings are enough.
+    """Return the compounds by which another layout may be better, or fit at all, if unresolved settings are enough.
 
     A proof rests on lower ends that were shown: each other compound is taken at what it needs by settings that were
     shown to miss, and what the best layout's own compounds need is as it was measured.

@@ -113,7 +113,7 @@ def _fewest_moves(
 
 
 def _staying(item: Item) -> Item:
-    """The partition where it is; one that is nowhere, or may not stay, keeps its choice."""
+    """Return the partition where it is; one that is nowhere, or may not stay, keeps its choice."""
     current = item.current_host
     return replace(item, claims={current: item.claims[current]}) if current in item.claims else item
 
@@ -198,7 +198,7 @@ def _cause(conflict: Conflict, problem: Problem) -> Cause:
 
 
 def _describe_smt(conflict: Conflict, host: Bin) -> str:
-    """What it costs there that a core never runs two machines; empty where it costs nothing."""
+    """Return what it costs there that a core never runs two machines; empty where it costs nothing."""
     claims = [*host.foreign_claims, *(item.claims[host.name] for item in conflict.items if host.name in item.claims)]
     idle = load_of(claims).idle_processors
     if not idle:
@@ -266,7 +266,7 @@ def _sum_exceeds(
 
 
 def _all_together(conflict: Conflict, problem: Problem, need: Callable[[Item], int], show: Callable[[int], str]) -> str:
-    """The sum with the other partitions that count on these hosts; empty where there are none.
+    """Return the sum with the other partitions that count on these hosts; empty where there are none.
 
     Ways out count them, and so do the totals of `rarms measure`; a conflict leaves them out.
     """
@@ -294,5 +294,5 @@ def _logical_processors(host: Bin) -> str:
 
 
 def _describe_cores(host: Bin) -> str:
-    """What virtual processors are laid onto: `two logical processors`, `four cores`."""
+    """Return what virtual processors are laid onto: `two logical processors`, `four cores`."""
     return _logical_processors(host) if host.capacity.sharing.threads == 1 else f"{number(host.capacity.cores)} cores"

@@ -101,7 +101,7 @@ def _by_name(items: Sequence[Item]) -> Sequence[Item]:
 
 
 def _hosts_of(items: Sequence[Item], bins: Sequence[Bin]) -> Sequence[Bin]:
-    """The hosts that any of the partitions may run on."""
+    """Return the hosts that any of the partitions may run on."""
     names = {name for item in items for name in item.claims}
     return [host for host in bins if host.name in names]
 
@@ -119,7 +119,7 @@ def _groups(items: Sequence[Item]) -> Iterator[Sequence[Item]]:
 def _fewest_beyond(
     items: Sequence[Item], bins: Sequence[Bin], need: Callable[[Item], int], room: Callable[[Bin], int]
 ) -> Sequence[Item]:
-    """The fewest of a group that need more than its hosts have in sum; empty: no group does."""
+    """Return the fewest of a group that need more than its hosts have in sum; empty: no group does."""
     found: list[Sequence[Item]] = []
     for group in _groups(items):
         ordered = sorted(group, key=lambda item: (-need(item), natural_order(item.name)))

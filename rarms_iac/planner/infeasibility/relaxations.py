@@ -43,7 +43,7 @@ Known = TypeVar("Known", Host, HostFacts)
 
 
 def reserve_relaxations(group: Group) -> Iterator[RelaxationRange]:
-    """The reserves that the manifest fixes for a partition: its own, or its members', the least critical first.
+    """Yield the reserves that the manifest fixes for a partition: its own, or its members', the least critical first.
 
     Yields:
         A relaxation for each fixed reserve, in steps as the amount is written: per cent of a host, or hundredths of an
@@ -73,7 +73,7 @@ def _reserve_relaxation(group: Group, entry: Component | PartitionRequest, befor
 
 
 def apt_relaxations(group: Group, problem: Problem) -> Iterator[RelaxationRange]:
-    """The APTs of a partition together, down to the lowest CR that was measured; none where its reserve is fixed.
+    """Yield the APTs of a partition together, down to the lowest CR that was measured; none where its reserve is fixed.
 
     Args:
         problem: what has no layout.
@@ -99,7 +99,10 @@ def is_lowest_measured(group: Group, problem: Problem) -> bool:
 
 
 def _measured(group: Group, problem: Problem) -> tuple[MeasuredTogether, int] | None:
-    """What a partition's reserve rests on, and the CR that its APTs need; None where it is fixed, or not known."""
+    """Return what a partition's reserve rests on, and the CR that its APTs need.
+
+    None means that it is fixed or not known.
+    """
     source, claims = problem.reservations, problem.claims[group.name]
     if claims and isinstance(source, MeasuredReservations) and depends_on_a_log(group):
         host = problem.system.hosts[next(iter(claims))]
@@ -110,7 +113,10 @@ def _measured(group: Group, problem: Problem) -> tuple[MeasuredTogether, int] | 
 
 
 def _relaxed(group: Group, log: MeasuredTogether, reserve: int) -> Edits:
-    """The APTs that have to change for this CR to do, as little as possible; none where a curve says nothing there."""
+    """Return the APTs that have to change for this CR to do, as little as possible.
+
+    There are none where a curve says nothing.
+    """
     edits = []
     for member in group.members:
         for index, threshold in member.apt.items():
@@ -238,7 +244,7 @@ def _more_processors(hosts: Sequence[str], wide: Sequence[str], width: int, more
 
 
 def _grown(hosts: Sequence[str], variant: Variant, **more: int) -> Variant:
-    """The variant with larger hosts (`memory`, `logical_processors`), in the manifest and, where observed, in fact.
+    """Return the variant with larger hosts (`memory`, `logical_processors`), in the manifest and in what was observed.
 
     What is added counts from the smaller of both, as a host's capacity does.
     """
@@ -254,7 +260,7 @@ def _grown(hosts: Sequence[str], variant: Variant, **more: int) -> Variant:
 
 
 def _at_least(known: Known, whole: Mapping[str, int]) -> Known:
-    """The host, or its facts, with no less of these."""
+    """Return the host, or its facts, with no less of these."""
     larger: dict[str, Any] = {field: max(amount, getattr(known, field)) for field, amount in whole.items()}
     return replace(known, **larger)
 

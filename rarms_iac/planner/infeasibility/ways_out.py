@@ -131,7 +131,7 @@ def _narrowing(
 
 
 def _combining(problem: Problem, conflict: Sequence[str], planner: VariantPlanner) -> Iterator[Relaxation]:
-    """A pair of the conflict, of the least critical first; where none is enough, several, of all partitions."""
+    """Yield a pair of the conflict, of the least critical first; where none is enough, several, of all partitions."""
     pairs = islice(pair_relaxations(problem, conflict), PAIRS)
     edits = next(filter(None, (smallest_edits([pair], planner) for pair in pairs)), ())
     if not edits:

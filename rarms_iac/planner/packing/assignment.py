@@ -161,7 +161,9 @@ def _is_larger(claim: Claim, other: Claim) -> bool:
 
 
 def _weight(claims: Iterable[Claim], capacity: Capacity, threshold: int) -> int:
-    """What claims weigh of 100 a core, where above 100 no core takes them: the bound of Martello and Toth (1990).
+    """Return what claims weigh of 100 a core: above 100 no core takes them.
+
+    This is the bound of Martello and Toth (1990).
 
     A virtual processor that leaves less than the threshold of its core weighs all of it; one below it, nothing.
     """

@@ -119,7 +119,7 @@ _PREFERENCES: tuple[_Preference, ...] = (_cheapest, _fullest, _current)
 
 
 def _first_fit(order: Sequence[Item], bins: Sequence[Bin], preference: _Preference, *, skips: bool) -> dict[str, str]:
-    """The host of each partition; one that finds no room is skipped, or is the end."""
+    """Return the host of each partition; one that finds no room is skipped, or is the end."""
     remaining = {host.name: _RemainingCapacity(host) for host in bins}
     host_of: dict[str, str] = {}
     for item in order:

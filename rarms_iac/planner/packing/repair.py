@@ -55,7 +55,7 @@ def find_by_repacking(items: Sequence[Item], bins: Sequence[Bin], nodes: Nodes) 
 def _pack_as_much_as_possible(
     items: Sequence[Item], bins: Sequence[Bin], before: Mapping[str, str], nodes: Nodes
 ) -> dict[str, str]:
-    """The hosts of those partitions that find room on these hosts; who is left over is as little as possible."""
+    """Return the hosts of those partitions that find room on these hosts; who is left over is as little as possible."""
     names = {host.name for host in bins}
     nothing = Claim(processors=0, reserve=0, memory=0)
     items = [

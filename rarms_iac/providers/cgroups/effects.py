@@ -191,7 +191,10 @@ def processes_in(effects: LinuxEffects, groups: Iterable[Path]) -> tuple[int, ..
 
 @contextmanager
 def _with_umask(mask: int) -> Iterator[None]:
-    """What is made inside gets these rights, also under another mask of the caller: a host is no user's folder."""
+    """Give these rights to what is made inside, whatever mask the caller has.
+
+    No user owns the folder of a host.
+    """
     before = os.umask(mask)
     try:
         yield

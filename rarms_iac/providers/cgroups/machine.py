@@ -65,7 +65,7 @@ def read_machine(effects: LinuxEffects) -> LinuxMachine:
 
 
 def facts_of(host: Host, machine: LinuxMachine, group_processors: int) -> HostFacts:
-    """The facts of the host that decisions rest on.
+    """Return the facts of the host that decisions rest on.
 
     Args:
         host: as the manifest describes it.

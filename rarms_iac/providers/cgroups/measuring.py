@@ -397,7 +397,7 @@ class RealWork:
             )
 
     def _counters(self) -> SettingEvidence:
-        """What the kernel counted until now."""
+        """Return what the kernel counted until now."""
         with self.host.reported():
             return SettingEvidence(
                 elapsed_ms=self.elapsed_ms(),

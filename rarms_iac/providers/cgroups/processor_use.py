@@ -43,7 +43,7 @@ class ThreadLooks:
         return most_at_once(seconds, under_way_ms / 1000) if seconds else None
 
     def forget(self) -> None:
-        """What was seen while processes started is no use of processors by jobs."""
+        """Forget what was seen while processes started: jobs did not use it."""
         self._seconds = {}
 
     def look_until_ended(self) -> None:

@@ -171,7 +171,7 @@ class LinuxHostProvider(JournaledHost):
         return self._look()[0]
 
     def examined(self) -> ObservedHost:
-        """Findings: orphaned processes, partitions off that should run, no `keep_for_host`."""
+        """Return findings: orphaned processes, partitions off that should run, no `keep_for_host`."""
         state, definitions = self._look()
         off = [definition.settings.name for definition in self._stopped_by_no_run(definitions.values())]
         found = [*off_without_stop(self._host, off), *nothing_withheld(self._host, self._processors)]
@@ -238,7 +238,7 @@ class LinuxHostProvider(JournaledHost):
         return readings(self._seen()[0], address, scope)
 
     def execute(self, operation: Operation, scope: Scope) -> None:
-        """A definition that is replaced in between says what `_recover` takes back after a kill."""
+        """Change a group, its definition first: after a kill `_recover` takes back what that says."""
         state, known = self._seen()
         with self._kernel_errors(self._linux.slice if isinstance(operation, TaskOperation) else operation.partition):
             self._do(operation, scope, state, known)
@@ -426,5 +426,5 @@ class LinuxHostProvider(JournaledHost):
             raise HostFailed(self.name, message, ASK_DOCTOR) from None
 
     def _plan_again(self, message: str) -> HostRefused:
-        """The host is not as the plan took it to be: another plan knows how it is now."""
+        """Return the refusal of a host that differs from what the plan saw: a new plan is needed."""
         return HostRefused(self.name, message, PLAN_AGAIN)

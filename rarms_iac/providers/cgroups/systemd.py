@@ -46,7 +46,7 @@ class GroupTreeSystemd(GroupTreeV2):
     """Slice units below one slice unit."""
 
     def __init__(self, effects: LinuxEffects, slices: Mapping[str, Path]) -> None:
-        """The slice's folder has the name of its unit."""
+        """Take the name of the unit for the slice's folder."""
         super().__init__(effects, slices)
         self._slice = slices["cpu"].name
 
@@ -93,7 +93,7 @@ class GroupTreeSystemd(GroupTreeV2):
             self._forget(self._slice)
 
     def place(self, name: str) -> ProcessPlace:
-        """A slice holds no process itself, so systemd makes a scope for each."""
+        """Return a slice holds no process itself, so systemd makes a scope for each."""
         words = ("systemd-run", "--scope", "--quiet", "--collect", f"--slice={name}", "--")
         return replace(self._counted(name), words=words)
 

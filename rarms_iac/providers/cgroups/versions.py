@@ -153,7 +153,7 @@ def _shares(values: GroupValues) -> int:
 
 
 def weight_v2(values: GroupValues) -> int:
-    """The weight of version 2 for these values."""
+    """Return the weight of version 2 for these values."""
     return min(max(1, round(values.shares_percent)), MOST_WEIGHT_V2)
 
 

@@ -35,29 +35,32 @@ _NAME = re.compile(r"[a-z0-9][a-z0-9.-]*\.ps1|Rarms/Rarms\.ps[dm]1")
 
 
 def render_receiver() -> bytes:
-    """What takes scripts from standard input and runs the first: its text travels ahead of them."""
+    """Return what takes scripts from standard input and runs the first: its text travels ahead of them."""
     return fill("bootstrap.ps1.j2", {"receiver": receiver_text()})
 
 
 def render_loader() -> bytes:
-    """What ssh starts, as a reader sees it: it runs the receiver of exactly this version."""
+    """Return what ssh starts, as a reader sees it: it runs the receiver of exactly this version."""
     return fill("loader.ps1.j2", {"digest": hashlib.sha256(render_receiver()).hexdigest().upper()})
 
 
 @cache
 def command() -> str:
-    """The loader without remarks and indentation: what the command holds, before it is encoded."""
+    """Return the loader without remarks and indentation: what the command holds, before it is encoded."""
     lines = [line.strip() for line in render_loader().decode("ascii").splitlines()]
     return "\n".join(line for line in lines if line and not line.startswith("#"))
 
 
 def render_installed_receiver() -> bytes:
-    """The script that starts the receiver of an installed module: a user signs it, and lays it above the versions."""
+    """Return the script that starts the receiver of an installed module.
+
+    A user signs it, and lays it above the versions.
+    """
     return as_script(template_text("receive.ps1"))
 
 
 def program_of(shell: str) -> str:
-    """The program behind `connect.shell`."""
+    """Return the program behind `connect.shell`."""
     return _PROGRAMS[shell]
 
 
@@ -74,7 +77,7 @@ class RemotePowerShell:
         return program_of(self.shell)
 
     def words(self) -> tuple[str, ...]:
-        """The command; `-InputFormat None` leaves its standard input to the loader or the module."""
+        """Return the command; `-InputFormat None` leaves its standard input to the loader or the module."""
         options = ("-NoProfile", "-NonInteractive", "-InputFormat", "None", "-OutputFormat", "Text")
         if self.receiver is Receiver.SENT:
             return (self.program, *options, "-EncodedCommand", b64encode(command().encode("utf-16-le")).decode("ascii"))
@@ -92,7 +95,7 @@ class RemotePowerShell:
         return line.removeprefix(ANSWERS).partition(" ")[2].strip() or "none"
 
     def frame(self, script: ScriptBundle, arguments: Sequence[str]) -> bytes:
-        """The bytes for standard input.
+        """Return the bytes for standard input.
 
         Raises:
             ValueError: a file has a name that the receiver would refuse.
@@ -101,13 +104,13 @@ class RemotePowerShell:
 
 
 def arguments_of(waits: WaitLimits, *, abandoning: bool) -> tuple[str, ...]:
-    """The arguments of a script that changes something."""
+    """Return the arguments of a script that changes something."""
     lock = ("-LockTimeout", str(min(-(-waits.lock_ms // 1000), 999_999))) if waits.lock_ms > 0 else ()
     return ("-AsJson", "-Force", *lock, *(("-Abandon",) if abandoning else ()))
 
 
 def frame(script: ScriptBundle, arguments: Sequence[str], source: Receiver = Receiver.SENT) -> bytes:
-    """The bytes for standard input: the receiver that is sent, then lengths and digests, then the scripts as they are.
+    """Return the bytes for standard input: the receiver, then lengths and digests, then the scripts.
 
     Raises:
         ValueError: a file has a name that the receiver would refuse.

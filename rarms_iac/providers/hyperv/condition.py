@@ -128,7 +128,7 @@ THOUSANDTHS = 1000
 
 
 def findings_of(observation: HostObservation, host: str) -> tuple[Diagnostic, ...]:
-    """The findings about the host that the manifest calls so."""
+    """Return the findings about the host that the manifest calls so."""
     return (*_journal_findings(observation, host), *_reserve_findings(observation, host))
 
 

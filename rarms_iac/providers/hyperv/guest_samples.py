@@ -82,7 +82,7 @@ class GuestRun:
         del self._counters[1:-1]
 
     def restart_load(self) -> bool:
-        """The load goes on: a guest's runner starts it once."""
+        """Return the load goes on: a guest's runner starts it once."""
         return False
 
     def elapsed_ms(self) -> float:
@@ -109,7 +109,7 @@ class GuestRun:
         return
 
     def evidence(self) -> SettingEvidence | None:
-        """What the hypervisor counted of each machine (FACTS 8)."""
+        """Return what the hypervisor counted of each machine (FACTS 8)."""
         if len(self._counters) < 2:
             return None
         before, last = self._counters[-2 if len(self._counters) == 2 else 1], self._counters[-1]

@@ -53,7 +53,7 @@ class LocalWindows(WmiSource, Protocol):
         """Of this process."""
 
     def key(self, path: str, *, of_user: bool = False) -> RegistryKey:
-        """A key below HKEY_LOCAL_MACHINE, or of the user; never the one that 32-bit programs are shown."""
+        """Return a key below HKEY_LOCAL_MACHINE, or of the user; never the one that 32-bit programs are shown."""
 
     def is_elevated(self) -> bool:
         """Whether the caller is an administrator, with all rights of one."""
@@ -62,16 +62,16 @@ class LocalWindows(WmiSource, Protocol):
         """Whether the caller is a member of Hyper-V Administrators."""
 
     def scheduler(self) -> int:
-        """The data of the newest event 2 of the hypervisor."""
+        """Return the data of the newest event 2 of the hypervisor."""
 
     def journal(self) -> tuple[str, str]:
-        """The SID of its owner, and its text."""
+        """Return the SID of its owner, and its text."""
 
     def is_script_running(self) -> bool:
         """Whether a script of rarms runs: it has the file open that says who holds the computer."""
 
     def modules(self) -> Sequence[str]:
-        """The versions of PowerShell's module Hyper-V that are installed."""
+        """Return the versions of PowerShell's module Hyper-V that are installed."""
 
 
 def local_document(windows: LocalWindows) -> dict[str, Json]:
@@ -119,7 +119,7 @@ def _probe(probe: Callable[[LocalWindows], Json], windows: LocalWindows) -> Json
 
 
 def _powershell(windows: LocalWindows) -> Json:
-    """The one that comes with Windows; which one will run a script is not looked at."""
+    """Return the one that comes with Windows; which one will run a script is not looked at."""
     return {"version": _text(windows, ENGINE_KEY, "PowerShellVersion"), "edition": "Desktop"}
 
 

@@ -59,7 +59,7 @@ KINDS = {
 
 
 def observe_here() -> str:
-    """What `observe.ps1` would print here, a line of JSON, without starting PowerShell."""
+    """Return what `observe.ps1` would print here, a line of JSON, without starting PowerShell."""
     return json.dumps(local_document(ThisWindows()), separators=(",", ":"))
 
 
@@ -80,7 +80,7 @@ class ThisWindows:
         return [{known: _raw_value(each, known) for known in QUERIES[name]} for each in found]
 
     def disk(self, path: str) -> WmiInstance:
-        """What the service returns is an instance as XML."""
+        """Return what the service returns is an instance as XML."""
 
         def ask(connection: Any) -> str:
             (service,) = connection.query("SELECT * FROM Msvm_ImageManagementService")
@@ -122,7 +122,7 @@ class ThisWindows:
         return bool(win32security.CheckTokenMembership(None, administrators))
 
     def is_hyperv_administrator(self) -> bool:
-        """False in a token of a logon before the account joined the group."""
+        """Return false in a token of a logon before the account joined the group."""
         members = win32security.ConvertStringSidToSid(HYPERV_ADMINISTRATORS)
         return bool(win32security.CheckTokenMembership(None, members))
 
@@ -150,7 +150,7 @@ class ThisWindows:
         return owner, text
 
     def is_script_running(self) -> bool:
-        """A run has the script's file open, and shares it for reading alone."""
+        """Return whether a run has the script's file open: it shares the file for reading only."""
         path = str(own_folder() / OWNER)
         share = win32con.FILE_SHARE_READ | win32con.FILE_SHARE_WRITE
         try:
@@ -223,7 +223,7 @@ def _write_credential(path: Path, user: str, password: bytes) -> None:
 
 
 def namespace_of(name: str) -> str:
-    """The namespace of a class."""
+    """Return the namespace of a class."""
     if name.startswith("Msvm_"):
         return r"root\virtualization\v2"
     if name.startswith("MSCluster_"):
@@ -232,7 +232,7 @@ def namespace_of(name: str) -> str:
 
 
 def _raw_value(instance: Any, name: str) -> Any:
-    """A property as WMI has it; the module would open what a reference leads to, one connection each."""
+    """Return a property as WMI has it; the module would open what a reference leads to, one connection each."""
     known = {each.lower(): each for each in instance.properties}
     found = instance.ole_object.Properties_(known[name.lower()]).Value if name.lower() in known else None
     inside = getattr(found, "Properties_", None)  # of an instance that lies in the property

@@ -103,7 +103,7 @@ class HypervMeasuringHost(LiveHypervHost):
 
     @contextmanager
     def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:  # noqa: ARG002 - a script names its own
-        """The script that measures holds the host, for as long as there are test partitions."""
+        """Yield the script that measures holds the host, for as long as there are test partitions."""
         self._waits = WaitLimits(lock_ms=timeout_ms)
         yield
 
@@ -284,7 +284,7 @@ class HypervMeasuringHost(LiveHypervHost):
     def _guest_works(
         self, partitions: Sequence[PartitionWork], shapes: Sequence[PartitionShape]
     ) -> tuple[GuestWork, ...]:
-        """What runs inside guests, as the script is told it.
+        """Return what runs inside guests, as the script is told it.
 
         Raises:
             HostRefused: something cannot run there.

@@ -258,7 +258,7 @@ class HostObservation:
 
 
 def or_else(probe: Probe[T], default: T) -> T:
-    """The value that was read, or this default where none was."""
+    """Return the value that was read, or this default where none was."""
     return probe.value if isinstance(probe, ReadProbe) else default
 
 
@@ -273,7 +273,7 @@ def is_denied(probe: Probe[Any]) -> bool:
 
 
 def document_of(data: bytes) -> Json:
-    """The JSON of a file, from any PowerShell, with anything else that it said: the document is one line.
+    """Return the JSON of a file, from any PowerShell, with anything else that it said: the document is one line.
 
     Raises:
         NotDecodable: it is no JSON, or too large.
@@ -294,7 +294,7 @@ def is_observation(document: Json) -> bool:
 
 
 def observation_of(document: Json) -> HostObservation:
-    """The document as values.
+    """Return the document as values.
 
     Raises:
         NotDecodable: it is none of this format, or not as the script writes it.

@@ -76,7 +76,7 @@ _KINDS = {"dword": ValueKind.DWORD, "string": ValueKind.SZ} | {kind.value: kind 
 
 
 def to_state(observation: HostObservation, name: str) -> State:
-    """The host that the manifest calls `name`: without proven rights no machines (windows.md 5).
+    """Return the host that the manifest calls `name`: without proven rights no machines (windows.md 5).
 
     Raises:
         NotDecodable: an enumeration has a name that Hyper-V does not give.
@@ -110,7 +110,7 @@ def _left_of_nodes(observation: HostObservation) -> tuple[int, ...]:
 
 
 def facts_of(observation: HostObservation, name: str) -> HostFacts:
-    """The facts of the host that decisions rest on."""
+    """Return the facts of the host that decisions rest on."""
     sockets = or_else(observation.processors, ())
     hypervisor, windows = or_else(observation.hypervisor, None), or_else(observation.windows, None)
     return HostFacts(
@@ -146,7 +146,7 @@ _GUID = re.compile(r"\s*[0-9A-Fa-f]{8}(?:-[0-9A-Fa-f]{4}){3}-[0-9A-Fa-f]{12}\s*"
 
 
 def identity_of(machine_id: str) -> str:
-    """The host's identity, of which an older observation holds the Windows' own id."""
+    """Return the host's identity, of which an older observation holds the Windows' own id."""
     return host_identity(machine_id) if _GUID.fullmatch(machine_id) else machine_id
 
 
@@ -157,7 +157,10 @@ def is_client(observation: HostObservation) -> bool:
 
 
 def scheduler_of(observation: HostObservation) -> SchedulerType:
-    """The scheduler that its event names. Where the log lost it: root on a client (windows.md 2), else unknown."""
+    """Return the scheduler that its event names.
+
+    Where the log lost the event it is root on a client (windows.md 2), else unknown.
+    """
     scheduler = _SCHEDULERS.get(or_else(observation.scheduler, 0))
     return scheduler or (SchedulerType.ROOT if is_client(observation) else SchedulerType.UNKNOWN)
 
@@ -183,7 +186,7 @@ def rights_of(observation: HostObservation) -> Rights:
 
 
 def partitions_of(observation: HostObservation, facts: HostFacts) -> tuple[Partition, ...]:
-    """The machines of the host with these facts by name, then id, with the marks that count.
+    """Return the machines of the host with these facts by name, then id, with the marks that count.
 
     Raises:
         NotDecodable: an enumeration has a name that Hyper-V does not give.
@@ -211,7 +214,7 @@ def partitions_of(observation: HostObservation, facts: HostFacts) -> tuple[Parti
 
 
 def _tied(partition: Partition) -> Partition:
-    """A replica has its primary's mark, which is none of its own."""
+    """Return whether the machine is a replica: it has its primary's mark, and none of its own."""
     if Tie.REPLICA not in partition.ties or partition.mark is None:
         return partition
     return replace(partition, mark=None, foreign_mark=REPLICA_MARK)
@@ -222,7 +225,7 @@ _ENABLED, _ANSWERS = 2, (2, 3)  # degraded: the guest's version of the service i
 
 
 def _guest_builds(observation: HostObservation) -> Mapping[str, int]:
-    """The builds of the Windows that guests say they run, by the ids of their machines (windows.md 3)."""
+    """Return the builds of the Windows that guests say they run, by the ids of their machines (windows.md 3)."""
     builds: dict[str, int] = {}
     for guest in or_else(observation.guests, ()):
         pairs = [{match["property"]: match["value"] for match in _ITEM.finditer(item)} for item in guest.system]
@@ -233,7 +236,10 @@ def _guest_builds(observation: HostObservation) -> Mapping[str, int]:
 
 
 def _mute_guests(observation: HostObservation) -> frozenset[str]:
-    """The machines whose guests cannot be asked to shut down: the service is off, or nothing answers in the guest."""
+    """Return the machines whose guests cannot be asked to shut down.
+
+    The service is off, or nothing answers in the guest.
+    """
     return frozenset(
         service.machine
         for service in or_else(observation.shutdown_services, ())
@@ -242,7 +248,7 @@ def _mute_guests(observation: HostObservation) -> frozenset[str]:
 
 
 def disks_of(observation: HostObservation) -> tuple[Disk, ...]:
-    """The virtual disks that machines have, by path; where only the path is known, of unknown kind."""
+    """Return the virtual disks that machines have, by path; where only the path is known, of unknown kind."""
     known_disks = {disk.path: disk for disk in or_else(observation.virtual_disks, ())}
     attached = sorted(
         (path, machine.id) for machine in or_else(observation.machines, ()) for path in machine.disks if path
@@ -256,7 +262,7 @@ def _disk(path: str, machine: str, known: VirtualDisk | None) -> Disk:
 
 
 def tasks_of(observation: HostObservation) -> tuple[TaskClass, ...]:
-    """The task classes of that operating system by name, a record without its key included."""
+    """Return the task classes of that operating system by name, a record without its key included."""
     records = _records(or_else(observation.records, ()))
     records.pop(_RESPONSIVENESS, None)
     keys = {key.name.lower(): key for key in or_else(observation.tasks, ())}
@@ -280,7 +286,7 @@ def responsiveness_of(observation: HostObservation) -> Responsiveness | None:
 
 
 def last_run_of(observation: HostObservation) -> LastRun:
-    """The last run, as the journal of that operating system tells it."""
+    """Return the last run, as the journal of that operating system tells it."""
     journal = or_else(observation.journal, None)
     return last_run(journal.owner, journal.text) if journal else NoJournal()
 
@@ -302,7 +308,10 @@ def values_of(values: Iterable[NamedValue]) -> dict[str, RegistryValue]:
 
 
 def run_state(state: str) -> RunState:
-    """The state of a machine by Hyper-V's name for it (windows.md 3): what is on its way to another state is busy."""
+    """Return the state of a machine by Hyper-V's name for it (windows.md 3).
+
+    What is on its way to another state is busy.
+    """
     if state.endswith("Critical"):
         return RunState.CRITICAL
     return _AT_REST.get(state, RunState.BUSY)
@@ -362,7 +371,7 @@ def _records(keys: Iterable[RecordKey]) -> dict[str, tuple[str, TaskRecord]]:
 
 
 def _before(key: RecordKey, values: Mapping[str, str]) -> Mapping[str, RegistryValue] | None:
-    """The values from before rarms, as the record holds them.
+    """Return the values from before rarms, as the record holds them.
 
     Raises:
         NotDecodable: the record is not as rarms wrote it.

@@ -149,7 +149,7 @@ class LiveHypervHost:
         return self._parse(self._document_text())
 
     def _document_text(self) -> str:
-        """The document of the host as it is now, or as it was at the one look."""
+        """Return the document of the host as it is now, or as it was at the one look."""
         if self._looks_once and self._document:
             return self._document
         self._document = self._fetch()
@@ -167,7 +167,7 @@ class LiveHypervHost:
         return powershell.edition == "Core" and windows.build < NATIVE_BUILD
 
     def _fetch(self) -> str:
-        """What `observe.ps1` prints, or on this computer what WMI and the registry show."""
+        """Return what `observe.ps1` prints, or on this computer what WMI and the registry show."""
         if sys.platform == "win32" and isinstance(self._transport, LocalTransport):
             from rarms_iac.providers.hyperv.local_windows import observe_here
 
@@ -214,7 +214,7 @@ def open_hyperv(host: Host, signed_folder: Path, channel: CommandChannel | None)
 
 
 def transport_to(host: Host) -> Transport:
-    """The way to a host: over ssh or WinRM, or this computer's own PowerShell."""
+    """Return the way to a host: over ssh or WinRM, or this computer's own PowerShell."""
     match host.connect:
         case None:
             return LocalTransport(host.name)
@@ -260,7 +260,7 @@ class _Document:
 
 
 def read_event(line: str) -> RunEvent | None:
-    """The event that a line of a script's output is (docs/scripts.md), None where it is none of this format."""
+    """Return the event that a line of a script's output is (docs/scripts.md), None where it is none of this format."""
     if len(line) > LONGEST_LINE or not line.startswith("{"):
         return None
     try:

@@ -29,7 +29,7 @@ class Listener(Protocol):
     """Who runs a script: told each line, and asked whether to stop."""
 
     def line(self, text: str) -> None:
-        """A line of the script's standard output."""
+        """Take a line of the script's standard output."""
 
     def should_stop(self) -> bool:
         """Whether it should end before its next step."""
@@ -39,7 +39,7 @@ class ScriptSession(Protocol):
     """A script that runs, and is told things meanwhile."""
 
     def next_line(self, silence_s: float) -> str | None:
-        """The next line of its standard output; None: it has ended.
+        """Return the next line of its standard output; None: it has ended.
 
         Raises:
             SilenceTimeout: nothing came for so long.
@@ -180,7 +180,7 @@ _INSTALLING = prose(
 def not_started(
     host: str, target: str, there: RemotePowerShell, code: int | None, error_lines: Sequence[str]
 ) -> HostFailed:
-    """The error of a PowerShell that ended before its bootstrap was ready."""
+    """Return the error of a PowerShell that ended before its bootstrap was ready."""
     message = f"{there.program} does not start on {target} (exit code {code}): {last_of(error_lines)}"
     if there.receiver is Receiver.INSTALLED:
         message = f"the module Rarms does not answer on {target} (exit code {code}): {last_of(error_lines)}"

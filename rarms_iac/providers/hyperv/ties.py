@@ -15,7 +15,7 @@ REPLICA_MARK = "the machine is a replica of one on another host"
 
 
 def processor_settings(observation: HostObservation) -> Iterator[tuple[str, ProcessorSetting]]:
-    """Settings by the id of their machine; those of checkpoints carry ids that no machine has."""
+    """Yield settings by the id of their machine; those of checkpoints carry ids that no machine has."""
     for setting in or_else(observation.cpu_groups, ()):
         if instance := _INSTANCE.match(setting.instance):
             yield instance["id"].lower(), setting
@@ -28,7 +28,7 @@ def cpu_groups_of(observation: HostObservation) -> Mapping[str, str]:
 
 
 def ties_of(machine: ObservedMachine, groups: Mapping[str, str]) -> tuple[Tie, ...]:
-    """What a machine is tied to.
+    """Return what a machine is tied to.
 
     Args:
         machine: as it was observed.

@@ -65,7 +65,7 @@ class LocalTransport:
     def run(
         self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
     ) -> ScriptExited | ScriptLost:
-        """The scripts lie in a folder of this user's own while they run."""
+        """Return the scripts lie in a folder of this user's own while they run."""
         program = self._program()
         with tempfile.TemporaryDirectory(prefix="rarms-") as folder:
             protect(folder, OURS_ONLY)
@@ -82,7 +82,7 @@ class LocalTransport:
 
     @contextmanager
     def session(self, script: ScriptBundle, arguments: Sequence[str]) -> Iterator[ScriptSession]:
-        """The bootstrap starts it here, too, since it notices when rarms is gone."""
+        """Yield the bootstrap starts it here, too, since it notices when rarms is gone."""
         program = self._program()
         there = RemotePowerShell(self._shells[-1])
         with (

@@ -103,17 +103,20 @@ class WmiSource(Protocol):
     """What this computer's WMI answers; each raises `NotRead`."""
 
     def computer(self) -> str:
-        """The computer's name."""
+        """Return the computer's name."""
 
     def instances(self, name: str) -> Sequence[WmiInstance]:
         """All instances of a class of `QUERIES`."""
 
     def disk(self, path: str) -> WmiInstance:
-        """The Msvm_VirtualHardDiskSettingData of a virtual disk."""
+        """Return the Msvm_VirtualHardDiskSettingData of a virtual disk."""
 
 
 def read_host_visible(source: WmiSource) -> Json:
-    """A caller without rights sees no machines and no error; the host itself is an instance that is always there."""
+    """Return a caller without rights sees no machines and no error.
+
+    The host itself is an instance that is always there.
+    """
     computer = source.computer().lower()
     return any(_str(each, "Name").lower() == computer for each in source.instances("Msvm_ComputerSystem"))
 
@@ -144,7 +147,7 @@ def read_hypervisor(source: WmiSource) -> Json:
 
 
 def read_processors(source: WmiSource) -> Json:
-    """The processor packages, as Windows sees them."""
+    """Return the processor packages, as Windows sees them."""
     return [
         {
             "name": _str(each, "Name"),
@@ -156,7 +159,7 @@ def read_processors(source: WmiSource) -> Json:
 
 
 def read_numa_nodes(source: WmiSource) -> Json:
-    r"""The host's nodes, `Microsoft:PhysicalNode\0` and so on; a block of memory is 1 MiB.
+    r"""Return the host's nodes, `Microsoft:PhysicalNode\0` and so on; a block of memory is 1 MiB.
 
     WMI's pages name no total of a node's memory: 0 stands for not known, and no rule goes by it.
     """
@@ -183,7 +186,7 @@ def _settings(source: WmiSource) -> Iterator[tuple[WmiInstance, WmiInstance]]:
 
 
 def _parts(source: WmiSource, setting: WmiInstance, *classes: str) -> list[WmiInstance]:
-    """The devices of these classes that belong to a machine's settings, in WMI's order."""
+    """Return the devices of these classes that belong to a machine's settings, in WMI's order."""
     links = source.instances("Msvm_VirtualSystemSettingDataComponent")
     parts = [_end(link, "PartComponent") for link in links if _end(link, "GroupComponent") == setting["InstanceID"]]
     known = {_str(each, "InstanceID"): each for name in classes for each in source.instances(name)}
@@ -202,7 +205,10 @@ def read_machines(source: WmiSource, unread: list[Json]) -> Iterator[Json]:
 
 
 def _clustered(source: WmiSource) -> frozenset[str]:
-    """The ids of the machines that a failover cluster has, in lower case; without its namespace there is no cluster."""
+    """Return the ids of the machines that a failover cluster has, in lower case.
+
+    Without its namespace there is no cluster.
+    """
     try:
         resources = source.instances(CLUSTER)
     except NotRead as problem:
@@ -262,13 +268,13 @@ def _disks(source: WmiSource, setting: WmiInstance) -> Iterator[str]:
 
 
 def paths_of_disks(source: WmiSource) -> Iterator[str]:
-    """The virtual disks that machines have."""
+    """Yield the virtual disks that machines have."""
     for _, setting in _settings(source):
         yield from _disks(source, setting)
 
 
 def read_disk(source: WmiSource, path: str) -> Json:
-    """What a disk that a machine has is; of one that cannot be read only its path."""
+    """Return what a disk that a machine has is; of one that cannot be read only its path."""
     try:
         found = source.disk(path)
     except NotRead:
@@ -290,12 +296,12 @@ def _adapters(source: WmiSource, setting: WmiInstance) -> Iterator[Json]:
 
 
 def read_switches(source: WmiSource) -> Json:
-    """The names of the virtual switches."""
+    """Return the names of the virtual switches."""
     return [_str(each, "ElementName") for each in source.instances(SWITCH)]
 
 
 def read_cpu_groups(source: WmiSource) -> Json:
-    """The processor settings as they lie there, those of checkpoints too."""
+    """Return the processor settings as they lie there, those of checkpoints too."""
     return [
         {
             "instance": _str(each, "InstanceID"),
@@ -319,7 +325,7 @@ def read_firmware(source: WmiSource) -> Iterator[Json]:
 
 
 def read_guests(source: WmiSource) -> Json:
-    """What guests tell of their system."""
+    """Return what guests tell of their system."""
     return [
         {
             "machine": _str(each, "SystemName").lower(),
@@ -361,7 +367,7 @@ def _named(names: Mapping[int, str], instance: WmiInstance, name: str) -> str:
 
 
 def _seconds(interval: str) -> int:
-    """A CIM interval, `ddddddddhhmmss.mmmmmm:000`, in seconds."""
+    """Return a CIM interval, `ddddddddhhmmss.mmmmmm:000`, in seconds."""
     if not interval:
         return 0
     days, hours, minutes, seconds = (int(interval[at:end]) for at, end in ((0, 8), (8, 10), (10, 12), (12, 14)))
@@ -373,6 +379,6 @@ def _end(link: WmiInstance, name: str) -> str:
 
 
 def _key_of(path: str) -> str:
-    """The key of the instance that a path leads to; backslashes are doubled in it."""
+    """Return the key of the instance that a path leads to; backslashes are doubled in it."""
     found = _REFERENCE.search(path)
     return re.sub(r"\\(.)", r"\1", found[1]) if found else ""

@@ -42,7 +42,7 @@ class Content:
     struck: Mapping[str, int] = field(default_factory=dict)  # how often a fault of this name struck
 
     def registry(self, machine: str) -> Registry:
-        """The registry of this machine's guest, of the host itself for the empty id."""
+        """Return the registry of this machine's guest, of the host itself for the empty id."""
         return self.registries.get(machine, FRESH)
 
     def with_machine(self, machine: SimulatedMachine) -> "Content":
@@ -72,7 +72,7 @@ class Content:
 
 
 def empty(host: str) -> Content:
-    """A host on which nothing was ever done.
+    """Return a host on which nothing was ever done.
 
     Args:
         host: its name, with overlays behind that of the robot's folder.
@@ -81,5 +81,5 @@ def empty(host: str) -> Content:
 
 
 def next_id(content: Content, name: str) -> str:
-    """The id of the next machine, if it is called so."""
+    """Return the id of the next machine, if it is called so."""
     return str(uuid.uuid5(uuid.UUID(content.id), f"{name}/{content.made + 1}"))

@@ -24,7 +24,7 @@ _TAIL = "}\n"
 
 
 def write_content(content: Content) -> bytes:
-    """The file that holds this content."""
+    """Return the file that holds this content."""
     machines = ",".join(
         f'"{machine}":{_machine_text(content.machines[machine])}' for machine in sorted(content.machines)
     )
@@ -44,7 +44,7 @@ def _machine_text(machine: SimulatedMachine) -> str:
 
 
 def read_content(data: bytes) -> Content:
-    """The content of the file.
+    """Return the content of the file.
 
     Raises:
         NotDecodable: it is not as it was written, is of another format, or holds what cannot be.

@@ -45,7 +45,7 @@ MEBIBYTE = 2**20
 
 
 def demand_of(component: Component, priority: int = ORDINARY) -> JobDemand:
-    """The demand of a component that has a `simulation`; its threads run at this priority."""
+    """Return the demand of a component that has a `simulation`; its threads run at this priority."""
     simulation, arrival = component.simulation, run_of(component).arrival
     assert simulation is not None, "`obstacle` names a component without one before anything is run"
     return JobDemand(
@@ -62,7 +62,7 @@ def demand_of(component: Component, priority: int = ORDINARY) -> JobDemand:
 
 
 def model_load(interference: Interference, reserve: int = 0) -> ModelLoad:
-    """The load that interferes, where its partition reserves so many per cent of each of its processors.
+    """Return the load that interferes, where its partition reserves so many per cent of each of its processors.
 
     Of another program nothing is known, so it is taken for one that never waits.
     """
@@ -166,7 +166,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         return content.machines[partitions[0].id]
 
     def _idle(self, content: Content, work: Work) -> tuple[VirtualMachine, ...]:
-        """The other running machines: they do nothing, and keep what they reserve."""
+        """Return the other running machines: they do nothing, and keep what they reserve."""
         names = [work_there.partition for work_there in work.partitions if work_there.partition]
         busy = {self._running(content, name, work.application).id for name in names}
         others = [
@@ -243,7 +243,7 @@ def _partition(
 
 
 def _sample(job: JobDone, timeout: float) -> Sample:
-    """A job that was ended by its component's `timeout` has no answer."""
+    """Return a job that was ended by its component's `timeout` has no answer."""
     if not job.answered:
         failure = f"no answer within {timeout:g} ms"
         return Sample(began_ms=job.began, response_ms=None, successful=False, failure=failure)
@@ -251,7 +251,10 @@ def _sample(job: JobDone, timeout: float) -> Sample:
 
 
 def _priority(task: str | None, content: Content, machine: str) -> int:
-    """The priority of the component's threads in that operating system: of its task class there, else the usual."""
+    """Return the priority of the component's threads in that operating system.
+
+    Of its task class there, else the usual.
+    """
     if task is None:
         return ORDINARY
     classes = {name.lower(): values for name, values in content.registry(machine).tasks.items()}

@@ -18,7 +18,7 @@ _PENDING = re.compile(r"(?P<partition>[a-z0-9-]+)\.rarms-[0-9a-f]+")
 
 
 def to_state(content: Content, host: Host, serials: Mapping[str, int]) -> State:
-    """The State that an observation shows: without the rights, no machines and no guests (windows.md 5)."""
+    """Return the State that an observation shows: without the rights, no machines and no guests (windows.md 5)."""
     facts = facts_of(content, host)
     partitions = partitions_of(content, host) if facts.rights is Rights.PROVEN else ()
     return State(
@@ -32,12 +32,12 @@ def to_state(content: Content, host: Host, serials: Mapping[str, int]) -> State:
 
 
 def visible_disks(content: Content, facts: HostFacts) -> tuple[Disk, ...]:
-    """The virtual disks, where machines may be seen."""
+    """Return the virtual disks, where machines may be seen."""
     return content.disks if facts.rights is Rights.PROVEN else ()
 
 
 def partitions_of(content: Content, host: Host) -> tuple[Partition, ...]:
-    """The machines by name, then id, with the marks that count."""
+    """Return the machines by name, then id, with the marks that count."""
     sharing, build = core_sharing(facts_of(content, host)), description(host).guest_windows_build
     judged = read_marks({machine.id: machine.notes for machine in content.machines.values()})
     machines = sorted(content.machines.values(), key=lambda machine: (machine.settings.name, machine.id))
@@ -47,13 +47,13 @@ def partitions_of(content: Content, host: Host) -> tuple[Partition, ...]:
 
 
 def tasks_of(content: Content, partitions: Iterable[Partition]) -> tuple[TaskClass, ...]:
-    """The task classes of the host, and those in the guests of these partitions, where they are partitions of rarms."""
+    """Return the task classes of the host, and those in the guests of these partitions if rarms made them."""
     guests = sorted((inside, partition.id) for partition in partitions if (inside := stands_for(partition)))
     return tuple(task for inside, machine in [("", ""), *guests] for task in _tasks(content, inside, machine))
 
 
 def facts_of(content: Content, host: Host) -> HostFacts:
-    """The facts of the host that decisions rest on, as the manifest describes it now."""
+    """Return the facts of the host that decisions rest on, as the manifest describes it now."""
     described = description(host)
     return HostFacts(
         name=host.name,
@@ -72,12 +72,15 @@ def facts_of(content: Content, host: Host) -> HostFacts:
 
 
 def description(host: Host) -> SimulatedHost:
-    """The machine that the host pretends to be."""
+    """Return the machine that the host pretends to be."""
     return host.settings if isinstance(host.settings, SimulatedHost) else SimulatedHost()
 
 
 def stands_for(partition: Partition) -> str:
-    """The manifest's name of a partition of rarms, also of one that is being made; empty for the machines of others."""
+    """Return the manifest's name of a partition of rarms, also of one that is being made.
+
+    Empty for the machines of others.
+    """
     if partition.mark is not None:
         return partition.mark.name
     pending = _PENDING.fullmatch(partition.settings.name)
@@ -96,7 +99,7 @@ def _partition(machine: SimulatedMachine, judged: MarkReading) -> Partition:
 
 
 def _tasks(content: Content, inside: str, machine: str) -> list[TaskClass]:
-    """The task classes of one operating system by name, a record without its key included."""
+    """Return the task classes of one operating system by name, a record without its key included."""
     registry = content.registry(machine)
     if registry is FRESH:
         return [TaskClass(name=name, inside=inside, machine=machine, values=values) for name, values in SHIPPED.items()]

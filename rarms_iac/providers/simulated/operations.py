@@ -14,7 +14,7 @@ from rarms_iac.providers.simulated.registry import FRESH
 
 
 def address_of(operation: operations.Operation) -> Address:
-    """The address of what the operation changes, as faults name it."""
+    """Return the address of what the operation changes, as faults name it."""
     match operation:
         case operations.CreatePartition() | operations.RestorePartition():
             return Address(partition=operation.partition)
@@ -29,7 +29,7 @@ def address_of(operation: operations.Operation) -> Address:
 
 
 def new_settings(operation: operations.CreatePartition, scope: Scope) -> PartitionSettings:
-    """A new machine, off, without reserve, under its pending name; the rest as Hyper-V makes it."""
+    """Return a new machine, off, without reserve, under its pending name; the rest as Hyper-V makes it."""
     return PartitionSettings(
         name=scope.pending(operation.partition),
         generation=operation.generation,
@@ -48,13 +48,13 @@ def new_settings(operation: operations.CreatePartition, scope: Scope) -> Partiti
 
 
 def with_new_machine(content: Content, settings: PartitionSettings) -> Content:
-    """The content with one machine more."""
+    """Return the content with one machine more."""
     machine = SimulatedMachine(id=next_id(content, settings.name), settings=settings, state=RunState.OFF)
     return replace(content, made=content.made + 1).with_machine(machine)
 
 
 def with_restored_machine(content: Content, operation: operations.RestorePartition) -> Content:
-    """The content with a machine again that was removed: off, and with rarms' task classes in its guest."""
+    """Return the content with a machine again that was removed: off, and with rarms' task classes in its guest."""
     notes = write_mark(operation.other_notes, operation.mark) if operation.mark else operation.other_notes
     machine = SimulatedMachine(id=operation.machine, settings=operation.settings, state=RunState.OFF, notes=notes)
     if not operation.tasks:
@@ -70,14 +70,14 @@ def with_restored_machine(content: Content, operation: operations.RestorePartiti
 def with_new_disk(
     content: Content, machine: str, operation: operations.CreatePartition, folder: str, scope: Scope
 ) -> Content:
-    """The content with one disk more, of a machine, which grows out of an image."""
+    """Return the content with one disk more, of a machine, which grows out of an image."""
     path = operations.disk_path(operation, scope.plan, folder)
     disk = Disk(path=path, kind=DiskKind.DIFFERENCING, parent=operation.image, machine=machine)
     return content.with_disk(disk)
 
 
 def change_machine(content: Content, machine: SimulatedMachine, operation: operations.MachineOperation) -> Content:
-    """The content after the operation on this machine."""
+    """Return the content after the operation on this machine."""
     match operation:
         case operations.RemovePartition():
             return content.without_machine(machine.id)

@@ -142,7 +142,7 @@ class SimulatedHostProvider(JournaledHost):
         self._last_content = (data, content)
 
     def _machines(self, content: Content) -> State:
-        """The state as far as names need it to be resolved, without task classes."""
+        """Return the state as far as names need it to be resolved, without task classes."""
         if self._last_state is None or self._last_state[0] is not content:
             facts = facts_of(content, self._host)
             visible = partitions_of(content, self._host) if facts.rights is Rights.PROVEN else ()
@@ -190,7 +190,7 @@ class SimulatedHostProvider(JournaledHost):
         return with_new_disk(after, next_id(content, settings.name), operation, state.facts.disk_folder, scope)
 
     def _only(self, content: Content, state: State, address: Address, scope: Scope) -> SimulatedMachine:
-        """The one machine that the name stands for."""
+        """Return the one machine that the name stands for."""
         machines = resolve(state.partitions, address.partition, scope, address.machine)
         if len(machines) != 1:
             count = f"{len(machines)} machines are" if machines else "no machine is"

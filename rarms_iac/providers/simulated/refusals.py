@@ -207,7 +207,7 @@ def _refuse_lack_of_memory(
 
 
 def _refuse_lack_of_reserve(machine: SimulatedMachine, content: Content, facts: HostFacts) -> None:
-    """It is checked at the start and not before; under the root scheduler reserves mean nothing (windows.md 1.2, 2)."""
+    """Check room at the start and not before; under the root scheduler reserves mean nothing (windows.md 1.2, 2)."""
     settings = machine.settings
     if settings.reserve == 0 or facts.scheduler in {SchedulerType.ROOT, SchedulerType.NONE}:
         return
@@ -232,7 +232,7 @@ def _refuse_lack_of_reserve(machine: SimulatedMachine, content: Content, facts: 
 
 
 def _others_with_resources(machine: SimulatedMachine, content: Content) -> list[SimulatedMachine]:
-    """The other machines that hold memory and processor time now: paused ones keep theirs."""
+    """Return the other machines that hold memory and processor time now: paused ones keep theirs."""
     without = {RunState.OFF, RunState.SAVED}
     others = (other for other in content.machines.values() if other.id != machine.id)
     return [other for other in others if other.state not in without]

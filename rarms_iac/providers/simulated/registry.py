@@ -58,14 +58,14 @@ class Registry:
     responsiveness: Responsiveness = Responsiveness(value=RegistryValue(kind=ValueKind.DWORD, data=USUAL))
 
     def entry(self, task: str) -> tuple[Values | None, TaskRecord | None]:
-        """The values of a task class or of SystemResponsiveness, None where there is no key, and our record of it."""
+        """Return the values of a task class or SystemResponsiveness (None without a key), and our record of it."""
         if task == SYSTEM_RESPONSIVENESS:
             return self.responsiveness.values or None, self.responsiveness.record
         key = self.key(task)
         return None if key is None else self.tasks[key], self.records.get(task.lower())
 
     def key(self, task: str) -> str | None:
-        """The name of a task class's key as it is written there; None: there is none."""
+        """Return the name of a task class's key as it is written there; None: there is none."""
         wanted = task.lower()
         return next((name for name in self.tasks if name.lower() == wanted), None)
 
@@ -75,7 +75,7 @@ FRESH = Registry()
 
 
 def change_registry(registry: Registry, operation: operations.TaskOperation) -> Registry:
-    """The registry after the operation. A key that exists keeps the case of its name."""
+    """Return the registry after the operation. A key that exists keeps the case of its name."""
     values, record = registry.entry(operation.task)
     match operation:
         case operations.WriteTaskClass(values=wanted):

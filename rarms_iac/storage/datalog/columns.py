@@ -37,7 +37,7 @@ _NUMBER_OF_A_SAMPLE = re.compile("[0-9]{1,12}")
 
 
 def as_recorded(setting: Setting) -> Setting:
-    """The setting as it will be read back: its times rounded.
+    """Return the setting as it will be read back: its times rounded.
 
     All that decides by what was measured decides by this, so that a run that goes on from its log decides the same.
 
@@ -57,7 +57,7 @@ def as_recorded(setting: Setting) -> Setting:
 
 
 def line_of(recorded: Recorded) -> dict[str, Json]:
-    """The record of a setting.
+    """Return the record of a setting.
 
     Args:
         recorded: a setting, and where and when it was measured.
@@ -84,7 +84,7 @@ def line_of(recorded: Recorded) -> dict[str, Json]:
 
 
 def setting_in(line: Mapping[str, Json]) -> Recorded:
-    """The setting that a record says.
+    """Return the setting that a record says.
 
     Args:
         line: a record of a data log.

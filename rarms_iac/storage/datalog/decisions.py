@@ -117,7 +117,7 @@ def _entry_in(record: dict[str, Json]) -> Entry:
 
 
 def last_chosen(entries: tuple[Entry, ...]) -> Chosen | None:
-    """The choice that holds.
+    """Return the choice that holds.
 
     Args:
         entries: oldest first.

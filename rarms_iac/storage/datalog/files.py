@@ -271,7 +271,7 @@ def _header(record: dict[str, Json]) -> Header:
 
 
 def log_path(folder: Path, platform: str, components: Iterable[str], interference: str) -> Path:
-    """The data log of components that are in one partition, below the manifest's folder.
+    """Return the data log of components that are in one partition, below the manifest's folder.
 
     Args:
         folder: the manifest's.
@@ -286,7 +286,7 @@ def log_path(folder: Path, platform: str, components: Iterable[str], interferenc
 
 
 def configuration_path(folder: Path, platform: str, component: str) -> Path:
-    """The configuration log of a component on a platform; no name has a dot, so it is no component's folder.
+    """Return the configuration log of a component on a platform; no name has a dot, so it is no component's folder.
 
     Args:
         folder: the manifest's.

@@ -56,7 +56,7 @@ class LogSubject:
 
 
 def identity_of(subject: LogSubject, files: Mapping[str, str], interpreters: Mapping[str, str]) -> Identity:
-    """The parts of a subject; `files` and `interpreters` are digests by path, as `hashing` finds them.
+    """Return the parts of a subject; `files` and `interpreters` are digests by path, as `hashing` finds them.
 
     Args:
         subject: what is, or would be, measured.
@@ -74,7 +74,7 @@ def identity_of(subject: LogSubject, files: Mapping[str, str], interpreters: Map
 
 
 def header_of(subject: LogSubject, identity: Identity, platform_facts: PlatformFacts) -> Header:
-    """What the log of a subject begins with.
+    """Return what the log of a subject begins with.
 
     Args:
         subject: what is measured.
@@ -132,7 +132,7 @@ def _component_parts(component: Component, tasks: Mapping[str, TaskRequest]) -> 
 
 
 def parts_of(name: str, value: Any, *, without: frozenset[str] = frozenset()) -> Iterator[tuple[str, str]]:
-    """What a value of the model says, flat: a dotted name and a text each; a field at its default is left out.
+    """Yield what a value of the model says, flat: a dotted name and a text each; a field at its default is left out.
 
     Args:
         name: stands before the names of the fields.
@@ -153,7 +153,7 @@ def parts_of(name: str, value: Any, *, without: frozenset[str] = frozenset()) ->
 
 
 def _key(name: str, hint: Any) -> str:
-    """What users call a field."""
+    """Return what users call a field."""
     return next((mark.name for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, Key) and mark.name), name)
 
 
@@ -185,7 +185,7 @@ def _is(hint: Any, unit: Any) -> bool:
 
 
 def _decimal(value: Fraction) -> str:
-    """The exact number: as a decimal where it is one, as manifests write it."""
+    """Return the exact number: as a decimal where it is one, as manifests write it."""
     scaled = value * 10**18
     if scaled.denominator != 1:
         return str(value)

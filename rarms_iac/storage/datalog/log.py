@@ -138,7 +138,7 @@ class DataLog:
         )
 
     def _last_clean_remeasurement(self) -> int:
-        """The seed of the last pass that ended and had the host to itself; 0: there is none."""
+        """Return the seed of the last pass that ended and had the host to itself; 0: there is none."""
         busy = {record.setting.seed for record in self.recorded if record.is_busy}
         return max(
             (

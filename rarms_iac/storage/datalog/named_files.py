@@ -58,7 +58,7 @@ class Files:
     _bytes: int = 0
 
     def of(self, subject: LogSubject) -> dict[str, str]:
-        """The digest of every file that belongs to the subject, by path below the manifest's folder.
+        """Return the digest of every file that belongs to the subject, by path below the manifest's folder.
 
         Args:
             subject: what is, or would be, measured.
@@ -73,7 +73,7 @@ class Files:
         return self.named_by(subject.components, (subject.load,))
 
     def named_by(self, components: Iterable[Component], loads: Iterable[Interference]) -> dict[str, str]:
-        """The digest of every file that components and loads name, as `of` returns them.
+        """Return the digest of every file that components and loads name, as `of` returns them.
 
         Args:
             components: of the manifest.
@@ -90,7 +90,7 @@ class Files:
         return self._digests(files, MOST_MEASURED_BYTES, "its files have more than 2 GiB")
 
     def interpreters(self, subject: LogSubject) -> dict[str, str]:
-        """The digest of every program outside the folder that the subject's commands begin with, by their word.
+        """Return the digest of every program outside the folder that the subject's commands begin with, by their word.
 
         Args:
             subject: what is, or would be, measured.
@@ -108,7 +108,7 @@ class Files:
         return self._digests(programs, MOST_PROGRAM_BYTES, "the programs of the commands have more than 256 MiB")
 
     def _digests(self, paths: Mapping[str, Path], most_bytes: int, reason: str) -> dict[str, str]:
-        """The digest of each file; its size instead, where all until then have more than so many bytes."""
+        """Return the digest of each file; its size instead, where all until then have more than so many bytes."""
         found: dict[str, str | None] = {}
         counted = 0
         for name, path in paths.items():
@@ -146,7 +146,7 @@ class Files:
             yield from self._that_are(*self._matching(Path(os.path.normpath(base.resolve() / pattern))))
 
     def _of_words(self, base: Path, words: Sequence[str]) -> Iterator[Path]:
-        """A word that names nothing is a word; one that no path can be is none."""
+        """Yield a word that names nothing is a word; one that no path can be is none."""
         for word in words:
             if not self._may_look():
                 return
@@ -163,7 +163,7 @@ class Files:
                 continue
 
     def _matching(self, pattern: Path) -> Iterator[Path]:
-        """The files that a pattern names; none where it leads out of the folder."""
+        """Yield the files that a pattern names; none where it leads out of the folder."""
         top = self._root.resolve()
         if not pattern.is_relative_to(top):
             return
@@ -184,7 +184,10 @@ class Files:
                     folders.append((entry, after))
 
     def _entries_of(self, folder: Path, at: frozenset[int], parts: Sequence[str]) -> Sequence[Path]:
-        """The entries that a part may name, in the order of their names; a plain name needs no look at the others."""
+        """Return the entries that a part may name, in the order of their names.
+
+        A plain name needs no look at the others.
+        """
         names = {parts[number] for number in at if number < len(parts)}
         if not any(map(_WILD.search, names)):
             return [folder / name for name in sorted(names) if os.path.lexists(folder / name)]
@@ -194,7 +197,10 @@ class Files:
             return []
 
     def _after(self, entry: Path, at: frozenset[int], parts: Sequence[str]) -> frozenset[int]:
-        """The parts that come next once this entry was matched; `**` goes through no link and no hidden folder."""
+        """Return the parts that come next once this entry was matched.
+
+        `**` goes through no link and no hidden folder.
+        """
         after: set[int] = set()
         self._matches += len(at)
         for number in at:
@@ -220,7 +226,7 @@ class Files:
         return path.is_relative_to(self._root.resolve())
 
     def _digest(self, path: Path) -> str | None:
-        """The file's digest; None where a bound leaves it out."""
+        """Return the file's digest; None where a bound leaves it out."""
         if path in self._known:
             return self._known[path]
         if len(self._known) >= MOST_FILES:
@@ -239,7 +245,7 @@ class Files:
 
 
 def _reached(at: set[int], parts: Sequence[str]) -> frozenset[int]:
-    """These places in a pattern, and those behind a `**`, which may stand for no folder."""
+    """Return these places in a pattern, and those behind a `**`, which may stand for no folder."""
     found = set(at)
     for number in sorted(at):
         if number < len(parts) and parts[number] == _ANY_FOLDERS:
@@ -253,7 +259,7 @@ def _part_pattern(part: str) -> "re.Pattern[str]":
 
 
 def file_digest(path: Path) -> str:
-    """A digest of the content, the same after all that git does to a text's line ends.
+    """Return a digest of the content, the same after all that git does to a text's line ends.
 
     Args:
         path: of a regular file; it is read in pieces.

@@ -28,7 +28,7 @@ class OperatingSystem:
             hypervisor.add(vp)
 
     def ready(self, thread: Thread) -> None:
-        """A thread has work: on the VP where it last was, on an idle one, or instead of a lower one, or later."""
+        """Give a thread with work its last VP, an idle one or that of a lower thread; otherwise it waits."""
         last = thread.last
         if last is not None and last.thread is None:
             self._put(thread, last)
@@ -43,7 +43,7 @@ class OperatingSystem:
         self._put(thread, vp)
 
     def finished(self, vp: VirtualProcessor) -> None:
-        """The thread's work is done: what follows may give it more at once, otherwise the next one has the VP."""
+        """End the thread's work: what follows may give it more at once, otherwise the next one has the VP."""
         thread = vp.thread
         assert thread is not None
         vp.thread = None
@@ -53,7 +53,7 @@ class OperatingSystem:
         self._fill(vp)
 
     def drop(self, thread: Thread) -> None:
-        """The thread has nothing more to do, also in the middle of a job: its work is not wanted any more."""
+        """Take the thread's work away, also in the middle of a job."""
         vp = next((processor for processor in self.vps if processor.thread is thread), None)
         if vp is None:
             self._ready = [entry for entry in self._ready if entry[2] is not thread]
@@ -66,13 +66,13 @@ class OperatingSystem:
         self._fill(vp)
 
     def pause(self, thread: Thread) -> None:
-        """The thread stops, and will come back to its VP, which keeps its place among the host's others meanwhile."""
+        """Stop the thread; its VP keeps its place among the host's others until it comes back."""
         if thread.last is not None:
             self._hypervisor.keep_place(thread.last)
         self.drop(thread)
 
     def quantum_over(self, vp: VirtualProcessor) -> None:
-        """The thread's turn is over: the next of its priority has the VP, and it waits behind all of them."""
+        """End the thread's turn: the next of its priority has the VP, and it waits behind all of them."""
         thread = vp.thread
         assert thread is not None
         thread.quantum = QUANTUM_MS

@@ -51,7 +51,7 @@ class HypervisorScheduler:
         self.changed = False
 
     def add(self, vp: VirtualProcessor) -> None:
-        """Takes an idle VP in; its first LP is the one of its number, so that equals spread alike."""
+        """Take an idle VP in; its first LP is the one of its number, so that equals spread alike."""
         vp.home = self.lps[vp.number % len(self.lps)]
         vp.due = partial(self._look_again, vp)
         vp.refill(0, self._window)
@@ -65,7 +65,7 @@ class HypervisorScheduler:
         self._limited |= vp.limit < 1.0
 
     def wake(self, vp: VirtualProcessor) -> None:
-        """The VP has a thread again."""
+        """Note that the VP has a thread again."""
         vp.idle(self._clock(), self._window)
         self._busy |= vp.bit
         if vp in self._returning:
@@ -83,7 +83,7 @@ class HypervisorScheduler:
         self._returning.add(vp)
 
     def rest(self, vp: VirtualProcessor) -> None:
-        """The VP has no thread any more; what it had not used of its claim is kept for the window."""
+        """Note that the VP has no thread; what it did not use of its claim is kept for the window."""
         if vp.lp is None:
             vp.idle(self._clock(), self._window)
             self._waiting.remove(vp)
@@ -99,7 +99,7 @@ class HypervisorScheduler:
         self.changed = True
 
     def take(self, lp: LogicalProcessor, duration: float, name: str, then: Callable[[], None] | None = None) -> None:
-        """Takes the LP from what runs there; the VP stays and waits on it, since this is short."""
+        """Take the LP from what runs there; the VP stays and waits on it, since this is short."""
         self.settle(lp)
         if not lp.taken:
             lp.taken_left = duration
@@ -124,7 +124,10 @@ class HypervisorScheduler:
             lp.vp.consume(elapsed, self._clock())
 
     def _clock(self) -> float:
-        """The reserve clock: it stands still while interrupts take the LPs, so that reserves share what they leave."""
+        """Return the reserve clock.
+
+        It stands still while interrupts take the LPs, so that reserves share what they leave.
+        """
         now = self.agenda.now
         if now != self._read_at:  # interrupts that begin or end now have taken nothing yet, or are in `_taken`
             taken = self._taken
@@ -142,7 +145,7 @@ class HypervisorScheduler:
                 self.settle(lp)
 
     def decide(self) -> None:
-        """Gives every LP to the VP that should have it now, and asks to be called again when that may change."""
+        """Give every LP to the VP that should have it now, and asks to be called again when that may change."""
         self.changed = False
         self.settle_all()
         if self._woken or self._busy != self._sharing:
@@ -209,7 +212,7 @@ class HypervisorScheduler:
         return None if first is None else (first, highest)
 
     def _place(self, vp: VirtualProcessor, urgency: int) -> bool:
-        """Puts a waiting VP on an LP, a free one or the one of whom it outranks; tells whether there is one."""
+        """Put a waiting VP on an LP, a free one or the one of whom it outranks; tells whether there is one."""
         lp = self._lp_for(vp, urgency)
         if lp is None:
             return False
@@ -227,7 +230,9 @@ class HypervisorScheduler:
         return True
 
     def _lp_for(self, vp: VirtualProcessor, urgency: int) -> LogicalProcessor | None:
-        """A free LP, or the one of the weakest that it outranks: by urgency, then by what was saved or how little had.
+        """Return a free LP, or that of the weakest VP that it outranks.
+
+        VPs rank by urgency, then by what they saved or how little they had.
 
         NOTE: equals on their claims do not interrupt one another, nor does anybody a slice of what is left over.
         """
@@ -315,7 +320,7 @@ class HypervisorScheduler:
             self.changed = True
 
     def _look_later(self, vp: VirtualProcessor) -> None:
-        """A waiting VP gains urgency as its claim grows, and by the next window if it is at its limit."""
+        """Plan when a waiting VP gains urgency: as its claim grows, and in the next window if it is at its limit."""
         vp.turn += 1
         vp.save(self._clock())
         delay = inf

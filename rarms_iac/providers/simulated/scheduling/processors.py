@@ -45,7 +45,10 @@ class Agenda:
         self.at(self.now + delay, owner, action)
 
     def due(self, until: float) -> Action | None:
-        """The next action that counts, the clock set to its time; None (the clock at `until`) when none comes first."""
+        """Return the next action that counts, the clock set to its time.
+
+        None (the clock at `until`) when none comes first.
+        """
         coming = self._coming
         while coming and coming[0][0] <= until:
             time, _, turn, owner, action = heappop(coming)
@@ -88,10 +91,10 @@ class GuestScheduler(Protocol):
         """Whether a thread waits there whose priority one of the running ones has."""
 
     def finished(self, vp: "VirtualProcessor") -> None:
-        """The work of the VP's thread is done."""
+        """End the work of the VP's thread."""
 
     def quantum_over(self, vp: "VirtualProcessor") -> None:
-        """The turn of the VP's thread is over."""
+        """End the turn of the VP's thread."""
 
 
 class VirtualProcessor(Owner):
@@ -135,19 +138,19 @@ class VirtualProcessor(Owner):
         return CLAIM if claim >= (self.claim_from if self.waiting else self.claim_until) else NOTHING
 
     def save(self, clock: float) -> None:
-        """Adds the claim of a VP that waits."""
+        """Add the claim of a VP that waits."""
         if clock != self.since:
             self.claim += self.reserve * (clock - self.since)
             self.since = clock
 
     def idle(self, clock: float, window: float) -> None:
-        """Adds the claim of a VP that does not wait; beyond the window it lapses."""
+        """Add the claim of a VP that does not wait; beyond the window it lapses."""
         gained = self.gain(clock)
         if self.reserve:
             self.claim = min(self.claim + gained, max(self.claim, self.reserve * window))
 
     def gain(self, clock: float) -> float:
-        """The claim gained up to the reserve clock, not yet added."""
+        """Return the claim gained up to the reserve clock, not yet added."""
         gained = self.reserve * (clock - self.since)
         self.since = clock
         return gained
@@ -171,7 +174,7 @@ class VirtualProcessor(Owner):
             self.claim = 0.0
 
     def refill(self, window: int, length: float) -> None:
-        """Makes its limit count anew in every window."""
+        """Make its limit count anew in every window."""
         if window != self.limit_window:
             self.limit_window = window
             self.limit_left = self.limit * length
@@ -193,7 +196,7 @@ class LogicalProcessor(Owner):
         self.taken_left = 0.0
 
     def doing(self) -> str:
-        """What the LP does now, as the trace names it."""
+        """Return what the LP does now, as the trace names it."""
         if self.taken:
             return self.taken[0][1]
         return self.vp.name if self.vp is not None else IDLE
@@ -226,7 +229,10 @@ def usable_weights(demanding: Sequence[Entitlement], lps: int) -> list[float]:
 
 
 def _level(demanding: Sequence[Entitlement], lps: int) -> float:
-    """What a unit of weight is worth, in LPs: water rises over all VPs alike, and leaves out those at their limit."""
+    """Return what a unit of weight is worth, in LPs.
+
+    Water rises over all VPs alike, and leaves out those at their limit.
+    """
     remaining = lps - sum(vp.reserve for vp in demanding)
     rising = sum(vp.weight for vp in demanding)
     level = 0.0

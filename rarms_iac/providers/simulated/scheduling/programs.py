@@ -54,7 +54,7 @@ READS_A_FRAME = 1.0 / 3.0
 
 
 def absent_share(instances: int, memory_mib: float | None) -> float:
-    """The part of the browsers' working sets that is not in memory, 0..1."""
+    """Return the part of the browsers' working sets that is not in memory, 0..1."""
     if memory_mib is None or not instances:
         return 0.0
     return max(0.0, 1.0 - max(0.0, memory_mib - SYSTEM_MIB) / (instances * BROWSER_MIB))
@@ -130,7 +130,7 @@ class ComponentProgram(Owner):
         self._watched = False
 
     def start(self) -> None:
-        """The first job comes at once, or, of a periodic component, at a random moment of its period."""
+        """Start the first job at once, or at a random moment of a periodic component's period."""
         if self._due:
             self._agenda.at(self._due, self, self.begin)
         else:
@@ -176,7 +176,7 @@ class ComponentProgram(Owner):
             self._watch()
 
     def _give_up(self) -> None:
-        """The job is ended where it stands, as a process is that takes too long; what it consumed stays consumed."""
+        """End the job where it stands, as a process that takes too long; what it consumed stays consumed."""
         self.turn += 1  # it may yet have been waiting
         for thread in self._threads:
             if thread.remaining > 0.0 and self._busy:
@@ -218,7 +218,7 @@ class Devices:
             self._hypervisor.take(self._next(), duration / pieces, INTERRUPT)
 
     def parent(self, duration: float, then: Action) -> None:
-        """The parent works for a guest, piece by piece; `then` follows."""
+        """Let the parent work for a guest, piece by piece; `then` follows."""
         piece = min(duration, PIECE_MS)
         rest = duration - piece
         after = then if rest < LEAST_WORK_MS else lambda: self.parent(rest, then)
@@ -268,7 +268,7 @@ class BrowserProgram(Owner):
         self._due = random.uniform(0.0, FRAME_MS)
 
     def start(self) -> None:
-        """The first frame comes within the first period."""
+        """Start the first frame within the first period."""
         self._agenda.at(self._due, self, self._frame)
 
     def _frame(self) -> None:
@@ -316,7 +316,7 @@ class BurstProgram(Owner):
         self._busy = 0
 
     def start(self) -> None:
-        """Waits for the next burst."""
+        """Wait for the next burst."""
         gap = self._load.gap_ms * self._random.uniform(SHORTEST_GAP, LONGEST_GAP)
         self._agenda.after(gap, self, self._burst)
 
@@ -345,7 +345,7 @@ class InterruptSource(Owner):
         self._random = random
 
     def start(self) -> None:
-        """Waits for the next one."""
+        """Wait for the next one."""
         self._agenda.after(self._random.expovariate(1.0) * self._gap, self, self._come)
 
     def _come(self) -> None:
@@ -363,10 +363,10 @@ class BusyLoopProgram(Owner):
         self._thread.remaining = inf
 
     def start(self) -> None:
-        """Runs from now on."""
+        """Run from now on."""
         self._system.ready(self._thread)
 
     def restart(self, pause_ms: float) -> None:
-        """Stops, and starts again after a pause."""
+        """Stop, and starts again after a pause."""
         self._system.pause(self._thread)
         self._agenda.after(pause_ms, self, self.start)

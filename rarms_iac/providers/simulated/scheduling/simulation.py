@@ -66,12 +66,12 @@ class SchedulerSimulation:
         self._hypervisor.decide()
 
     def consumed_ms(self, component: str) -> float:
-        """The processor time that the component has consumed until now, unfinished jobs included."""
+        """Return the processor time that the component has consumed until now, unfinished jobs included."""
         self._hypervisor.settle_all()
         return self._components[component].account.consumed
 
     def used_processors(self, machine: str) -> int:
-        """The most threads of the machine's components that ran, or waited for a processor, at once until now."""
+        """Return the most threads of the machine's components that ran or waited for a processor at once."""
         return self._use[machine].most()
 
     def restart_loads(self) -> bool:

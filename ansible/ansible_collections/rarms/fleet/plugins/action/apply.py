@@ -138,7 +138,7 @@ def _reviewed(robot: Robot, file: str) -> Plan:
 
 
 def _difference(change: Any, facts: Any, robot: str) -> Result:
-    """A change in the words of `rarms plan`."""
+    """Return a change in the words of `rarms plan`."""
     header = f"{robot} {change.address}"
     texts = attributes_of(change, facts)
     before, after = (

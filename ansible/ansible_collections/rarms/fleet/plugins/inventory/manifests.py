@@ -143,7 +143,7 @@ class InventoryModule(BaseInventoryPlugin, Constructable):
             self._add_robot(robot)
 
     def _robots(self, manifest: str, common: Sequence[str], file: str) -> list[FoundRobot]:
-        """The robots of one overlay, or of the manifest; a robot that is one host of many has both names."""
+        """Return the robots of one overlay, or of the manifest; a robot that is one host of many has both names."""
         overlays, robot = [*common, *([file] if file else [])], Path(file).stem
         common_variables = {"rarms_manifest": manifest, "rarms_overlays": overlays}
         try:
@@ -172,7 +172,7 @@ class InventoryModule(BaseInventoryPlugin, Constructable):
         return robots
 
     def _with_names_of_their_own(self, robots: Sequence[FoundRobot], folder: Path) -> list[FoundRobot]:
-        """The robots; those that have the name of a group or of one another fail, under the name of their file."""
+        """Return the robots; one that has the name of a group or another robot fails, under the name of its file."""
         known, self.inventory = self.inventory, _GroupNames()
         try:
             for robot in robots:

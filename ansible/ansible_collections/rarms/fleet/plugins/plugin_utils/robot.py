@@ -246,7 +246,7 @@ class RobotAction(ActionBase):
         return self._connection.runspace.connection
 
     def _below(self, path: str) -> str:
-        """A path as Ansible's users mean it: relative to the playbook."""
+        """Return a path as Ansible's users mean it: relative to the playbook."""
         return self._loader.path_dwim(path)
 
 
