@@ -246,7 +246,7 @@ class _Case:
         raise UseCaseError(Outcome.NEGATIVE, self.planning.findings, self.hosts.manifest.sources)
 
     def _as_wide_as_measured(self, host: Host) -> Group:
-        """The group with the processors that its data log was measured with, where no reservation says them."""
+        """Return the group with the processors that its data log was measured with, where no reservation says them."""
         log = self.reservations.log(self.group.members, host)
         if isinstance(log, NotMeasured) or self.group.request.processors is not None:
             return self.group
@@ -260,7 +260,7 @@ class _Case:
         return None if isinstance(answer, NotMeasured) else answer.reservation
 
     def _log(self, host: Host) -> MeasuredTogether | None:
-        """The data log of its partition, also where the reserve is fixed."""
+        """Return the data log of its partition, also where the reserve is fixed."""
         members, reservations = self.group.members, self.reservations
         if not depends_on_a_log(self.group):
             if not self.is_fixed:
@@ -280,7 +280,7 @@ class _Case:
         return log if isinstance(log, MeasuredTogether) else None
 
     def _measured(self, log: MeasuredTogether | None, unplaced: str) -> Iterator[ExplainedValue]:
-        """The data log, and its indexes at the least reserve, or at the highest that was measured, and one lower."""
+        """Yield the data log, and its indexes at the least reserve (or the highest measured) and at one lower."""
         if log is None:
             if depends_on_a_log(self.group):
                 yield ExplainedValue("data log", "none", unplaced)
@@ -312,7 +312,7 @@ class _Case:
         return any(curve.value_at(reserve) is not None and not holds(curve, apt, reserve) for curve, apt in pairs)
 
     def _indexes(self, log: MeasuredTogether, reserve: int) -> Iterator[ExplainedValue]:
-        """What the curves have there, those that end elsewhere left out."""
+        """Yield what the curves have there, those that end elsewhere left out."""
         for member in self.group.members:
             of = "" if member is self.component else f" of {member.name}"
             for index, threshold in member.apt.items():
@@ -426,7 +426,10 @@ class _Case:
         return ExplainedValue("other compounds", "none", why)
 
     def _elsewhere(self, here: PlacedPartition, host: Host) -> ExplainedValue:
-        """What it would reserve on another host, and why it is not there; the rest of the layout stays where it is."""
+        """Return what it would reserve on another host, and why it is not there.
+
+        The rest of the layout stays where it is.
+        """
         name = f"on {host.name}"
         refused = next((member.name for member in self.group.members if not member.may_run_on(host.name)), "")
         answer = size(self.group, host, self.reservations)
@@ -501,7 +504,7 @@ def _why_unknown(reserve: int, overloaded: Set[int], unclear: Sequence[int]) -> 
 
 
 def _combined(previous: PreviousTuning, members: tuple[str, ...]) -> tuple[str, str] | None:
-    """What tuning wrote there, and which run did."""
+    """Return what tuning wrote there, and which run did."""
     combined = previous.combined(members)
     if combined is None:
         return None

@@ -19,7 +19,7 @@ SYMBOLS = {"create": "+", "update": "~", "replace": "-/+", "delete": "-", "adopt
 
 
 def describe_disruption(change: Change) -> str:
-    """What a change does to what runs, in words; nothing where it is live."""
+    """Return what a change does to what runs, in words; nothing where it is live."""
     match change.disruption:
         case Disruption.LIVE:
             return ""
@@ -34,7 +34,7 @@ def describe_disruption(change: Change) -> str:
 
 
 def tasks_of_created(changes: Sequence[Change]) -> dict[str, list[str]]:
-    """The task classes that are added with their partition, by its name: they stand in its line."""
+    """Return the task classes that are added with their partition, by its name: they stand in its line."""
     created = {change.address.partition for change in changes if isinstance(change, Create) and not change.address.task}
     tasks: dict[str, list[str]] = {}
     for change in changes:
@@ -136,7 +136,7 @@ def _settings(settings: PartitionSettings, facts: HostFacts) -> _AttributeTexts:
 
 
 def _note(field: str, settings: PartitionSettings, facts: HostFacts) -> str:
-    """The shares of the partition's processors and of the host that a reserve or limit is."""
+    """Return the shares of the partition's processors and of the host that a reserve or limit is."""
     if field == "quota_period_us":
         return "how often the limit is counted anew"
     if field == "reserve" or (field == "limit" and settings.limit < NO_LIMIT):

@@ -28,7 +28,7 @@ ENDINGS = {
 
 
 def sample_text(component: str, number: int, sample: Sample) -> str:
-    """A line: `face-detection 12  at 1.204 s  response 10.6 ms`, and what is special about it."""
+    """Return a line: `face-detection 12  at 1.204 s  response 10.6 ms`, and what is special about it."""
     parts = [f"{component} {number:>4}", f"at {sample.began_ms / 1000:.3f} s"]
     if sample.failure:
         return "  ".join([*parts, f"failed: {visible(sample.failure, keep='')}"]) + "\n"
@@ -42,7 +42,7 @@ def sample_text(component: str, number: int, sample: Sample) -> str:
 
 
 def _summary_text(ran: ComponentRunResult) -> "RenderableType":
-    """What the samples come to: a line, and a row an index of the APT."""
+    """Return what the samples come to: a line, and a row an index of the APT."""
     verdicts = {index: f"{verdict_word(verdict)} here" for index, verdict in ran.verdicts.items()}
     bounds = {index: show_bound(index_named(index), threshold) for index, threshold in ran.component.apt.items()}
     rows = [

@@ -71,7 +71,7 @@ def styled(*parts: Content | tuple[str, str]) -> "Text":
 
 
 def stack(*parts: "RenderableType | None") -> "RenderableType":
-    """The parts, one below the other; `""` is an empty line, None is nothing."""
+    """Return the parts, one below the other; `""` is an empty line, None is nothing."""
     from rich.console import Group
 
     return Group(*(part for part in parts if part is not None))
@@ -80,7 +80,7 @@ def stack(*parts: "RenderableType | None") -> "RenderableType":
 def paragraph(
     content: Content | Prose, *, indent: int = 0, more: int = 0, start: Content = "", lead: Content = ""
 ) -> "RenderableType":
-    """Running text, wrapped between words; a word longer than a line keeps a line of its own.
+    """Return running text, wrapped between words; a word longer than a line keeps a line of its own.
 
     Its own line ends stay. The further lines of an item (`- so`) stand below the item's first word.
 
@@ -187,7 +187,7 @@ class Table:
             yield from self._lines(row, widths, console)
 
     def _widths(self, cells: "Sequence[Sequence[Text]]") -> tuple[list[int], list[int]]:
-        """The width of each column where nothing is broken, and where no word is."""
+        """Return the width of each column where nothing is broken, and where no word is."""
         widest: list[int] = []
         least: list[int] = []
         for number in range(max(map(len, cells), default=len(self.header))):
@@ -198,7 +198,7 @@ class Table:
         return widest, least
 
     def _lines(self, row: "Sequence[Text]", widths: Sequence[int], console: "Console") -> "Iterator[Text]":
-        """The lines of a row, each cell filled up to its column's width."""
+        """Yield the lines of a row, each cell filled up to its column's width."""
         blank = styled()
         for line in zip_longest(*(_fold(cell, width, console) for cell, width in zip(row, widths, strict=True))):
             text = styled(" " * self.indent)
@@ -230,7 +230,7 @@ class Table:
 
 
 def _fold(cell: "Text", width: int, console: "Console") -> "Sequence[Text]":
-    """The lines of a cell."""
+    """Return the lines of a cell."""
     return [cell] if cell.cell_len <= width and "\n" not in cell.plain else list(cell.wrap(console, width))
 
 
@@ -267,7 +267,7 @@ class _Harmless:
 
 
 def live_console(stream: TextIO, width: int, *, colour: bool) -> "Console":
-    """A console for what rich updates in place on a terminal (`rich.live`, `rich.progress`)."""
+    """Return a console for what rich updates in place on a terminal (`rich.live`, `rich.progress`)."""
     return _console(cast("TextIO", _PlainSpaces(stream)), width, terminal=True, colour=colour)
 
 

@@ -50,7 +50,7 @@ class BadOutput(ValueError):
 
 
 def parse_outputs(values: Sequence[str]) -> tuple[OutputTarget, ...]:
-    """The outputs of a run, in order; text on standard output where none is named.
+    """Return the outputs of a run, in order; text on standard output where none is named.
 
     Raises:
         BadOutput: an unknown form, an empty file name, or two outputs to one place.
@@ -118,7 +118,7 @@ def findings_as(
 
 
 def in_repository(diagnostics: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """The findings with their files named from the root of the git repository that rarms was started in.
+    """Return the findings with their files named from the root of the git repository that rarms was started in.
 
     Services that show findings beside files know files by these names. Outside of a repository they stay as they are.
     """
@@ -152,7 +152,7 @@ def as_sarif(
     page: Callable[[str], str | None],
     accepted: Sequence[Diagnostic] = (),
 ) -> str:
-    """A log with one run; what the policy accepts is in it as suppressed results.
+    """Return a log with one run; what the policy accepts is in it as suppressed results.
 
     Args:
         diagnostics: what is shown.
@@ -184,7 +184,7 @@ def as_sarif(
 
 
 def _rule(diagnostic: Diagnostic, page: str | None) -> dict[str, Any]:
-    """The rule of a finding; its help is the finding's own page."""
+    """Return the rule of a finding; its help is the finding's own page."""
     return {
         "id": diagnostic.code,
         "shortDescription": {"text": diagnostic.summary},
@@ -239,7 +239,7 @@ def _location(place: Place) -> dict[str, Any]:
 
 
 def file_uri(file: str) -> str:
-    """A relative reference with `/` and per-cent escapes for a relative path, a file: URI for an absolute one."""
+    """Return a path as a reference with `/` and per-cent escapes: relative, or a file: URI for an absolute path."""
     path = PurePath(file)
     return path.as_uri() if path.is_absolute() else quote(os.fsencode(path.as_posix()), safe="/")
 
@@ -286,7 +286,7 @@ def _add_result(case: ET.Element, diagnostic: Diagnostic) -> None:
 
 
 def _xml(text: str) -> str:
-    """The text with what XML 1.0 has no way to write spelt out."""
+    """Return the text with what XML 1.0 has no way to write spelt out."""
     return visible(text).replace("\ufffe", "<U+FFFE>").replace("\uffff", "<U+FFFF>")
 
 
@@ -322,10 +322,10 @@ def _message(diagnostic: Diagnostic) -> str:
 
 
 def _data(text: str) -> str:
-    """The text as a command's message: per cent and line ends escaped, so that no text can begin a command."""
+    """Return the text as a command's message: per cent and line ends escaped, so that no text can begin a command."""
     return visible(text, keep="\r\n").replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
 
 
 def _property(text: str) -> str:
-    """The text as a property's value: colon and comma would end it."""
+    """Return the text as a property's value: colon and comma would end it."""
     return _data(text).replace(":", "%3A").replace(",", "%2C")

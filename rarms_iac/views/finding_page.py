@@ -43,6 +43,6 @@ def page_text(page: str) -> "RenderableType":
 
 
 def _code(line: str) -> "RenderableType":
-    """A line of an example: where it is longer than the terminal, the rest stands below its first word."""
+    """Return a line of an example: where it is longer than the terminal, the rest stands below its first word."""
     text = line.lstrip()
     return paragraph(text, indent=4 + len(line) - len(text))

@@ -77,7 +77,7 @@ def findings_summary(diagnostics: Sequence[Diagnostic], accepted: Sequence[Diagn
 
 
 def source_lines(text: str | Sequence[str]) -> Sequence[str]:
-    """The lines of a file without their ends and without a byte-order mark; lines are given back as they are."""
+    """Return the lines of a file without their ends and without a byte-order mark; lines are given back as they are."""
     return LINE_END.split(text.removeprefix("\ufeff")) if isinstance(text, str) else text
 
 
@@ -115,7 +115,7 @@ def _one_finding(diagnostic: Diagnostic, sources: Mapping[str, Sequence[str]]) -
 
 
 def excerpt_text(diagnostic: Diagnostic, sources: Sources) -> str:
-    """The line of the file that a finding points at, with carets below the spot; empty where none is shown.
+    """Return the line of the file that a finding points at, with carets below the spot; empty where none is shown.
 
     Args:
         sources: as of `findings_text`.
@@ -131,7 +131,7 @@ def _finding_excerpt(diagnostic: Diagnostic, sources: Mapping[str, Sequence[str]
 
 
 def _finding_group(diagnostics: Sequence[Diagnostic]) -> "Iterator[RenderableType]":
-    """The head once, an item for each, and the advice once where it is the same for all."""
+    """Yield the head once, an item for each, and the advice once where it is the same for all."""
     yield _head(diagnostics[0], len(diagnostics))
     advices = {diagnostic.advice for diagnostic in diagnostics}
     for diagnostic in diagnostics:
@@ -147,7 +147,7 @@ def _finding_group(diagnostics: Sequence[Diagnostic]) -> "Iterator[RenderableTyp
 
 
 def _location(diagnostic: Diagnostic, *, with_path: bool = True) -> Iterator[str]:
-    """The place, and for a warning its address, which is what `policy.accept` would name."""
+    """Yield the place, and for a warning its address, which is what `policy.accept` would name."""
     if diagnostic.place is not None:
         yield visible(str(diagnostic.place), keep="")
         if diagnostic.place.path and with_path:
@@ -166,7 +166,7 @@ class _Excerpt:
 
 
 def _excerpt(place: Place, sources: Mapping[str, Sequence[str]]) -> "Iterator[RenderableType]":
-    """The line that the place points at, with carets under the spot; nothing where the text lacks it."""
+    """Yield the line that the place points at, with carets under the spot; nothing where the text lacks it."""
     lines = sources.get(place.file, ())
     line = lines[place.line - 1] if 0 < place.line <= len(lines) else ""
     if not line.strip():
@@ -178,7 +178,7 @@ def _excerpt(place: Place, sources: Mapping[str, Sequence[str]]) -> "Iterator[Re
 
 
 def _cut_line(line: str, place: Place, width: int) -> _Excerpt:
-    """The place in its line, cut to at most `width` columns around the spot where the line is longer."""
+    """Return the place in its line, cut to at most `width` columns around the spot where the line is longer."""
     first = min(max(place.column, 1) - 1, len(line))
     last = min(first + max(place.length, 1), len(line))
     before = _without_tabs(line[max(first - REACH, 0) : first])
@@ -195,7 +195,7 @@ def _cut_line(line: str, place: Place, width: int) -> _Excerpt:
 
 
 def _without_tabs(text: str, start: int = 0) -> str:
-    """The visible text, tabs as spaces up to the next stop; its first character stands in column `start`."""
+    """Return the visible text, tabs as spaces up to the next stop; its first character stands in column `start`."""
     expanded = ""
     for character in visible(text, keep="\t"):
         expanded += " " * (TAB_STOP - (start + columns(expanded)) % TAB_STOP) if character == "\t" else character

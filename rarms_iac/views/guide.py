@@ -11,7 +11,7 @@ from rarms_iac.model.quantities import show_reserve
 
 
 def guide_text(facts: GuideFacts) -> str:
-    """The guide in Markdown: what to set, where, in which order."""
+    """Return the guide in Markdown: what to set, where, in which order."""
     parts = (_head, _hyperv, _mmcss, _linux, _check)
     return "\n".join(line for part in parts for line in part(facts)) + "\n"
 
@@ -101,5 +101,5 @@ def _check(facts: GuideFacts) -> Iterator[str]:
 
 
 def _period_us(shortest_ms: float | None) -> int:
-    """A tenth of the shortest allowed response time, 1 to 100 ms."""
+    """Return a tenth of the shortest allowed response time, 1 to 100 ms."""
     return round(1000 * min(100.0, max(1.0, (shortest_ms or 1000.0) / 10)))

@@ -46,7 +46,7 @@ def history_rows(runs: Sequence[PastRun]) -> Sequence[tuple[str, ...]]:
 
 
 def _describe_kind(run: PastRun) -> str:
-    """What kind of run it was; the stop and start of a measurement are called that."""
+    """Return what kind of run it was; the stop and start of a measurement are called that."""
     match run.measurement:
         case "stop" if run.run is RunKind.APPLY:
             return "stop to measure"

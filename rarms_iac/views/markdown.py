@@ -21,7 +21,7 @@ _FINDINGS, _NOTES = 8_000, 3_000
 
 
 def findings_markdown(findings: Sequence[Diagnostic]) -> str:
-    """Findings as a list."""
+    """Return findings as a list."""
     return "\n\n".join([*finding_parts(findings)] or ["No findings."]) + "\n"
 
 
@@ -49,7 +49,7 @@ ROW, ITEM = "| {} |", "- {}"
 
 
 def table_markdown(table: Table, room: int, more: str) -> str:
-    """A table with as many of its rows as have room; `more` is the word for those that are left out."""
+    """Return a table with as many of its rows as have room; `more` is the word for those that are left out."""
     rules = ["--:" if number in table.right else "---" for number in range(len(table.header))]
     rows = [ROW.format(" | ".join(map(_cell, row))) for row in table.rows]
     return "\n".join(
@@ -63,7 +63,7 @@ def _cell(content: Content) -> str:
 
 
 def fitting(lines: Sequence[str], room: int, form: str, more: str) -> list[str]:
-    """The first lines that have room, and in the form of a line how many there are more."""
+    """Return the first lines that have room, and in the form of a line how many there are more."""
     used, shown = 0, []
     for line in lines:
         used += len(line) + 1
@@ -80,19 +80,19 @@ def folded(title: str, lines: Iterable[str]) -> str:
 
 
 def plain_line(text: str, *, indent: bool = False) -> str:
-    """The text on one line, for a block of code, which nothing in it can end."""
+    """Return the text on one line, for a block of code, which nothing in it can end."""
     line = visible(text, keep="").replace("`", "'")
     line = line if indent else line.strip()
     return line if len(line) <= _LONGEST_TEXT else f"{line[:_LONGEST_TEXT]}..."
 
 
 def code(text: str) -> str:
-    """The text as code in a line; in a table, too."""
+    """Return the text as code in a line; in a table, too."""
     return f"`{plain_line(text).replace('|', '/')}`"
 
 
 def safe(text: str) -> str:
-    """The text so that neither Markdown nor HTML, no link and no mention of a person begins in it.
+    """Return the text so that neither Markdown nor HTML, no link and no mention of a person begins in it.
 
     Code of ours stays code.
     """

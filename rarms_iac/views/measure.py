@@ -46,7 +46,9 @@ HEADER = ("component", "threshold", "on", "reservation", "CR", "remark")
 
 
 def summary_text(outcome: MeasureOutcome) -> "RenderableType":
-    """A table, a row a threshold of a component; below it what the reservations add up to, and how sure they are.
+    """Return a table with a row for each threshold of a component.
+
+    Below it stands what the reservations add up to, and how sure they are.
 
     Above it stand the settings of each sweep. The reservation stands in the first row of the components that were
     measured together.
@@ -75,7 +77,10 @@ def _rows(experiment: Experiment, share: str, amount: str, remark: str) -> Itera
 
 
 def _outcome(result: ExperimentResult, loads: str) -> tuple[str, str, str]:
-    """The CR, its LPs, and what else is known; NOTE: a plan rests on the curve, so where it differs both are shown."""
+    """Return the CR, its LPs, and what else is known.
+
+    A plan uses the curve, so where it differs both are shown.
+    """
     match result.conclusion:
         case Sufficient(reserve=reserve) if result.is_weak:
             remark = f"no answer: the loads left processors idle ({_amount(result, reserve)} was enough beside them)"
@@ -116,12 +121,15 @@ def _loads(by_load: Sequence[ExperimentResult]) -> str:
 
 
 def _amount(result: ExperimentResult, reserve: int) -> str:
-    """A setting in LPs; the row has the share beside it."""
+    """Return a setting in LPs; the row has the share beside it."""
     return show_processors(guaranteed(reserve, result.experiment.setup.processors))
 
 
 def _below(result: ExperimentResult, failed: int | None) -> str:
-    """The highest lower setting that was not shown to be enough; NOTE: that is not yet shown to be too little."""
+    """Return the highest lower setting that was not shown to be enough.
+
+    That one is not yet shown to be too little.
+    """
     if not failed:
         return ""
     match shortfall_at(failed, result.settings, result.experiment):
@@ -160,7 +168,7 @@ def _totals(outcome: MeasureOutcome) -> Iterator[Wording]:
 
 
 def _skipped_lines(results: Sequence[ExperimentResult]) -> Iterator[str]:
-    """A sentence a component whose output has lines that are not samples."""
+    """Yield a sentence a component whose output has lines that are not samples."""
     described = {
         member.name: skipped_sentence(member, skipped)
         for result in results
@@ -193,7 +201,7 @@ def _concluded_indexes(results: Sequence[ExperimentResult]) -> Iterator[Measured
 
 
 def settings_text(result: ExperimentResult) -> "RenderableType":
-    """A table, a row a setting in the order of their reservations: what a level is picked from."""
+    """Return a table, a row a setting in the order of their reservations: what a level is picked from."""
     names = [(member.name, index) for member in result.experiment.members for index in member.apt]
     heads = [f"{name} {index}" if len(result.experiment.members) > 1 else index for name, index in names]
     rows = []
@@ -212,7 +220,10 @@ def show_band(index: MeasuredIndex) -> str:
 
 
 def show_estimate(name: str, estimate: Estimate) -> str:
-    """A value with its interval: `97.7 ms (97.1 to 98.2 ms)`; of an extreme what was seen, and what may lie beyond."""
+    """Return a value with its interval: `97.7 ms (97.1 to 98.2 ms)`.
+
+    An extreme has what was seen, and what may lie beyond.
+    """
     index = index_named(name)
     value = show_value(index, estimate.value)
     if estimate.beyond is not None:
@@ -340,7 +351,7 @@ def samples_of(by_component: Mapping[str, Series]) -> str:
 
 
 def brief(indexes: Sequence[MeasuredIndex], *, several: bool = False) -> str:
-    """The values alone: `mean_response_time 94.1 ms`; of several components `vision 94.1 ms`."""
+    """Return the values alone: `mean_response_time 94.1 ms`; of several components `vision 94.1 ms`."""
     values = [
         f"{index.component if several else index.index} {show_value(index_named(index.index), index.estimate.value)}"
         for index in indexes

@@ -91,7 +91,7 @@ def _findings(plan: Plan, sources: Sources, *, verbose: bool) -> "Iterator[Rende
 
 
 def plan_summary(plan: Plan) -> str:
-    """The last line: how many of each, or that there is nothing to do."""
+    """Return the last line: how many of each, or that there is nothing to do."""
     number = sum(len(part.held_back) for part in plan.hosts)
     held = f"{number} held back." if number else ""
     if not any(part.changes or part.steps for part in plan.hosts):
@@ -142,7 +142,7 @@ def afterwards(totals: HostTotals, host: str) -> str:
 
 
 def _receiver(connect: Connect | WinRmConnect) -> str | None:
-    """What takes scripts there, where it is not sent with them."""
+    """Return what takes scripts there, where it is not sent with them."""
     return None if connect.receiver is Receiver.SENT else connect.receiver.value
 
 
@@ -198,7 +198,7 @@ def _changed_host(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]
 
 
 def _stated(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]":
-    """What is not changed, and why not."""
+    """Yield what is not changed, and why not."""
     if verbose and part.unchanged:
         yield paragraph(f"{counted(part.unchanged, 'unchanged resource')} hidden.", indent=2)
     if verbose:
@@ -231,7 +231,7 @@ HEADER = ("change", "reserve", "memory", "remark")
 
 
 def plan_table(part: HostPlan) -> Table:
-    """A row a change of a host: partitions by name, then the rest in the plan's order, then what is held back.
+    """Return a row a change of a host: partitions by name, then the rest in the plan's order, then what is held back.
 
     A task class that is added with its partition is a remark of that one.
     """
@@ -279,7 +279,7 @@ def _name(change: Change, part: HostPlan) -> "Text":
 
 
 def disruption_of(change: Change, part: HostPlan) -> str:
-    """What the change disturbs on this host, and for how long."""
+    """Return what the change disturbs on this host, and for how long."""
     if change.address.task:
         created = any(
             isinstance(other, Create) and other.address.partition == change.address.partition and not other.address.task
@@ -360,7 +360,7 @@ def _not_undone(part: HostPlan) -> "Iterator[RenderableType]":
 
 
 def _threads(part: HostPlan) -> "Iterator[RenderableType]":
-    """What the threads of robotic task classes run at, where the plan or a guest's script changes task classes."""
+    """Yield the priorities of task classes' threads, where the plan or a guest's script changes task classes."""
     changes = any(change.address.task for change in part.changes) or any(".guest." in name for name in part.scripts)
     if not changes or not part.threads:
         return
@@ -388,7 +388,7 @@ def _steps(part: HostPlan) -> "Iterator[RenderableType]":
 
 
 def _idle(totals: HostTotals) -> list[str]:
-    """What partitions reserve that do not run and are to start again, as part of a sentence."""
+    """Return what partitions reserve that do not run and are to start again, as part of a sentence."""
     promised = totals.promised
     if not (promised.idle_percent or promised.idle_memory):
         return []
@@ -396,7 +396,7 @@ def _idle(totals: HostTotals) -> list[str]:
 
 
 def _other_totals(totals: HostTotals) -> list[str]:
-    """What other machines and the host itself have, and what is free, which no change of the plan says."""
+    """Return what other machines and the host itself have, and what is free, which no change of the plan says."""
     promised, parts = totals.promised, list[str]()
     if promised.others_percent or promised.others_memory:
         parts.append(f"unmanaged machines have {_amount(totals.unmanaged_lp, promised.others_memory)}")

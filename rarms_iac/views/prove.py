@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def proof_text(proofs: Sequence[LayoutProof]) -> "RenderableType":
-    """A table a host and load, a row an index, and a sentence each."""
+    """Return a table a host and load, a row an index, and a sentence each."""
     if not any(proof.verdicts for proof in proofs):
         return paragraph("No component that ran has a threshold: nothing is proven.")
     rows: list[tuple[str, ...]] = [
@@ -92,7 +92,7 @@ NOT_SHOWN: tuple[VerdictWord, ...] = ("within the noise", "too few samples")
 
 
 def _describe_sharing(proof: LayoutProof) -> Iterator[str]:
-    """A sentence a partition of several components."""
+    """Yield a sentence a partition of several components."""
     for name, members in sorted(proof.layout.partitions.items(), key=lambda entry: natural_order(entry[0])):
         if len(members) > 1:
             yield f"{in_a_row([member.name for member in members])} share partition {name}."

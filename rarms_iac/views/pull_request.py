@@ -60,12 +60,12 @@ def no_plan_as(form: OutputFormat, *, manifest: str, error: UseCaseError, places
 
 
 def marker(manifest: str) -> str:
-    """The hidden first line by which a later run finds the comment of this manifest, to update it."""
+    """Return the hidden first line by which a later run finds the comment of this manifest, to update it."""
     return f"<!-- rarms plan: {plain_line(manifest).replace('--', '- -')} -->"
 
 
 def comment(plan: Plan) -> str:
-    """The whole comment, shorter than `LONGEST_COMMENT`, with a line end."""
+    """Return the whole comment, shorter than `LONGEST_COMMENT`, with a line end."""
     files = " with ".join(map(code, (plan.manifest, *plan.overlays)))
     parts = [
         marker(plan.manifest),
@@ -81,7 +81,7 @@ def comment(plan: Plan) -> str:
 
 
 def failure_comment(manifest: str, findings: Sequence[Diagnostic]) -> str:
-    """The comment where there is no plan: why."""
+    """Return the comment where there is no plan: why."""
     errors = sum(finding.severity is Severity.ERROR for finding in findings)
     head = f"### rarms plan: not possible\n\n**{counted(errors, 'error')} to correct first.**"
     return "\n\n".join([marker(manifest), head, *finding_parts(in_repository(findings))]) + "\n"

@@ -201,7 +201,7 @@ class RunProgress(RunReporter):
 
 
 def run_text(report: RunReport) -> "RenderableType":
-    """A sentence a host, and what to do next where it is not done; findings are shown elsewhere."""
+    """Return a sentence a host, and what to do next where it is not done; findings are shown elsewhere."""
     return stack(*map(paragraph, _sentences(report)))
 
 

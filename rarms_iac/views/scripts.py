@@ -20,7 +20,7 @@ SYMBOLS = {"+": GOOD, "~": CHANGED, "-": BAD}
 
 
 def script_text(script: str, *, colour: bool = False, whole: bool = False) -> str:
-    """The script with the numbers of its lines, as they are in the file; it ends with a line end.
+    """Return the script with the numbers of its lines, as they are in the file; it ends with a line end.
 
     Its lines are printable ASCII and are never wrapped.
 
@@ -43,7 +43,7 @@ def script_text(script: str, *, colour: bool = False, whole: bool = False) -> st
 
 
 def _highlighted(text: str) -> str:
-    """The text with escape sequences, which end on each line."""
+    """Return the text with escape sequences, which end on each line."""
     from rich.console import Console
     from rich.syntax import Syntax
 

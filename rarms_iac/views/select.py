@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def selection_text(selection: Selection) -> "RenderableType":
-    """The level, the reservation and the headroom."""
+    """Return the level, the reservation and the headroom."""
     index = index_named(selection.index)
     before = "none" if selection.before is None else show_threshold(index, selection.before)
     head = f"{selection.component}: {index.name} {before} -> {show_threshold(index, selection.after)}"

@@ -105,7 +105,9 @@ def _host_overview(host: HostOverview) -> "Iterator[RenderableType]":
 
 
 def describe_other_claims(unmanaged_lp: Fraction, kept_lp: Fraction) -> list[str]:
-    """What is neither reserved by the application nor free: `0.3 LP by unmanaged machines`, `0.2 LP kept for the host`.
+    """Return what is neither reserved by the application nor free.
+
+    Examples are `0.3 LP by unmanaged machines` and `0.2 LP kept for the host`.
 
     Args:
         unmanaged_lp: LPs that machines of others reserve; what is 0 is left out.

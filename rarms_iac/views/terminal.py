@@ -135,7 +135,7 @@ class Terminal:
         self.err = flush_stream(self.err)
 
     def live(self) -> "Console":
-        """A console on standard error for what is updated in place; only where `lively`."""
+        """Return a console on standard error for what is updated in place; only where `lively`."""
         from rarms_iac.views.console import live_console
 
         return live_console(self.err, self.width, colour=self.talk_colour)
@@ -158,12 +158,12 @@ class Terminal:
         self.err = flush_stream(self.err)
 
     def without_colour(self) -> None:
-        """What `--no-color` asks for."""
+        """Write plain text, as `--no-color` asks."""
         self.colour = self.talk_colour = False
 
 
 def this_terminal(environment: Mapping[str, str] = os.environ) -> Terminal:
-    """The process' own streams, made safe for any text."""
+    """Return the process' own streams, made safe for any text."""
     out, err = make_safe(sys.stdout or no_stream()), make_safe(sys.stderr or no_stream())
     may_colour = not environment.get("NO_COLOR") and environment.get("TERM") != "dumb"
     return Terminal(
@@ -193,12 +193,12 @@ def _has_width(stream: TextIO, environment: Mapping[str, str]) -> bool:
 
 
 def no_stream() -> TextIO:
-    """A stream for a process that was started without one (`>&-`): what people would read there is lost."""
+    """Return a stream for a process that was started without one (`>&-`): what people would read there is lost."""
     return Path(os.devnull).open("w", encoding="utf-8")
 
 
 def make_safe(stream: TextIO) -> TextIO:
-    """The stream, never raising over a character: what it cannot show is written as an escape, lines end in LF.
+    """Return the stream, never raising over a character: what it cannot show is written as an escape, lines end in LF.
 
     A pipe or a file gets UTF-8, unless `PYTHONIOENCODING` or the locale asks for ASCII; a terminal what it speaks.
     """

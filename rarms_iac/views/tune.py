@@ -62,14 +62,14 @@ def answer_text(answer: Answer) -> str:
 
 
 def tuned_text(result: TuningResult) -> "RenderableType":
-    """The partitions, where there were some to tune, and what all of it came to."""
+    """Return the partitions, where there were some to tune, and what all of it came to."""
     sentences = map(paragraph, _sentences(result))
     partitions = result.run.partitions
     return stack(*([partitions_table(partitions)] if partitions else []), *sentences)
 
 
 def partitions_table(partitions: Sequence[TunedPartition]) -> "RenderableType":
-    """A row a partition as tuning left it; of a compound that it made also what its parts reserved apart."""
+    """Return a row a partition as tuning left it; of a compound that it made also what its parts reserved apart."""
     rows = [
         (
             partition.name,

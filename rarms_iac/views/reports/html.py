@@ -44,7 +44,7 @@ MODULES = ("lookup.js", "axis.js", "show.js", "move.js", "report.js")
 
 
 def as_html(report: Report, manifest_options: str = "") -> bytes:
-    """The whole page in UTF-8 with LF; the same report gives the same bytes.
+    """Return the whole page in UTF-8 with LF; the same report gives the same bytes.
 
     Args:
         report: what was measured.
@@ -69,7 +69,7 @@ def as_html(report: Report, manifest_options: str = "") -> bytes:
 def render_page(
     report: Report, *, findings: Sequence[Diagnostic], sources: Sources, manifest_options: str, **context: object
 ) -> bytes:
-    """The page of a report, with or without a server: what both show is filled in here.
+    """Return the page of a report, with or without a server: what both show is filled in here.
 
     Args:
         report: what was measured; it may be empty.
@@ -118,7 +118,7 @@ def render_page(
 
 
 def joined_modules(names: Sequence[str]) -> str:
-    """The modules as one script: what one of them exports, those after it see without an import.
+    """Return the modules as one script: what one of them exports, those after it see without an import.
 
     Args:
         names: of the files, each after those that it imports.
@@ -129,7 +129,7 @@ def joined_modules(names: Sequence[str]) -> str:
 
 
 def _bar(fit: PlatformCapacity) -> dict[str, str]:
-    """What is reserved against what there is, in per cent of the processors."""
+    """Return what is reserved against what there is, in per cent of the processors."""
     processors = fit.processors
     return {
         "platform": fit.platform,
@@ -159,7 +159,7 @@ def _finding(diagnostic: Diagnostic, sources: Sources, manifest_options: str) ->
 
 
 def _relaxed_levels(diagnostic: Diagnostic) -> list[list[dict[str, str]]]:
-    """The levels that each of its ways out chooses, together where there are several."""
+    """Return the levels that each of its ways out chooses, together where there are several."""
     names = ("ways", "components", "indexes", "levels")
     rows = [diagnostic.values.get(f"relaxed_{name}", ()) for name in names]
     ways: dict[str, list[dict[str, str]]] = {}
@@ -186,7 +186,7 @@ def _script_json(data: object) -> str:
 
 
 def _visible_in(data: object) -> object:
-    """Data with every text as `visible` shows it."""
+    """Return data with every text as `visible` shows it."""
     if isinstance(data, str):
         return visible(data)
     if isinstance(data, dict):
@@ -195,7 +195,7 @@ def _visible_in(data: object) -> object:
 
 
 def _harmless(value: object) -> object:
-    """What a template prints: text of ours as it is, any other spelt out; jinja2 escapes it afterwards."""
+    """Return what a template prints: text of ours as it is, any other spelt out; jinja2 escapes it afterwards."""
     return visible(value) if type(value) is str else value
 
 
@@ -223,7 +223,7 @@ def _environment() -> "Environment":
 
 
 def _with_code(text: str) -> "Markup":
-    """A sentence with what stands between backticks as code."""
+    """Return a sentence with what stands between backticks as code."""
     from markupsafe import Markup, escape
 
     *pairs, end = visible(text).split("`")

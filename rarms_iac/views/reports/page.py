@@ -146,7 +146,7 @@ def plot_of(curve: IndexCurve, measurement: Measurement, name: str) -> Plot:
 
 
 def beginning(curve: IndexCurve, scale: Scale) -> Threshold:
-    """The APT; without one the grid's threshold nearest to the middle of the axis."""
+    """Return the APT; without one the grid's threshold nearest to the middle of the axis."""
     if curve.threshold is not None:
         return curve.threshold
     middle = (scale.low * scale.high) ** 0.5 if scale.logarithmic else (scale.low + scale.high) / 2
@@ -202,7 +202,7 @@ def _dots(curve: IndexCurve, settings: ReportTable, scale: Scale) -> Iterator[Do
 
 
 def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
-    """What the page's script looks up: the same numbers, to the last bit, as the planner's curve holds."""
+    """Return what the page's script looks up: the same numbers, to the last bit, as the planner's curve holds."""
     counted = _counted(report)
     on_cards = {(measurement.platform, measurement.components) for measurement in counted}
     return {
@@ -242,7 +242,7 @@ def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
 
 
 def _counted(report: Report) -> tuple[Measurement, ...]:
-    """The measurements that the total of a platform is made of, or is not known without.
+    """Return the measurements that the total of a platform is made of, or is not known without.
 
     Their partitions are placed there, or their reservations are not known.
     """
@@ -260,7 +260,7 @@ def _counted(report: Report) -> tuple[Measurement, ...]:
 
 
 def _uncounted_lp(capacity: PlatformCapacity, counted: Iterable[Measurement]) -> Fraction:
-    """What is reserved there beside what the manifest fixes and the page's cards: idle threads, logs left out."""
+    """Return what is reserved there apart from fixed reserves and the cards: idle threads, omitted logs."""
     here = (measurement for measurement in counted if measurement.platform == capacity.platform)
     cards = sum((measurement.reserved_lp or Fraction(0) for measurement in here), Fraction(0))
     return capacity.reserved_lp - cards - sum((part.reserved_lp for part in capacity.fixed), Fraction(0))
@@ -291,7 +291,7 @@ def _plot_data(plot: Plot) -> dict[str, object]:
 
 
 def _verdict_data(measurement: Measurement) -> dict[str, object]:
-    """The verdict where it is of this measurement; else that only the card's own load is known."""
+    """Return the verdict where it is of this measurement; else that only the card's own load is known."""
     verdict, load = measurement.verdict, {"load": measurement.interference}
     if not measurement.decides:
         return {**load, "aside": True} if measurement.is_aside else {}
@@ -300,7 +300,7 @@ def _verdict_data(measurement: Measurement) -> dict[str, object]:
 
 
 def _best(curve: IndexCurve) -> dict[str, float | str]:
-    """The good end of the band at the highest measured reserve: a threshold that it misses is not achieved."""
+    """Return the good end of the band at the highest measured reserve: a threshold that it misses is not achieved."""
     top = max((point.reserve for point in curve.points), default=0)
     if top in curve.curve.overloaded:
         return {"best": "none"}  # every threshold is missed

@@ -74,14 +74,14 @@ class Scale:
 
 
 def round_down(value: float) -> tuple[int, int]:
-    """The largest 1, 2 or 5 times a power of ten that is not above a positive value, as mantissa and exponent."""
+    """Return the largest 1, 2 or 5 times a power of ten up to a positive value, as mantissa and exponent."""
     exponent = floor(log10(value))
     mantissa = max(digit for digit in (1, 2, 5) if digit == 1 or digit * 10.0**exponent <= value * (1 + 1e-9))
     return mantissa, exponent
 
 
 def scale_of(curve: IndexCurve) -> Scale:
-    """The axis on which all of a curve is seen, its threshold too; of a band, what lies near the values."""
+    """Return the axis on which all of a curve is seen, its threshold too; of a band, what lies near the values."""
     values = [point.value for point in curve.curve.points] + [
         point.value for point in curve.points if point.value is not None
     ]

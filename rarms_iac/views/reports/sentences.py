@@ -41,7 +41,7 @@ def other_claims_text(fit: PlatformCapacity) -> str:
 
 
 def tuning_text(tuning: PlatformTuning) -> str:
-    """What came of it, and whether it is the best there is."""
+    """Return what came of it, and whether it is the best there is."""
     run = tuning.run
     before, after, capacity = (show_lp_percent(amount) for amount in (run.before, run.after, run.capacity))
     result = f"{before} became {after}" if run.before != run.after else before

@@ -70,7 +70,7 @@ class TooManyRows(Exception):
 
 
 def workbook(report: Report, *, samples: bool = False, most_rows: int = MOST_ROWS) -> bytes:
-    """The whole file (XLSX).
+    """Return the whole file (XLSX).
 
     Raises:
         TooManyRows: the samples do not fit one sheet.
@@ -97,7 +97,7 @@ def workbook(report: Report, *, samples: bool = False, most_rows: int = MOST_ROW
 
 
 def _names(measurements: Sequence[Measurement]) -> list[str]:
-    """A name a sheet: the components', short enough and unlike every other."""
+    """Return a name a sheet: the components', short enough and unlike every other."""
     names: list[str] = []
     used = {"summary", "settings", "samples", "tuning"}
     for measurement in measurements:
@@ -117,7 +117,7 @@ def _summary(book: "Workbook", report: Report) -> None:
 
 
 def _measurement(book: "Workbook", name: str, measurement: Measurement) -> None:
-    """The curves of a measurement below each other, each with its chart."""
+    """Write the curves of a measurement below one another, each with its chart."""
     sheet = book.add_worksheet(name)
     top = 0
     for index in measurement.indexes:
@@ -157,7 +157,7 @@ def _chart(book: "Workbook", sheet: "Worksheet", title: str, first: int, last: i
 
 
 def _rows(book: "Workbook", sheet: "Worksheet", rows: Rows, top: int = 0) -> int:
-    """Writes the rows, the first one as their header; the number of the row below them."""
+    """Write the rows, the first one as their header; the number of the row below them."""
     header, at = book.add_format({"bold": True, "bottom": 1, "text_wrap": True, "valign": "top"}), top
     for at, row in enumerate(rows, top):
         for column, cell in enumerate(row):

@@ -78,5 +78,8 @@ def show_cell(cell: Cell | Value, unit: str = "") -> str:
 
 
 def finite(value: float | None) -> float | None:
-    """An estimate with the digits that count; empty for a side without a bound, as no spreadsheet knows infinity."""
+    """Return an estimate with the digits that count.
+
+    The text is empty for a side without a bound, because spreadsheets do not know infinity.
+    """
     return float(f"{value:.{DIGITS}g}") if value is not None and isfinite(value) else None

@@ -63,17 +63,17 @@ LEVELS = (
 
 
 def levels_table(report: Report) -> ReportTable:
-    """A row a threshold that a reservation rests on, most critical first; then what is fixed or not measured."""
+    """Return a row a threshold that a reservation rests on, most critical first; then what is fixed or not measured."""
     return ReportTable(columns=LEVELS, rows=tuple(row for _, row in _levels(report)))
 
 
 def levels_of_component(report: Report, component: str) -> ReportTable:
-    """The rows of that table that are about a component, alone or with the others of its partition."""
+    """Return the rows of that table that are about a component, alone or with the others of its partition."""
     return ReportTable(columns=LEVELS, rows=tuple(row for names, row in _levels(report) if component in names))
 
 
 def _levels(report: Report) -> Iterator[tuple[Sequence[str], Row]]:
-    """The components that a row is about, and the row."""
+    """Yield the components that a row is about, and the row."""
     for measurement in report.measurements:
         if measurement.decides:
             for curve in measurement.indexes:
@@ -123,14 +123,17 @@ def _without_curve(name: str, platform: str | None, reserved: Fraction | None, v
 
 
 def verdict_of(verdict: ReservationVerdict, curve: IndexCurve) -> str:
-    """The verdict on a threshold in words."""
+    """Return the verdict on a threshold in words."""
     own = (each.achievement for each in verdict.thresholds if (each.component, each.index) == _key(curve))
     words = describe_achievement(next(own, Achievement.UNMEASURED), verdict.not_measured)
     return f"{words} so far" if curve.index.is_extreme and words == Achievement.MET else words
 
 
 def _why_no_reserve(verdict: ReservationVerdict, curve: IndexCurve) -> str:
-    """The verdict on the threshold; where it is met and another one is not, that nothing follows from it alone."""
+    """Return the verdict on the threshold.
+
+    Where it is met and another one is not, it says that nothing follows from it alone.
+    """
     words = verdict_of(verdict, curve)
     return "not known" if words.startswith(Achievement.MET) else words
 
@@ -150,12 +153,12 @@ TOTALS = _fields(
 
 
 def totals_table(report: Report) -> ReportTable:
-    """A row a platform."""
+    """Return a row a platform."""
     return ReportTable(columns=TOTALS, rows=tuple(map(_total, report.capacities)))
 
 
 def _total(fit: PlatformCapacity) -> Row:
-    """The headroom is empty while a reservation is not known: the total is at least the one that is shown."""
+    """Return the headroom is empty while a reservation is not known: the total is at least the one that is shown."""
     return (
         fit.platform,
         ", ".join(fit.hosts),
@@ -185,13 +188,13 @@ SETTINGS = (
 
 
 def settings_table(report: Report) -> ReportTable:
-    """A row a setting and performance index."""
+    """Return a row a setting and performance index."""
     curves = ((measurement, curve) for measurement in report.measurements for curve in measurement.indexes)
     return ReportTable(columns=SETTINGS, rows=tuple(row for each in curves for row in settings_of(*each).rows))
 
 
 def settings_of(measurement: Measurement, curve: IndexCurve) -> ReportTable:
-    """The rows of one performance index."""
+    """Return the rows of one performance index."""
     return ReportTable(columns=SETTINGS, rows=tuple(_setting(measurement, curve, point) for point in curve.points))
 
 
@@ -227,7 +230,7 @@ SAMPLES = (
 
 
 def samples_table(report: Report) -> ReportTable:
-    """A row a sample, in the order in which they were measured."""
+    """Return a row a sample, in the order in which they were measured."""
     return ReportTable(columns=SAMPLES, rows=tuple(_samples(report)))
 
 
@@ -264,7 +267,7 @@ PROOFS = (
 
 
 def proofs_table(report: Report) -> ReportTable:
-    """A row for what each component showed when all ran together, in the report's order."""
+    """Return a row for what each component showed when all ran together, in the report's order."""
     return ReportTable(columns=PROOFS, rows=tuple(map(_proof, report.proofs)))
 
 
@@ -311,7 +314,7 @@ TRAIL = (
 
 
 def trail_table(tunings: Iterable[PlatformTuning]) -> ReportTable:
-    """A row a setting that tuning asked for, in order; the last says what is claimed of the layout."""
+    """Return a row a setting that tuning asked for, in order; the last says what is claimed of the layout."""
     return ReportTable(columns=TRAIL, rows=tuple(row for tuning in tunings for row in _trail(tuning)))
 
 
@@ -348,7 +351,7 @@ TUNED = (
 
 
 def tuned_table(tuning: PlatformTuning) -> ReportTable:
-    """A row a partition as it was left, with what the parts of a new one reserved."""
+    """Return a row a partition as it was left, with what the parts of a new one reserved."""
     rows = (
         (
             part.name,
@@ -366,7 +369,7 @@ CANDIDATES = (Column(title="Components together"), Column(title="Reserve"))
 
 
 def candidates_table(report: Report) -> ReportTable:
-    """A row a compound that could reserve less than its parts, at most `MOST_CANDIDATES`, with what is known of it.
+    """Return a row for each compound that could reserve less than its parts, at most `MOST_CANDIDATES`.
 
     Measured compounds come first, then those that may save most.
     """

@@ -81,7 +81,7 @@ Cells = dict[tuple[int, int], tuple[str, str]]
 
 
 def report_text(report: Report, *, ascii_only: bool = False) -> "RenderableType":
-    """The summary, each host's total, and a plot of every curve."""
+    """Return the summary, each host's total, and a plot of every curve."""
     return stack(*_parts(report, ascii_only=ascii_only))
 
 
@@ -152,7 +152,7 @@ class TerminalPlot:
 
 
 def terminal_plot(measurement: Measurement, index: IndexCurve, *, ascii_only: bool) -> TerminalPlot:
-    """The plot of a curve, with the verdict on its threshold where the measurement decides."""
+    """Return the plot of a curve, with the verdict on its threshold where the measurement decides."""
     achievement = verdict_of(measurement.verdict, index) if measurement.decides else ""
     return TerminalPlot(curve=index, achievement=achievement, ascii_only=ascii_only)
 
@@ -189,7 +189,7 @@ def _row(scale: Scale, value: float) -> int:
 
 
 def _curve_points(index_curve: IndexCurve, steps: int) -> Iterator[tuple[int, float]]:
-    """The curve's value at each of so many steps over the axis, where there is one."""
+    """Yield the curve's value at each of so many steps over the axis, where there is one."""
     for step in range(steps):
         point = index_curve.curve.value_at(100 * (step + 0.5) / steps)
         if point is not None:
@@ -243,7 +243,7 @@ def _numbers(field: int) -> str:
 
 
 def legend(*, ascii_only: bool) -> "RenderableType":
-    """What each sign of a plot stands for."""
+    """Return what each sign of a plot stands for."""
     signs = ASCII if ascii_only else UNICODE
     names = ("curve", "band", "measured", "threshold", "reserve")
     return paragraph("  ".join(f"{getattr(signs, name)} {name}" for name in names))
