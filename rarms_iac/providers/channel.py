@@ -244,7 +244,7 @@ def open_channel(host: str, words: Sequence[str]) -> Channel:
         return Channel(words)
     except OSError as error:
         message = f"{words[0]} cannot be started: {reason_of(error)}"
-        raise HostUnreachable(host, message, f"Install {words[0]}, or mend its rights.") from None
+        raise HostUnreachable(host, message, f"Install {words[0]}, or correct its rights.") from None
 
 
 def await_line(channel: Conversation, host: str, target: str, is_wanted: Callable[[str], bool], way: str) -> str | None:

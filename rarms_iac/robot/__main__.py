@@ -7,7 +7,7 @@ import stat
 import sys
 import threading
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -33,6 +33,9 @@ SETTINGS_FILE = Path("/etc/rarms/environment")
 
 USUAL_PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 _SETTINGS_BYTES = 2**20
+
+PACKAGE = Path(__file__).parents[1]
+"""The folder of rarms' own code."""
 
 UNKNOWN_HOST = "the robot"
 """The name of this machine before a request gave its name in the manifest."""
@@ -102,26 +105,44 @@ def _parts_of(data: bytes) -> tuple[Request, Json]:
     return decode(Request, document["request"]), document["job"]
 
 
-def refuse_writable_code(paths: tuple[str, ...] = (__file__, sys.executable, *sys.path)) -> None:
-    """Refuse to run code that users other than root can change.
-
-    Args:
-        paths: of code; each with all folders above it counts, where links lead to, too.
+def refuse_writable_code(package: Path = PACKAGE, paths: Iterable[str] = (sys.executable, *sys.path)) -> None:
+    """Refuse to run code that users other than root can change: each file of the package, and where Python looks.
 
     Raises:
-        UseCaseError: this is not root, or one of them can be written by others (failed).
+        UseCaseError: this is not root, or others can write to a file or to a folder above it (failed).
+    """
+    refuse_writable((str(package), *(path for path in paths if path and Path(path).exists())))
+    for folder, folders, names in os.walk(package.resolve()):
+        _refuse_writable(Path(folder, name) for name in (*folders, *names))
+
+
+def refuse_writable(paths: Iterable[str]) -> None:
+    """Refuse files and folders that users other than root can change.
+
+    Args:
+        paths: each counts with all folders above it, where links lead to, too.
+
+    Raises:
+        UseCaseError: this is not root, or others can write to one of them (failed).
     """
     if os.geteuid() != 0:
         raise _refused("this user is not root", "Connect as root, or by sudo (docs/linux.md).")
-    for path in dict.fromkeys(Path(path).resolve() for path in paths if path and Path(path).exists()):
-        for part in (path, *path.parents):
+    resolved = [Path(path).resolve() for path in paths]
+    _refuse_writable(dict.fromkeys(part for path in resolved for part in (path, *path.parents)))
+
+
+def _refuse_writable(parts: Iterable[Path]) -> None:
+    for part in parts:
+        try:
             status = part.stat()
-            others = stat.S_IWOTH if status.st_gid == 0 else stat.S_IWOTH | stat.S_IWGRP
-            if status.st_uid != 0 or status.st_mode & others:
-                raise _refused(
-                    f"others than root may write to {part}, so rarms there does not run as root",
-                    f"Let root alone write there: `chown root:root {part}` and `chmod go-w {part}`.",
-                )
+        except FileNotFoundError:  # Python writes bytecode under another name first
+            continue
+        others = stat.S_IWOTH if status.st_gid == 0 else stat.S_IWOTH | stat.S_IWGRP
+        if status.st_uid != 0 or status.st_mode & others:
+            raise _refused(
+                f"others than root may write to {part}, so rarms there does not run as root",
+                f"Let root alone write there: `chown root:root {part}` and `chmod go-w {part}`.",
+            )
 
 
 def set_environment(file: Path) -> None:
@@ -133,7 +154,7 @@ def set_environment(file: Path) -> None:
     os.environ.setdefault("PATH", USUAL_PATH)
     if not file.exists():
         return
-    refuse_writable_code((str(file),))
+    refuse_writable([str(file)])
     for number, line in enumerate(read_file(file, _SETTINGS_BYTES).decode("utf-8", "surrogateescape").splitlines(), 1):
         name, equals, value = line.strip().partition("=")
         if not name or name.startswith("#"):

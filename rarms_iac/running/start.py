@@ -157,8 +157,9 @@ def environment_of(component: str, run: Run, own: Mapping[str, str]) -> dict[str
     for name, value in run.environment.items():
         if isinstance(value, FromEnvironment):
             if value.name not in own:
-                message = f"{name} is to come from the variable {value.name}, which is not set here"
-                raise CannotStart(component, message, f"Set {value.name} where rarms runs.")
+                message = f"{name} is to come from the variable {value.name}, which is not set where rarms runs"
+                advice = f"Set {value.name} where rarms runs; on a Linux host over ssh, in /etc/rarms/environment."
+                raise CannotStart(component, message, advice)
             environment[name] = own[value.name]
         else:
             environment[name] = value

@@ -7,7 +7,6 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -15,6 +14,7 @@ from typing import Any
 import pytest
 
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER
+from rarms_iac.robot.__main__ import SETTINGS_FILE
 from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.lock import hold
 from tests.contracts.benches import forget_host, slice_of
@@ -46,7 +46,11 @@ pytestmark = [pytest.mark.needs("ssh", "control-groups", "mounts"), pytest.mark.
 
 @pytest.fixture(scope="module")
 def server(robot_rarms: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Remote]:
-    with a_server(tmp_path_factory.mktemp("server"), partial(on_robot, robot_rarms)) as remote:
+    """A robot with a variable of its own."""
+    settings = tmp_path_factory.mktemp("settings")
+    (settings / "environment").write_text("CAMERA_TOKEN=token of the robot\n", encoding="utf-8")
+    mount = f"mkdir -p {SETTINGS_FILE.parent} && mount --bind {settings} {SETTINGS_FILE.parent}"
+    with a_server(tmp_path_factory.mktemp("server"), lambda words: on_robot(robot_rarms, words, mount)) as remote:
         yield remote
 
 
@@ -100,6 +104,28 @@ def test_measure_plan_apply_prove_over_ssh(robot: Robot) -> None:
     proven = robot.run("prove", "--load-host", "--samples", "30", "--json")
     assert json.loads(proven.out)["proofs"][0]["host"] == "here", proven.err
     assert (robot.here / "measurements/here/eyes.configuration.jsonl").exists()
+
+
+def test_from_env_is_read_on_the_robot(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CAMERA_TOKEN", "token of this side")
+    manifest = robot.here / "rarms.yaml"
+    text = manifest.read_text(encoding="utf-8")
+    of_camera = "      environment: { TOKEN: { from_env: CAMERA_TOKEN } }\n      until:"
+    manifest.write_text(text.replace("      until:", of_camera), encoding="utf-8")
+    for folder in (robot.here, robot.there):
+        (folder / "jobs.py").write_text(
+            f"import os\nassert os.environ['TOKEN'] == 'token of the robot'\n{JOBS}", "utf-8"
+        )
+
+    ran = robot.run("run", "eyes", "--samples", "5")
+    manifest.write_text(manifest.read_text(encoding="utf-8").replace("CAMERA_TOKEN", "HOME"), encoding="utf-8")
+    refused = robot.run("run", "eyes", "--samples", "5")
+
+    assert ran.code == 0, ran.err
+    assert refused.code == 1, "rarms starts there with an empty environment"
+    assert "Set HOME where rarms runs; on a Linux host over ssh, in /etc/rarms/environment." in " ".join(
+        refused.err.split()
+    )
 
 
 def test_another_file_there_is_named(robot: Robot) -> None:

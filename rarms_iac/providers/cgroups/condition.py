@@ -32,13 +32,11 @@ def off_without_stop(host: Host, partitions: Sequence[str]) -> Iterator[Diagnost
     """Find partitions that are off, and that no run stopped."""
     if partitions:
         line = ' does that at each start, as a line of the machine (docs/linux.md, "After the machine starts").'
-        here = (START_AT_BOOT, line)
-        far = ("Nothing else does on a host that is only reached over ssh: run it after each start.",)
         yield OFF_WITHOUT_STOP.of_host(
             host.name,
             "{_counted} of {host} ran until the machine stopped, or until the control group was removed: "
             "{partitions:all}.",
-            prose(APPLY, " starts what is off. ", *(far if host.connect else here)),
+            prose(APPLY, " starts what is off. ", START_AT_BOOT, line),
             partitions=tuple(partitions),
             _counted=counted(len(partitions), "partition"),
         )

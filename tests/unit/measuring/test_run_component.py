@@ -135,7 +135,7 @@ def test_a_program_that_never_does_its_job_meets_nothing(tmp_path: Path, apt: st
         (
             "until:",
             "environment: { A: { from_env: RARMS_NOT_SET } }\n      until:",
-            "Set RARMS_NOT_SET where rarms runs.",
+            "Set RARMS_NOT_SET where rarms runs; on a Linux host over ssh, in /etc/rarms/environment.",
         ),
     ],
 )

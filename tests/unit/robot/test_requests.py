@@ -68,19 +68,19 @@ def folder_of_root() -> Iterator[Path]:
 
 def test_code_that_others_can_write_is_refused(folder_of_root: Path) -> None:
     folder = folder_of_root / "version"
-    (folder / "rarms_iac").mkdir(parents=True)
-    code = folder / "rarms_iac" / "__main__.py"
+    (folder / "rarms_iac" / "app").mkdir(parents=True)
+    code = folder / "rarms_iac" / "app" / "applying.py"
     code.touch()
     link = folder_of_root / "current"
     link.symlink_to(folder)
-    refuse_writable_code((str(link / "rarms_iac" / "__main__.py"),))
+    refuse_writable_code(link / "rarms_iac", ())
 
-    for path, mode, owner in ((code, 0o646, 0), (folder, 0o757, 0), (folder / "rarms_iac", 0o755, 4242)):
+    for path, mode, owner in ((code, 0o646, 0), (folder, 0o757, 0), (code.parent, 0o755, 4242)):
         before = path.stat().st_mode
         path.chmod(mode)
         os.chown(path, owner, owner)
         with pytest.raises(UseCaseError) as raised:
-            refuse_writable_code((str(link / "rarms_iac" / "__main__.py"),))
+            refuse_writable_code(link / "rarms_iac", ())
         assert f"others than root may write to {path}" in str(raised.value.findings[0].detail)
         path.chmod(before)
         os.chown(path, 0, 0)
@@ -116,7 +116,7 @@ def test_a_side_that_is_gone_stops_the_command(
 def test_variables_of_the_robot_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
     monkeypatch.delenv("CAMERA_KEY", raising=False)
-    monkeypatch.setattr("rarms_iac.robot.__main__.refuse_writable_code", lambda _paths: None)
+    monkeypatch.setattr("rarms_iac.robot.__main__.refuse_writable", lambda _paths: None)
     file = tmp_path / "environment"
 
     file.write_text("# of the camera\n\nCAMERA_KEY=a=b\n", encoding="utf-8")

@@ -192,7 +192,7 @@ CANNOT = {
     "folder": (a_run("", folder="missing"), "its folder"),
     "variable": (
         a_run("", environment={"A": FromEnvironment(name="RARMS_NOT_SET")}),
-        "A is to come from the variable RARMS_NOT_SET, which is not set here",
+        "A is to come from the variable RARMS_NOT_SET, which is not set where rarms runs",
     ),
     "module": (a_run(Call(module="nothing.here", function="plan")), "ModuleNotFoundError: No module named 'nothing'"),
     "no function": (a_run(Call(module="math", function="pi")), "math:pi is not a function"),
