@@ -1,4 +1,4 @@
-"""Writes docs/diagnostics.md anew from the pages in docs/findings/."""
+"""Write docs/diagnostics.md from the pages in docs/findings/."""
 
 from pathlib import Path
 
@@ -7,18 +7,19 @@ from rarms_iac.storage.finding_pages import finding_page, known_codes, severity_
 _HEAD = """\
 # Findings
 
-Everything that rarms can tell of, by its stable id. `rarms explain RARMS014` shows a finding's page. How findings are
-accepted, and which, says the manifest's `policy.accept`; how they come out, `--output text`, `json`, `sarif`, `junit`
-or `github`.
+All findings by id. `rarms explain RARMS014` shows the page of a finding. `policy.accept` in the manifest accepts
+warnings, and errors that can be accepted. `rarms validate`, `rarms plan` and `rarms doctor` write findings as text,
+JSON, SARIF, JUnit, annotations of GitHub or Markdown: `--output text`, `json`, `sarif`, `junit`, `github` or
+`markdown`.
 
-<!-- Made from the pages in docs/findings/ by scripts/findings_index.py; a test compares. -->
+<!-- scripts/findings_index.py makes this page from docs/findings/; a test compares. -->
 
 | id | severity | summary |
 | --- | --- | --- |"""
 
 
 def index_of_pages() -> str:
-    """`docs/diagnostics.md`: every finding with its severity, summary and page."""
+    """Return `docs/diagnostics.md`: each finding with its severity, summary and page."""
     rows = [_row(code, finding_page(code) or "") for code in known_codes()]
     return "\n".join([_HEAD, *rows]) + "\n"
 

@@ -2,6 +2,7 @@
 
 import importlib
 import pkgutil
+import re
 
 import pytest
 
@@ -33,6 +34,8 @@ def _add(found: dict[str, tuple[str, Finding]], module: str, finding: Finding) -
 
 
 FINDINGS = findings_of_the_package()
+MOST_WORDS = 120
+"""Of a page, without its examples."""
 
 
 def test_codes_have_the_form_that_pages_and_acceptances_expect() -> None:
@@ -50,6 +53,7 @@ def test_a_finding_has_a_page_that_says_the_same(code: str) -> None:
     assert page.splitlines()[0] == f"# {code}: {finding.summary}"
     assert severity_line(page).split(",")[0] == finding.severity.value
     assert page.endswith("\n")
+    assert len(re.sub(r"```.*?```", "", page, flags=re.DOTALL).split()) <= MOST_WORDS
 
 
 def test_no_page_is_left_without_a_finding() -> None:
