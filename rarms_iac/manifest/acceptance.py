@@ -14,7 +14,7 @@ from rarms_iac.storage.finding_pages import finding_page, known_codes, may_be_ac
 NOT_IN_EFFECT = Finding.warning("RARMS096", "An acceptance has no effect")
 
 REFUSED = Finding.error("RARMS098", "An acceptance names a finding that cannot be accepted")
-FINDINGS = (NOT_IN_EFFECT, NOT_IN_EFFECT, UNKNOWN_NAME, REFUSED)
+FINDINGS = (NOT_IN_EFFECT, UNKNOWN_NAME, REFUSED)
 
 
 def check_acceptances(policy: Policy, places: Places, today: date) -> Iterator[Diagnostic]:

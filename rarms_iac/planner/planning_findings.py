@@ -1,4 +1,4 @@
-"""Kinds of problems that planning finds (RARMS014, RARMS100-109, RARMS120-139, RARMS104)."""
+"""Kinds of problems that planning finds."""
 
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.shared_findings import DIFFERENT, UNUSABLE_RESERVE
@@ -43,7 +43,7 @@ KINDS = {
 NO_ROOM = frozenset({RESERVATIONS.code, MEMORY.code, PACKING.code})
 """Of them those of hosts that have too little."""
 
-REMARKS = {finding.code: finding for finding in (NOT_VERIFIED, DIFFERENT, NOT_VERIFIED)}
+REMARKS = {finding.code: finding for finding in (NOT_VERIFIED, DIFFERENT)}
 """What may be said of a measured reservation that was found."""
 
 
