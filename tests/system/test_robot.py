@@ -34,7 +34,7 @@ pytestmark = [pytest.mark.needs("ssh", "control-groups", "mounts", "sudo"), pyte
 
 SUDOERS = f"robot ALL=(root) NOPASSWD: /usr/bin/env -i {INSTALLED}/{__version__}/bin/python -I -m rarms_iac.robot\n"
 OVERLAY = """\
-hosts: {{ onboard: {{ connect: {{ ssh: cell }}, linux: {{ slice: {slice} }} }} }}
+hosts: {{ onboard: {{ connect: {{ ssh: cell, folder: '{folder}' }}, linux: {{ slice: {slice} }} }} }}
 components:
   face-detection: {{ cpu: {{ reserve: 0.6 LP }} }}
   speech-recognition: {{ cpu: {{ reserve: 0.3 LP }} }}
@@ -216,12 +216,12 @@ class StopsAt(RunReporter):
             self.stop.set()
 
 
-def test_a_sample_that_was_stopped_is_finished_later(
+def test_a_sample_that_was_stopped_is_finished_undone_and_measured(
     server: Remote, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     robot = tmp_path / "robot"
     shutil.copytree(CHECKOUT / "manifests" / "delivery-robot-linux", robot)
-    (robot / "here.yaml").write_text(OVERLAY.format(slice=slice_of(tmp_path)), encoding="utf-8")
+    (robot / "here.yaml").write_text(OVERLAY.format(slice=slice_of(tmp_path), folder=robot), encoding="utf-8")
     monkeypatch.setenv("PATH", server.environment["PATH"])
     hosts, overlay = load(robot, overlays=[robot / "here.yaml"]), ("--overlay", str(robot / "here.yaml"))
     try:
@@ -233,8 +233,11 @@ def test_a_sample_that_was_stopped_is_finished_later(
         finished = run(robot, "apply", "--auto-approve", "--lock-timeout", "60s", *overlay)
         assert finished.code == 0, finished.err
         assert run(robot, "drift", *overlay).code == 0
-        assert run(robot, "destroy", "--auto-approve", *overlay).code == 0
+        assert run(robot, "undo", "--auto-approve", *overlay).code == 0
         assert groups_of(tmp_path).names() == ()
+        few = ("--from", "40%", "--to", "50%", "--step", "10%", "--samples", "5", "--weak-load", "--json")
+        measured = run(robot, "measure", "path-planning", *few, *overlay)
+        assert [each["new"] for each in json.loads(measured.out)["experiments"]] == [2], measured
     finally:
         forget_host(tmp_path)
 
