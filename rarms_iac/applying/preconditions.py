@@ -14,7 +14,7 @@ from rarms_iac.model.system import Application
 from rarms_iac.model.wording import natural_order, quoted
 from rarms_iac.planner.refusals import IGNORED_RESERVES, asks_for_processors, ignores_reserves
 
-NO_RIGHTS = Finding.error("RARMS158", "Without rights, nothing seen proves nothing")
+NO_RIGHTS = Finding.error("RARMS158", "The right to manage the host is not proven")
 SCHEDULER = Finding.error(IGNORED_RESERVES, "The host's scheduler does not honour reserves")
 
 UNKNOWN_SCHEDULER = Finding.warning("RARMS166", "It is not known whether the host's scheduler honours reserves")

@@ -18,7 +18,7 @@ from rarms_iac.storage.foreign_values import ForeignValue
 
 HOST_FAILED = Finding.error("RARMS189", "The host cannot be reached, read or changed")
 
-MOVED = Finding.error("RARMS182", "The host has moved since the plan was made")
+MOVED = Finding.error("RARMS182", "The host has changed since the plan was made")
 
 OTHERS_RUN = Finding.error("RARMS340", "This belongs to another application or robot")
 
@@ -29,9 +29,9 @@ UNFINISHED = Finding.error("RARMS183", "Another run is unfinished on the host")
 STEP_FAILED = Finding.error("RARMS186", "A step failed")
 
 
-UNDO_PARTIAL = Finding.warning("RARMS193", "Not everything can be taken back")
+UNDO_PARTIAL = Finding.warning("RARMS193", "Not everything can be undone")
 UNDO_FOREIGN = Finding.warning("RARMS402", "An undo sets a value that rarms had not set")
-UNSIGNED = Finding.error("RARMS341", "What is to be run is not signed with the key")
+UNSIGNED = Finding.error("RARMS341", "The plan is not signed with the key")
 
 _LEAVE = prose(APPLY_ABANDON, " to leave the host as it is.")
 GO_ON = prose("Run the same command again to finish it, ", UNDO, " to take it back, or ", _LEAVE)

@@ -77,7 +77,7 @@ NO_STEADY_STATE = Finding.error("RARMS112", "A component reaches no steady state
 MISSED = Finding.error("RARMS118", "A component misses its threshold in the layout")
 NOT_APPLIED = Finding.error("RARMS119", "The layout is not on the host")
 STILL_STOPPED = Finding.error("RARMS269", "Partitions that were stopped to measure do not run again")
-WEAK_ANSWER = Finding.error("RARMS326", "What was measured under weak loads is no answer")
+WEAK_ANSWER = Finding.error("RARMS326", "A measurement with weak loads is not an answer")
 FIXED_ANYWAY = Finding.note("RARMS266", "The manifest fixes a reservation that was measured")
 LESS_UNKNOWN = Finding.warning("RARMS267", "Less may be enough: settings below have no steady state")
 

@@ -3,7 +3,7 @@
 from rarms_iac.model.diagnostics import Finding
 
 CLASS_ORDER = Finding.warning("RARMS128", "Priorities do not follow the criticalities")
-DAMAGED = Finding.error("RARMS190", "What the host keeps for rarms is damaged")
+DAMAGED = Finding.error("RARMS190", "The journal or a record on the host is damaged")
 DIFFERENT = Finding.warning("RARMS105", "A data log was measured under other conditions")
 FOREIGN_AT_NAME = Finding.error("RARMS150", "Something that rarms did not make is in the way")
 GENERATION = Finding.error("RARMS256", "This does not go with the machine's generation")

@@ -29,7 +29,7 @@ NO_MEMORY_LEFT = Finding.error("RARMS403", "The memory does not fit the host")
 
 UNMANAGED_GETS_LESS = Finding.warning("RARMS223", "A machine that is not managed gets less")
 
-SMT_COSTS = Finding.note("RARMS231", "Logical processors stand idle beside partitions with a reserve")
+SMT_COSTS = Finding.note("RARMS231", "SMT leaves logical processors idle")
 
 
 def review_smt(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:

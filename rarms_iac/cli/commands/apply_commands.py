@@ -71,8 +71,8 @@ def apply_command(
     """Do exactly what PLAN says; without PLAN: plan, show, ask, and do it.
 
     A run that was interrupted is finished first. PLAN is refused where it was edited
-    or used, or where a host has moved since it was made. Ctrl-C stops after the running step. With --prove, exit code 4
-    says that a threshold is missed in the layout; `rarms undo` takes it back.
+    or used, or where a host has changed since it was made. Ctrl-C stops after the running step. With --prove, exit
+    code 4 says that a threshold is missed in the layout; `rarms undo` takes it back.
     """
     session.answer_follows = options.proving
     if options.proving:

@@ -45,7 +45,7 @@ def test_a_plan_that_another_run_overtook_is_refused(lab: Lab) -> None:
 
     (refusal,) = lab.apply(old).findings
     assert refusal.code == "RARMS182"
-    assert refusal.summary == "The host has moved since the plan was made"
+    assert refusal.summary == "The host has changed since the plan was made"
 
 
 def test_the_same_plan_finishes_its_own_run(lab: Lab) -> None:

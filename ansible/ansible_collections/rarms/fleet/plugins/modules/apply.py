@@ -26,7 +26,7 @@ options:
     description:
       - A plan file on the controller; one for each robot, so its name should hold C(inventory_hostname).
       - V(planned) writes it, making its folder, and removes an earlier one where no plan can be made.
-      - V(applied) does what it says, and refuses where it was edited or used, or where the robot moved since.
+      - V(applied) does what it says, and refuses where it was edited or used, or where the robot changed since.
     type: path
   max_disruption:
     description: Hold back what disturbs more; as the manifest's policy says otherwise.
