@@ -14,9 +14,9 @@ import pytest
 
 from rarms_iac.app.applying import apply as apply_plan
 from rarms_iac.app.control import Control, NeverStop, SilentAppReporter
-from rarms_iac.app.hosts import load
+from rarms_iac.app.hosts import Hosts, load
 from rarms_iac.app.planning import plan
-from rarms_iac.applying.run_report import ReportedStep, RunEnding, RunReporter
+from rarms_iac.applying.run_report import ReportedStep, RunEnding, RunReport, RunReporter
 from rarms_iac.model.version import __version__
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from rarms_iac.providers.robot import INSTALLED, LINE_LIMIT, READY, entry_command
@@ -169,7 +169,7 @@ def test_garbage_over_ssh_is_not_a_request(server: Remote) -> None:
         assert "the request cannot be read" in json.loads(answer)["failure"]["findings"][0]["detail"]
 
 
-def test_a_robot_with_a_key_refuses_unsigned_plans(
+def test_a_robot_with_a_key_refuses_unsigned_plans_and_runs(
     folder: Path, robot_rarms: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     key = "0123456789abcdef"
@@ -179,15 +179,19 @@ def test_a_robot_with_a_key_refuses_unsigned_plans(
     (folder / "etc" / "key").chmod(0o600)
     (folder / "keyed").mkdir()
     mount = f"mkdir -p /etc/rarms && mount --bind {folder / 'etc'} /etc/rarms"
+    assert stopped_at(2, load(folder)).ending is RunEnding.INTERRUPTED
     with a_server(folder / "keyed", lambda words: on_robot(robot_rarms, words, mount)) as keyed:
         monkeypatch.setenv("PATH", keyed.environment["PATH"])
 
+        unfinished = apply(folder)
+        assert run(folder, "apply", "--abandon", "--auto-approve").code == 0
         refused = apply(folder)
         monkeypatch.setenv("RARMS_PLAN_KEY", key)
         signed = apply(folder)
 
-    assert refused.code == 3
-    assert "sign" in refused.err
+    for each in (unfinished, refused):
+        assert each.code == 3
+        assert "RARMS341" in each.err
     assert signed.code == 0
 
 
@@ -202,6 +206,13 @@ def test_a_full_disk_there_is_reported(folder: Path, robot_rarms: Path, monkeypa
     assert failed.code == 1
     assert "No space left on device" in " ".join(failed.err.split())
     assert groups_of(folder).names() == ()
+
+
+def stopped_at(step: int, hosts: Hosts) -> RunReport:
+    """Apply until a step has begun."""
+    stop, reporter = Event(), SilentAppReporter()
+    reporter.steps = StopsAt(step, stop)
+    return apply_plan(plan(hosts), control=Control(reporter=reporter, stop=StopsOn(stop)))
 
 
 @dataclass
@@ -225,9 +236,7 @@ def test_a_sample_that_was_stopped_is_finished_undone_and_measured(
     monkeypatch.setenv("PATH", server.environment["PATH"])
     hosts, overlay = load(robot, overlays=[robot / "here.yaml"]), ("--overlay", str(robot / "here.yaml"))
     try:
-        stop, reporter = Event(), SilentAppReporter()
-        reporter.steps = StopsAt(4, stop)
-        report = apply_plan(plan(hosts), control=Control(reporter=reporter, stop=StopsOn(stop)))
+        report = stopped_at(4, hosts)
         assert report.ending is RunEnding.INTERRUPTED, report
 
         finished = run(robot, "apply", "--auto-approve", "--lock-timeout", "60s", *overlay)
