@@ -8,6 +8,7 @@ from typing import Literal
 
 from rarms_iac.app.files import make_folder, read_input_file, write_file
 from rarms_iac.app.plan_files import plan_in
+from rarms_iac.app.plan_key import plan_key
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.model.commands import command
 from rarms_iac.model.diagnostics import Diagnostic
@@ -66,7 +67,15 @@ def plan_scripts(plan: Plan, form: ScriptForm = ScriptForm.MODULE) -> tuple[Plan
     """Return every script of the plan by host, then by name; a plan file holds those of the module form.
 
     A simulated host has those that a Hyper-V host would have for the same steps. A Linux host has none.
+
+    Raises:
+        RequestError: the plan is signed with a key, and none is set: its scripts carry a signature of that key.
     """
+    if plan.signature and plan_key() is None:
+        raise RequestError(
+            f"Plan {plan.id} was signed with a key, and so are its scripts. No key is set here.",
+            "Set RARMS_PLAN_KEY or RARMS_PLAN_KEY_FILE.",
+        )
     return tuple(script for part in plan.hosts for script in _of_host(part, _texts(part, plan, form)))
 
 

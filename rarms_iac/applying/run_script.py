@@ -95,7 +95,7 @@ def _recorded_script(host: str, name: str, text: str, module: Mapping[str, str])
 
 def _bundle(name: str, files: Mapping[str, str]) -> ScriptBundle:
     """Return the script of this name with what lies beside it, and the longest wait for a machine to stop."""
-    graces = map(int, re.findall(r"GraceMs(?: =)? ([0-9]+)", files[name]))
+    graces = map(int, re.findall(r"GraceMs(?: =)? ([0-9]{1,9})\b", files[name]))
     return ScriptBundle(runs=name, files=files, longest_grace_ms=max(graces, default=0))
 
 

@@ -1,6 +1,5 @@
 """The whole route: files that a user names -> `System`, with every finding about them."""
 
-import hashlib
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,6 +16,7 @@ from rarms_iac.model.names import is_name, robot_of
 from rarms_iac.model.plan import InputText
 from rarms_iac.model.shared_findings import NOT_READ
 from rarms_iac.model.system import System
+from rarms_iac.storage.digest import digest_of_texts
 from rarms_iac.storage.reading import STANDARD_INPUT
 
 DEFAULT_NAME = "rarms.yaml"
@@ -157,10 +157,7 @@ def manifest_digest(path: str, overlays: Sequence[str] = ()) -> str | None:
 
 
 def _digest(texts: list[ParsedText]) -> str:
-    digest = hashlib.sha256()
-    for text in texts:
-        digest.update(hashlib.sha256(text.source.data).digest())
-    return digest.hexdigest()
+    return digest_of_texts([text.source.data.decode("utf-8", "replace") for text in texts])
 
 
 def _as_text(text: ParsedText) -> InputText:

@@ -1,6 +1,7 @@
 """Digests of any value that can be written."""
 
 import hashlib
+from collections.abc import Iterable
 
 from rarms_iac.storage.json_text import canonical
 
@@ -15,6 +16,14 @@ def digest(value: object) -> str:
         Lower case.
     """
     return hashlib.sha256(canonical(value).encode("ascii")).hexdigest()
+
+
+def digest_of_texts(texts: Iterable[str]) -> str:
+    """Return the SHA-256 of texts in their order, in 64 hex digits in lower case."""
+    whole = hashlib.sha256()
+    for text in texts:
+        whole.update(hashlib.sha256(text.encode("utf-8", "surrogatepass")).digest())
+    return whole.hexdigest()
 
 
 def short(text: str, digits: int = 12) -> str:

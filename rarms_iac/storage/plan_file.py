@@ -18,7 +18,7 @@ from rarms_iac.model.plan import HostPlan, Plan, PlanInputs
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import in_a_row, quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
-from rarms_iac.storage.digest import digest, short
+from rarms_iac.storage.digest import digest, digest_of_texts, short
 from rarms_iac.storage.json_text import canonical, parse_json, readable_json
 from rarms_iac.storage.script_signature import signed_scripts
 
@@ -73,11 +73,14 @@ def plan_id(plan: Plan) -> str:
 
     Scripts are left out, which carry the id, and all that names files as they are seen from there: the paths of the
     manifest and its overlays, the files of places, and the findings, whose advice repeats the options of the command.
+    The recorded texts count where they differ from the manifest's own, which has secrets or was edited since.
     """
     hosts = tuple(_bare(host) for host in plan.hosts)
     document = cast("dict[str, Any]", encode(replace(plan, id="", manifest="", findings=(), accepted=(), hosts=hosts)))
     for name in ("overlays", "inputs", "signature"):
         del document[name]
+    if (texts := digest_of_texts(["\n".join(text.lines) for text in plan.inputs.texts])) != plan.manifest_digest:
+        document["texts"] = texts
     for place in _places_in(document["hosts"]):
         if place is not None:
             del place["file"]

@@ -3,7 +3,6 @@
 import re
 from typing import TYPE_CHECKING
 
-from rarms_iac.storage.finding_pages import known_codes
 from rarms_iac.views.console import columns, paragraph, stack, styled
 
 if TYPE_CHECKING:
@@ -14,9 +13,8 @@ _BLOCK_STARTS = ("#", "- ", "* ", "```")
 
 
 def unknown_code(code: str) -> str:
-    """Say that a code has no page; NOTE: a number that is near says nothing of what was meant."""
-    first, *_, last = known_codes()
-    return f"There is no finding {code}: they lie between {first} and {last}, and docs/diagnostics.md lists them all."
+    """Say that a code has no page. A similar number says nothing about what was meant."""
+    return f"There is no finding {code}: docs/diagnostics.md lists them all."
 
 
 def page_text(page: str) -> "RenderableType":

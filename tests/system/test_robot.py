@@ -21,7 +21,7 @@ from rarms_iac.model.version import __version__
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from rarms_iac.providers.robot import INSTALLED, LINE_LIMIT, READY, entry_command
 from tests.contracts.benches import forget_host, groups_of, slice_of
-from tests.needs import CHECKOUT
+from tests.needs import CHECKOUT, ROBOT_PYTHON
 from tests.remote import Remote, a_server
 from tests.robot_install import on_robot, robot_rarms
 from tests.system.test_linux_walk import MANIFEST
@@ -247,6 +247,40 @@ def test_a_sample_that_was_stopped_is_finished_undone_and_measured(
         few = ("--from", "40%", "--to", "50%", "--step", "10%", "--samples", "5", "--weak-load", "--json")
         measured = run(robot, "measure", "path-planning", *few, *overlay)
         assert [each["new"] for each in json.loads(measured.out)["experiments"]] == [2], measured
+    finally:
+        forget_host(tmp_path)
+
+
+WITH_ITS_PROGRAMS = """\
+  face-detection: {{ cpu: {{ reserve: 0.6 LP }}, run: {{ command: [{python}, components/face_detection.py] }} }}
+  speech-recognition:
+    cpu: {{ reserve: 0.3 LP }}
+    run: {{ command: [{python}, components/speech_recognition.py, --period-ms, '150'] }}
+  path-planning: {{ cpu: {{ reserve: 0.2 LP }} }}
+  video-streaming:
+    cpu: {{ reserve: 0.2 LP }}
+    run: {{ command: [{python}, components/video_streaming.py, --period-ms, '33'] }}
+"""
+
+
+@pytest.mark.alone
+@pytest.mark.needs("robot")
+def test_the_sample_is_proven_with_its_own_programs(
+    server: Remote, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = tmp_path / "robot"
+    subprocess.run([CHECKOUT / "scripts" / "make-robot", robot], check=True, timeout=300)
+    there = OVERLAY.partition("  face")[0].format(slice=slice_of(tmp_path), folder=robot)
+    (robot / "here.yaml").write_text(there + WITH_ITS_PROGRAMS.format(python=ROBOT_PYTHON), encoding="utf-8")
+    monkeypatch.setenv("PATH", server.environment["PATH"])
+    overlay = ("--overlay", str(robot / "here.yaml"))
+    try:
+        assert run(robot, "apply", "--auto-approve", *overlay).code == 0
+        proven = run(robot, "prove", "--without-load", "--json", *overlay)
+        verdicts = json.loads(proven.out)["proofs"][0]["verdicts"]
+        shown = {each["measured"]["component"] for each in verdicts if each["measured"]["estimate"]}
+        assert shown == {"face-detection", "speech-recognition", "path-planning", "video-streaming"}, proven
+        assert run(robot, "destroy", "--auto-approve", *overlay).code == 0
     finally:
         forget_host(tmp_path)
 

@@ -46,7 +46,7 @@ Change = Callable[[dict[str, Any]], object]
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A plan of three hosts among which the solver chose, with a measured reservation."""
     folder = tmp_path_factory.mktemp("fleet")
-    (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+    (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
     leave_logs(folder, {"a": 60})
     made = rarms("plan", "-f", str(folder), "--out", str(folder / "fleet.plan"), "--json", "--verbose")
     assert made.code == 0, made.err
@@ -110,6 +110,16 @@ def test_another_highspy_reads_the_same_bytes(fleet: Path, tmp_path: Path) -> No
     assert 'here: "99.9"' in " ".join(other.stderr.decode().split())
 
 
+def a_remark(document: dict[str, Any]) -> None:
+    document["inputs"]["texts"][0]["lines"][-1] += "# checked"
+
+
+def a_stricter_threshold(document: dict[str, Any]) -> None:
+    """The layout and the reservations stay, so that the plan does the same."""
+    lines = document["inputs"]["texts"][0]["lines"]
+    lines[:] = [line.replace("at_most: 50 ms", "at_most: 40 ms") for line in lines]
+
+
 def a_full_host(document: dict[str, Any]) -> None:
     hosts = document["inputs"]["layout"]["hosts"]
     hosts.update(dict.fromkeys(hosts, "one"))
@@ -129,6 +139,8 @@ def swapped(document: dict[str, Any]) -> None:
         (lambda document: document["inputs"]["layout"]["hosts"].pop("a"), "its layout does not fit its hosts"),
         (lambda document: document["inputs"]["layout"].update(reserved_bound=10**6), "its layout does not fit"),
         (swapped, "and was written for plan"),
+        (a_remark, "and was written for plan"),
+        (a_stricter_threshold, "and was written for plan"),
         (lambda document: document["inputs"].update(today="2020-01-01"), "and was written for plan"),
         (lambda document: document["inputs"].update(purpose="destroy"), "and was written for plan"),
         (lambda document: document["inputs"]["texts"][0]["lines"].pop(-2), "its layout does not fit"),

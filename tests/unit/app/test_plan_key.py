@@ -89,15 +89,17 @@ def test_the_signature_covers_the_whole_file(robot: Path, tmp_path: Path, monkey
     monkeypatch.setenv(VARIABLE, KEY)
     assert rarms("plan", "-f", str(robot), "--out", str(plan)).code == 0
     document = json.loads(plan.read_bytes())
-    document["inputs"]["texts"][0]["lines"][-1] += "# checked"
+    document["inputs"]["versions"]["highspy"] += ".1"
     plan.write_text(json.dumps(document), encoding="utf-8")
 
     refused = rarms("apply", str(plan))
     monkeypatch.delenv(VARIABLE)
+    scripts = rarms("show", str(plan), "--script")
     done = rarms("apply", str(plan))
 
-    assert (refused.code, done.code) == (3, 0)
+    assert (refused.code, scripts.code, done.code) == (3, 64, 0)
     assert "error[RARMS341]" in refused.err
+    assert "Set RARMS_PLAN_KEY" in scripts.err
 
 
 @pytest.mark.parametrize("words", [("-f", "{manifest}", "--auto-approve"), ("{plan}",)])
