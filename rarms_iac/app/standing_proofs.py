@@ -95,6 +95,8 @@ def _changes_since(proof: ComponentProof, host: HostNow) -> Iterator[str]:
         yield f"its layout on {host.name} was undone at {undone_at}"
         return
     foreign = f"was changed on {host.name} by another tool after {host.last_run}"
+    if host.runs and host.runs[-1].run is RunKind.UNDO:  # it may have set again what another tool had set
+        foreign = f"was changed on {host.name} by the undo at {host.last_run} or by another tool after it"
     if proof.partition in host.changed:
         yield f"its partition {foreign}"
     differences = _differences(proof, host)

@@ -93,8 +93,8 @@ def findings_of_run(result: ComponentRunResult, manifest: Manifest, *, reserved:
             '"{component}" had {_count} and may have {allowed_failures}: {reasons:;}. Such a setting gets no verdict.',
             MORE_MEMORY
             if result.killed_for_memory
-            else "Look at what it says on standard error (shown above), and whether `run.samples` fits its output; "
-            "each line must be written at once (flushed). `run.failures` allows some; a job of `per_run` may end with "
+            else "Look at what it writes on standard error, and whether `run.samples` fits its output; "
+            "it must write each line at once (flush it). `run.failures` allows some; a job of `per_run` may end with "
             "any exit code where the APT has a `success_rate`.",
             address=address,
             component=name,

@@ -81,7 +81,7 @@ def difference_text(difference: ScriptDifference | TextDifference) -> "Renderabl
         text = f"{step.address}, {_describe_position(step)}: {step.action}"
         parts += [_line(_symbol(step), text), *map(_detail, step.details)]
     counts = [sum(_symbol(step) == symbol for step in difference.steps) for symbol in "+~-"]
-    total = f"Steps: {counts[0]} only there, {counts[1]} changed, {counts[2]} gone, {difference.same} the same."
+    total = f"Steps: {counts[0]} new, {counts[1]} changed, {counts[2]} gone, {difference.same} the same."
     return stack(*parts, "", paragraph(styled((total, STRONG))))
 
 

@@ -54,6 +54,13 @@ LATER = replace(NOW, serial=2, runs=(FIRST, SECOND))
             ("its partition was changed on onboard by another tool after 2026-11-22 10:00:00 UTC",),
         ),
         (
+            replace(LATER, serial=3, runs=(FIRST, SECOND, run(RunKind.UNDO, "b", 12)), changed=frozenset({"vision"})),
+            (
+                "its partition was changed on onboard by the undo at 2026-11-22 12:00:00 UTC "
+                "or by another tool after it",
+            ),
+        ),
+        (
             replace(NOW, changed=frozenset({"speech"}), reserves={"vision": 60, "speech": 30}),
             (
                 "its layout was changed on onboard by another tool after 2026-11-22 10:00:00 UTC: "

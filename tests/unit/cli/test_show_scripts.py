@@ -124,7 +124,7 @@ def test_two_plans_are_compared_by_steps(plan: str, other: str) -> None:
     assert compared.code == same.code == 0
     assert "  ~ partition/seam-tracking, step " in compared.out
     assert "      after.reserve  70 -> 60\n" in compared.out
-    assert "0 only there" in compared.out
+    assert "0 new" in compared.out
     assert {step["address"] for step in loaded["steps"]} == {"partition/seam-tracking"}
     assert "do the same" in same.out
 
