@@ -158,6 +158,8 @@ def _make_again(inputs: PlanInputs) -> PlanningResult:
     loaded = load_texts(inputs.texts, today=inputs.today)
     if loaded.system is None:
         return PlanningResult(plan=None, findings=loaded.diagnostics)
+    if inputs.layout is None and inputs.purpose is Purpose.APPLY and inputs.observed:
+        raise LayoutRefused
     request = PlanRequest(
         **{each.name: getattr(inputs, each.name) for each in fields(PlanOrder)},
         system=loaded.system,

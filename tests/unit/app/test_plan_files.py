@@ -138,6 +138,7 @@ def swapped(document: dict[str, Any]) -> None:
         (a_full_host, "its layout does not fit its hosts"),
         (lambda document: document["inputs"]["layout"]["hosts"].pop("a"), "its layout does not fit its hosts"),
         (lambda document: document["inputs"]["layout"].update(reserved_bound=10**6), "its layout does not fit"),
+        (lambda document: document["inputs"].update(layout=None), "its layout does not fit its hosts"),
         (swapped, "and was written for plan"),
         (a_remark, "and was written for plan"),
         (a_stricter_threshold, "and was written for plan"),
