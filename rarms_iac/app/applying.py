@@ -112,10 +112,6 @@ def refuse_unsigned(plan: Plan) -> None:
 def refuse_unsigned_runs(hosts: Sequence[LiveHost], *, needs_key: bool) -> None:
     """Refuse unfinished runs whose journal does not hold a plan that was signed with the key, where one is set.
 
-    Args:
-        hosts: whose unfinished runs are judged.
-        needs_key: a key has to be set.
-
     Raises:
         UseCaseError: a run is not signed, or no key is set (refused).
         RequestError: the key is not as it must be.
@@ -240,9 +236,7 @@ def manifest_of(plan: Plan, given: ManifestSource, *, is_named: bool) -> Manifes
     """Name the manifest and the overlays that a plan was made of.
 
     Args:
-        plan: the plan, which has their paths.
         given: the caller's; its overlays count if there are any, and the day is taken from it.
-        is_named: the caller named the manifest.
 
     Returns:
         The source; what the caller did not name is as the plan has it, but for a manifest from standard input.

@@ -120,7 +120,6 @@ class Reporter(Protocol):
 
         Args:
             diagnostics: in any order; may be empty.
-            sources: the files that they point into.
         """
 
 

@@ -46,7 +46,6 @@ def subject_of(system: System, host: Host, members: tuple[str, ...], interferenc
     """Return what a data log of these components is about.
 
     Args:
-        system: What the manifest says.
         host: Where it is measured.
         members: Names of the components that share P1, sorted.
         interference: Name of the load in P2.
@@ -70,7 +69,6 @@ def path_of(folder: Path, subject: LogSubject) -> Path:
     """Return where the data log of a subject lies.
 
     Args:
-        folder: The manifest's.
         subject: Its platform, members and load name the file.
 
     Returns:
@@ -125,9 +123,7 @@ def used_processors(
     """Return what data logs say of the processors that components use at once on a host.
 
     Args:
-        system: What the manifest says.
         host: Logs of its platform count, beside any load of the manifest.
-        files: Of the manifest's folder.
         platform_facts: The host as it is now: a log that no longer holds says nothing.
         read: Reads a log; None: each is read when it is asked for.
 
@@ -214,7 +210,6 @@ def put_together(system: System, names: Names) -> tuple[System, Group]:
     """Put components into one partition, as those of a compound are measured.
 
     Args:
-        system: What the manifest says.
         names: Of its components, sorted.
 
     Returns:
@@ -243,12 +238,6 @@ def curves_of(group: Group, log: MeasuredTogether) -> Iterator[tuple[Curve, Thre
 def present(file: LogFile, subject: LogSubject, files: Files, platform_facts: ObservedPlatform) -> Present:
     """Select what of a data log holds now.
 
-    Args:
-        file: As it was read.
-        subject: What it is to be about.
-        files: Of the manifest's folder.
-        platform_facts: The host as it is now.
-
     NOTE: interpreters outside of the folder are recorded by a measurement and not looked for here: nothing but files
     below the folder is opened for an untrusted manifest.
     """
@@ -259,7 +248,6 @@ def known_platform(host: Host, facts: HostFacts | None = None) -> PartialPlatfor
     """Return what is known of a host now, to be compared with what a data log says of it.
 
     Args:
-        host: As the manifest has it.
         facts: As it was seen; None: it was not looked at.
 
     Returns:
@@ -383,7 +371,6 @@ def stale_advice(changed: Sequence[Changed], members: Names) -> Prose:
 
     Args:
         changed: What is not as it was.
-        members: Names of the components that it is of.
     """
     again = _measuring(members)
     if not any(change.is_of_hardware for change in changed):

@@ -128,8 +128,6 @@ def record_tuning(hosts: Hosts, platform: str, run: TuningRun) -> None:
 
     Args:
         hosts: Those of the manifest, below whose folder the log lies.
-        platform: Of the host that was measured on.
-        run: As it ended.
 
     Raises:
         UseCaseError: The log is damaged (negative), or another run does not let go of it (refused).
@@ -168,7 +166,6 @@ def outdated_compounds(runs: Sequence[TuningRun], manifest: Manifest, host: Host
     Args:
         runs: Those whose compounds are meant.
         manifest: The manifest, with its measurements beside it.
-        host: On which the compounds were to be.
 
     Returns:
         By the sorted names of its members, a clause for each compound that is outdated.

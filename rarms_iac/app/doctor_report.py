@@ -96,10 +96,6 @@ class DoctorReport:
 def report_examinations(hosts: Hosts, examined: Examinations) -> DoctorReport:
     """Keep of an examination what tells nothing of whose it is.
 
-    Args:
-        hosts: those that were examined.
-        examined: what was seen of them.
-
     Returns:
         Numbers, versions and words of ours; text that a host or a manifest says is left out.
     """

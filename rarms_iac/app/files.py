@@ -43,7 +43,6 @@ def write_file(path: str, data: bytes) -> None:
 
     Args:
         path: as the user gave it; its folder exists.
-        data: all of it.
 
     Raises:
         UseCaseError: the name is that of a link, or the system does not let us; what was there before still is.
@@ -66,7 +65,6 @@ def write_new_file(path: str, data: bytes) -> None:
 
     Args:
         path: as the user gave it; its folder exists.
-        data: all of it.
 
     Raises:
         UseCaseError: something has that name, a link included, or the system does not let us (failed).
@@ -79,9 +77,6 @@ def write_new_file(path: str, data: bytes) -> None:
 
 def make_folder(path: str) -> None:
     """Make a folder and those above it; it may exist.
-
-    Args:
-        path: as the user gave it.
 
     Raises:
         UseCaseError: the system does not let us, or a file has its name.

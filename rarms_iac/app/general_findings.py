@@ -35,7 +35,6 @@ def usage_finding(message: str, advice: Wording, verb: str) -> Diagnostic:
     """Make the finding for words that do not fit a command, for a program that reads findings.
 
     Args:
-        message: what is wrong, as a sentence.
         advice: what to do instead; empty: the command's help says it.
         verb: the command whose `--help` is advised; empty: none was named.
 
@@ -70,9 +69,6 @@ def system_finding(error: OSError) -> Diagnostic:
 def conflict_finding(path: str) -> Diagnostic:
     """Make the finding for a file that exists already and is not replaced.
 
-    Args:
-        path: the file, as people know it.
-
     Returns:
         A finding that tells to name another file or folder.
     """
@@ -83,10 +79,6 @@ def conflict_finding(path: str) -> Diagnostic:
 
 def write_finding(path: str, error: OSError) -> Diagnostic:
     """Make the finding for a file that could not be written.
-
-    Args:
-        path: the file, as people know it.
-        error: why.
 
     Returns:
         A finding with the system's own words.
@@ -99,7 +91,6 @@ def read_finding(path: str, message: str, advice: Wording) -> Diagnostic:
     """Return the finding for a file that could not be read.
 
     Args:
-        path: as the user named it.
         message: why, as the end of a sentence without a full stop.
         advice: what to do, as whole sentences.
 

@@ -97,10 +97,6 @@ def graph_of_manifest(manifest: Manifest) -> LayoutGraph:
 def graph_of_layout(system: System, layout: Layout) -> LayoutGraph:
     """Arrange a layout by hosts.
 
-    Args:
-        system: of the manifest.
-        layout: of its partitions.
-
     Returns:
         All hosts, also those that get nothing.
     """
@@ -191,8 +187,6 @@ def recorded_answers(
 
     Args:
         manifest: The manifest, with its measurements beside it.
-        host: On which they are to hold.
-        candidates: The compounds.
         states: Of hosts that were looked at: what was seen is compared with the logs, too.
 
     Returns:

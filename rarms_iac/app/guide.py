@@ -52,7 +52,6 @@ def guide_facts(manifest: Manifest, name: str) -> GuideFacts:
 
     Args:
         manifest: With its data logs beside it.
-        name: Of the component.
 
     Returns:
         Settings in the units of their tools: whole per cent, MiB.

@@ -57,9 +57,6 @@ class Hosts:
     def only(self, *names: str) -> "Hosts":
         """Keep these of the manifest's hosts, and leave the others out.
 
-        Args:
-            names: Of hosts of the manifest.
-
         Returns:
             A copy; with no names, all hosts of the manifest.
         """
@@ -68,9 +65,6 @@ class Hosts:
     def state_path(self, host: str) -> str:
         """Where a simulated host's file lies, relative to the folder.
 
-        Args:
-            host: a name of the manifest.
-
         Returns:
             A path with slashes; overlays have files of their own.
         """
@@ -78,9 +72,6 @@ class Hosts:
 
     def open(self, host: str) -> LiveHost:
         """Return the live host.
-
-        Args:
-            host: a name of the manifest.
 
         Returns:
             A host that is not connected to yet: its first method may fail.
@@ -93,19 +84,12 @@ class Hosts:
         return open_host(self.system.hosts[host], self.folder, self.state_path(host), self.channels.get(host))
 
     def robot(self, host: str) -> RobotHost | None:
-        """Return the live host if its own rarms does what is asked; None: this rarms does.
-
-        Args:
-            host: a name of the manifest.
-        """
+        """Return the live host if its own rarms does what is asked; None: this rarms does."""
         live = self.open(host)
         return live if isinstance(live, RobotHost) else None
 
     def can_run_on(self, host: str) -> bool:
         """Tell whether components can be run on a host, from here or by its own rarms.
-
-        Args:
-            host: a name of the manifest.
 
         Raises:
             UseCaseError: as of `open_to_measure`.
@@ -126,9 +110,6 @@ class Hosts:
 
     def open_to_measure(self, host: str) -> MeasuringHost | None:
         """Return the live host to run components on; None: this version cannot run any there.
-
-        Args:
-            host: a name of the manifest.
 
         Raises:
             UseCaseError: a channel leads to it, which runs one command at a time (failed).
@@ -216,7 +197,6 @@ def observe_hosts(hosts: Hosts, *, needed: Collection[str] | None = None) -> Map
     """Look at every host of the manifest; those that are not needed help the planner where they can be reached.
 
     Args:
-        hosts: those of the manifest.
         needed: names of hosts without which there is no answer; None: the chosen ones.
 
     Returns:
@@ -293,10 +273,6 @@ def record_host(host: LiveHost) -> bytes:
 def refuse_unfinished(hosts: Hosts, *, unless: Callable[[Journal | ScriptRun], bool] = lambda _run: False) -> None:
     """Refuse hosts with an unfinished run: a plan that is made now could never be applied.
 
-    Args:
-        hosts: The chosen ones are looked at.
-        unless: Runs that the caller finishes.
-
     Raises:
         UseCaseError: a chosen host has an unfinished run (refused).
     """
@@ -350,7 +326,6 @@ def last_run(hosts: Hosts, name: str) -> Journal | ScriptRun | None:
     """Read the journal of the last run on a host.
 
     Args:
-        hosts: of the manifest.
         name: a live host's.
 
     Returns:

@@ -165,7 +165,6 @@ def install(hosts: Hosts, request: InstallRequest, control: Control = UNATTENDED
 
     Args:
         hosts: the chosen ones, of which each is a Linux host.
-        request: what is done.
         control: hears what is downloaded and sent.
 
     Returns:

@@ -78,7 +78,6 @@ def main(archive: tarfile.TarFile, places: RobotPlaces) -> None:
 
     Args:
         archive: open behind its first member, this file.
-        places: of the robot.
     """
     os.umask(0o022)  # a user who may not read the environment could not call it
     try:

@@ -127,11 +127,7 @@ def pins_for(lock: str, robot: RobotPython) -> tuple[Pin, ...]:
 
 
 def build_name(robot: RobotPython) -> str:
-    """Return the name of the environment on a robot: the version, and a digest of all that makes it what it is.
-
-    Args:
-        robot: whose Python it is for.
-    """
+    """Return the name of the environment on a robot: the version, and a digest of all that makes it what it is."""
     parts = (own_wheel().digest, robot.short_version, *robot.platforms)
     lines = [*parts, *(pin.requirement for pin in pins_for(shipped_text(LOCK), robot))]
     digest = hashlib.sha256("\n".join(lines).encode("ascii")).hexdigest()
@@ -142,7 +138,6 @@ def wheels_for(robot: RobotPython, folder: Path) -> tuple[Wheel, ...]:
     """Return the wheels for a robot, rarms' own included.
 
     Args:
-        robot: whose Python they are for.
         folder: wheels are taken from it; pip downloads into it what it lacks.
 
     Returns:

@@ -27,9 +27,6 @@ class FileEdit:
 def write_edits(edits: Sequence[FileEdit]) -> None:
     """Write the files that are changed: all, or none where another hand changed one of them.
 
-    Args:
-        edits: one a file.
-
     Raises:
         UseCaseError: One cannot be written (failed).
         RequestError: One was changed since it was read; that change stays.
@@ -73,7 +70,6 @@ def edit_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> tuple[FileE
 
     Args:
         manifest: Its files are read; nothing is written yet.
-        compounds: Those that are new.
 
     Returns:
         What each file is to hold, by its name.
@@ -99,7 +95,6 @@ def emptied_partitions(system: System, compounds: Sequence[Coi]) -> Mapping[str,
 
     Args:
         system: Before that.
-        compounds: Those that are new.
 
     Returns:
         The name of that compound, by the name of the entry, sorted.
@@ -128,9 +123,5 @@ def _text(texts: dict[str, str], before: dict[str, str], file: str) -> str:
 
 
 def text_of(file: str) -> str:
-    """Return the text of a manifest's file with its own line ends.
-
-    Args:
-        file: That was loaded.
-    """
+    """Return the text of a manifest's file with its own line ends."""
     return read_file(file, MAX_BYTES).decode("utf-8")

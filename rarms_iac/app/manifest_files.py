@@ -27,9 +27,6 @@ _WITHOUT_A_NAME = "my-application"
 def initial_manifest(name: str) -> str:
     """Make a commented manifest, which validates and plans on a simulated host as it is.
 
-    Args:
-        name: of the application.
-
     Returns:
         Its text.
     """
@@ -44,9 +41,6 @@ def tutorial_manifest() -> str:
 
 def name_from(folder: str) -> str:
     """Make a name that an application may have: `My Robot (2)` -> `my-robot-2`.
-
-    Args:
-        folder: a name of a folder, of any characters.
 
     Returns:
         At most 63 small letters, digits and hyphens.

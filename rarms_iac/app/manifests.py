@@ -118,7 +118,6 @@ def declared_names(manifest: str, section: str) -> tuple[str, ...]:
     """Return the keys of a section of a manifest, which may have errors elsewhere.
 
     Args:
-        manifest: the file or its folder.
         section: as `components`.
 
     Returns:

@@ -29,7 +29,6 @@ def hold_data_log(folder: Path, path: Path, timeout_ms: int) -> Iterator[None]:
     """Hold a data log, and remove what killed writers left beside it.
 
     Args:
-        folder: The manifest's.
         path: Of the log, below `measurements/` in it.
         timeout_ms: How long to wait for another run.
 
@@ -47,9 +46,6 @@ def hold_data_log(folder: Path, path: Path, timeout_ms: int) -> Iterator[None]:
 @contextmanager
 def hold_configuration_logs(folder: Path) -> Iterator[None]:
     """Hold the configuration logs of a manifest's folder for as long as it takes to add to them.
-
-    Args:
-        folder: of the manifest.
 
     Yields:
         Once, with the logs held.
@@ -89,7 +85,6 @@ def unreadable_advice(problem: LogUnreadable, otherwise: Wording) -> Prose:
     """Say what to do about a log that cannot be read.
 
     Args:
-        problem: In the log.
         otherwise: What to do where git does not have it, without a full stop.
     """
     if problem.is_conflict:

@@ -44,9 +44,7 @@ def option(
     """Make a dataclass's field that is an option.
 
     Args:
-        flags: its spellings.
         help: what it is for, in the `--help` of each command that takes the request.
-        default: of the field.
         required: the command line has to give it; there is no default then.
         metavar: what stands for the value in the help; None: click's own word.
         read: makes the value of a word; None: as the field's type says.
@@ -65,10 +63,6 @@ def option(
 
 def flag(name: str, *, help: str) -> Any:  # noqa: A002 - as above
     """Make a dataclass's field that is False unless the option is given.
-
-    Args:
-        name: its spelling.
-        help: what it is for.
 
     Returns:
         The field, as `dataclasses.field` makes it.
@@ -149,9 +143,6 @@ def read_day(text: str) -> date:
 
 def read_host_name(text: str) -> str:
     """Read the name of a host.
-
-    Args:
-        text: the name.
 
     Returns:
         The same.

@@ -24,7 +24,6 @@ def write_plan_file(path: str, plan: Plan) -> None:
     """Write what a plan is made of, for `read_plan_file`.
 
     Args:
-        path: as the user gave it.
         plan: as `planning.plan` made it.
 
     Raises:
@@ -47,10 +46,6 @@ def read_plan_file(path: str) -> Plan:
 
 def plan_in(path: str, data: bytes) -> Plan:
     """Make the plan of a file again, from what the file holds.
-
-    Args:
-        path: the file, as it was named.
-        data: all of it.
 
     Returns:
         The plan that was written, with the same id. Where a key is set that the file is signed with, its parts are

@@ -30,7 +30,6 @@ def plan_request(hosts: Hosts, limits: PlanLimits = NO_LIMITS) -> PlanRequest:
     """Ask for all that the manifest wants of the chosen hosts; `dataclasses.replace` asks for something else.
 
     Args:
-        hosts: the manifest and the chosen hosts.
         limits: how far the plan may go.
 
     Returns:
@@ -101,7 +100,6 @@ def plan_from_states(hosts: Hosts, request: PlanRequest, states: Mapping[str, St
     """Make the plan for hosts that were looked at.
 
     Args:
-        request: what the plan is for.
         states: what the hosts look like, by name; data logs are held against it.
 
     Returns:
@@ -129,7 +127,6 @@ def hosts_with_machine(hosts: Hosts, machine: str) -> Hosts:
     """Return the host that has the machine with this id; a single chosen host is not looked at.
 
     Args:
-        hosts: the chosen ones are looked at.
         machine: its id, in any case of letters.
 
     Returns:
@@ -157,10 +154,6 @@ def hosts_with_machine(hosts: Hosts, machine: str) -> Hosts:
 
 def hosts_with_partition(hosts: Hosts, partition: str) -> Hosts:
     """Return the host on which the partition carries the application's mark, or where a killed run has taken it off.
-
-    Args:
-        hosts: the chosen ones are looked at.
-        partition: its name in the manifest.
 
     Returns:
         The same with that host alone; all chosen ones if no host has a machine of this name.
@@ -190,10 +183,6 @@ def hosts_with_partition(hosts: Hosts, partition: str) -> Hosts:
 
 def refuse_unknown_partitions(hosts: Hosts, names: Sequence[str]) -> None:
     """Refuse names of partitions that no chosen host has with the application's mark.
-
-    Args:
-        hosts: They are looked at, where there are names.
-        names: As they were given.
 
     Raises:
         RequestError: One is on none of them; the message offers the nearest.

@@ -82,7 +82,6 @@ def previous_tuning(manifest: Manifest, host: Host) -> PreviousTuning:
 
     Args:
         manifest: The manifest, with its measurements beside it; what tuning measured is compared with them.
-        host: of the manifest.
 
     Returns:
         The recorded runs; a log that cannot be read gives a message in `unreadable`, and no error.

@@ -22,7 +22,6 @@ def find_place(manifest: Manifest, component: Component, report: Callable[[str],
 
     Args:
         manifest: Without a Linux host it has no partition for processes of this machine.
-        component: One of its components.
         report: Hears in words where the component is about to run; a component that nothing could reserve for has none.
 
     Returns:

@@ -81,7 +81,6 @@ def not_yet_proven(findings: Iterable[Diagnostic], proofs: Sequence[ComponentPro
     """Leave out the notes that a threshold depends on its neighbours where a proof of this layout showed that it holds.
 
     Args:
-        findings: of the manifest and its layout.
         proofs: the last ones of its components.
 
     Returns:

@@ -74,11 +74,8 @@ def report_of(
     """Make a report of data logs.
 
     Args:
-        system: What the manifest says.
         logs: In any order; what they say of components that are gone is left out.
         proofs: What components showed in the applied layout.
-        planned: What the hosts promise.
-        reservations: They make the verdicts.
 
     Returns:
         Manifest by platform, falling criticality and name, the load that decides first; amounts in LPs.
@@ -99,10 +96,6 @@ def report_of(
 
 def component_verdicts(system: System, reservations: MeasuredReservations) -> tuple[ComponentVerdict, ...]:
     """Return the verdict on each component whose reserve is to be measured, on each platform that it may run on.
-
-    Args:
-        system: of the manifest.
-        reservations: they make the verdicts.
 
     Returns:
         By platform, falling criticality and name. A platform on which nothing is measured counts if all are so.
@@ -136,8 +129,6 @@ def missing_on(
     """Return the verdicts on components that count in no host's total, since their reservation is not known.
 
     Args:
-        system: of the manifest.
-        planned: where each partition is placed.
         verdicts: as of `component_verdicts`.
         host: its name; only components that may run there.
     """
@@ -259,8 +250,6 @@ def points_of(
 
     Args:
         recorded: The settings, in the order in which they were measured.
-        component: Its name.
-        index: Of which performance index.
         apt: The thresholds of the component; without the index there is no verdict.
         run: How the component is run; tells what of a sample counts.
 
@@ -281,10 +270,7 @@ def point_of(setting: Setting, series: Series, index: str, apt: Mapping[str, Thr
 
     Args:
         setting: with the reservation.
-        series: of the component in that setting.
-        index: name of the performance index.
         apt: its threshold alone; empty: there is no verdict.
-        run: how the component is run.
     """
     estimates = curve_of([setting], series.component, index, run).estimates
     verdict = judge_look(series, apt, run)

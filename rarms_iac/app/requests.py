@@ -202,7 +202,6 @@ def refuse_unknown(names: Sequence[str], existing: Mapping[str, object], kind: s
     """Refuse names that are not in the manifest.
 
     Args:
-        names: As they were given.
         existing: What the manifest has of that kind, by name.
         kind: What messages call it: `component`, `interference`.
 

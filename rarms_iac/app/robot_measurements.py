@@ -24,8 +24,6 @@ def add_measurements(folder: Path, platform: str, logs: Mapping[str, bytes]) -> 
     """Add the records of a robot's logs that are missing in the logs here.
 
     Args:
-        folder: The folder of the manifest here.
-        platform: The platform of the robot.
         logs: The bytes of each log, by its path below `measurements/`, as the robot sent them.
 
     Returns:

@@ -228,7 +228,6 @@ def select_level(manifest: Manifest, request: SelectRequest) -> Selection:
 
     Args:
         manifest: Its file is written, unless it is a dry run.
-        request: Which component, and which level.
 
     Returns:
         The reservation that follows from what was measured, and what is left on the hosts.
@@ -273,9 +272,6 @@ def propose_levels(manifest: Manifest, requests: Sequence[SelectRequest]) -> Lev
 
 def write_levels(proposal: LevelProposal) -> None:
     """Write levels into the manifest, all of them or none, and record in the configuration log what follows.
-
-    Args:
-        proposal: The levels.
 
     Raises:
         RequestError: A file of the manifest was changed meanwhile.

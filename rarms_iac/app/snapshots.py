@@ -44,7 +44,6 @@ def read_snapshots(options: Sequence[SnapshotFile], hosts: Sequence[str], chosen
 
     Args:
         options: the files, each with its host where that is given.
-        hosts: names of all hosts of the manifest.
         chosen: names of those that are meant; a file without a name stands for the only one.
 
     Returns:
@@ -76,9 +75,7 @@ def add_guest_tasks(state: State, guests: Sequence[GuestSnapshot], application: 
     """Add the task classes seen inside a host's partitions to its state.
 
     Args:
-        state: of the host.
         guests: snapshots of its guests, and of others.
-        application: whose partitions they name.
 
     Returns:
         The state with the classes of these guests.
@@ -137,7 +134,6 @@ def snapshot_error(file: str, reason: str) -> UseCaseError:
     """Make the error for a file that is not a snapshot of a host.
 
     Args:
-        file: as it was named.
         reason: why, as a sentence without its full stop.
 
     Returns:

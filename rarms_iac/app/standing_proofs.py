@@ -52,11 +52,7 @@ def host_now(
     """Gather what proofs are compared with.
 
     Args:
-        name: of the host.
-        application: its name.
-        state: of the host.
         runs: those on it that are remembered, of any application, the oldest first.
-        drifted: what differs there.
     """
     partitions = [each for each in state.of(application).partitions if not each.is_test]
     changed = (drift.address.partition for drift in drifted if drift.drift.is_of_the_host and not drift.address.task)
@@ -76,7 +72,6 @@ def compared_with_hosts(proofs: Sequence[ComponentProof], hosts: Sequence[HostNo
     Robots share the names of hosts, and the log: a proof that another machine gave says nothing of this one.
 
     Args:
-        proofs: of an application.
         hosts: those that were looked at; the proofs of other hosts stay as they are.
     """
     by_name = {host.name: host for host in hosts}

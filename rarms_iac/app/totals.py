@@ -55,11 +55,6 @@ def totals_at_hand(manifest: Manifest) -> tuple[PlannedTotals, MeasuredReservati
 def partitions_without_log(system: System, planned: PlannedTotals, hosts: Collection[str]) -> Iterator[PlacedPartition]:
     """Yield the partitions on these hosts whose reservation the manifest itself says, by name.
 
-    Args:
-        system: What the manifest says.
-        planned: Where each partition is placed.
-        hosts: Their names.
-
     Yields:
         Those that reserve something.
     """
@@ -72,11 +67,6 @@ def partitions_without_log(system: System, planned: PlannedTotals, hosts: Collec
 
 def components_without_reservation(system: System, planned: PlannedTotals, host: str) -> tuple[str, ...]:
     """Name the components whose partition counts in no host's total, since what it reserves is not known.
-
-    Args:
-        system: What the manifest says.
-        planned: Where each partition is placed.
-        host: Its name.
 
     Returns:
         Those that may run on this host, by name.

@@ -30,8 +30,6 @@ def open_host(host: Host, folder: Path, state_path: str, channel: CommandChannel
     """Open a host of any provider.
 
     Args:
-        host: as the manifest or a plan describes it.
-        folder: the folder of the manifest.
         state_path: where a simulated host's file lies below it (`state_path`).
         channel: reaches the host in place of what `connect` says; a simulated host needs none.
 
@@ -71,9 +69,6 @@ def way_to_robot(host: Host) -> CommandChannel | None:
 def state_folder(host: Host) -> Path | None:
     """Find where a host that is no simulated one keeps journal and state, so that a change of them can be noticed.
 
-    Args:
-        host: as the manifest describes it.
-
     Returns:
         A folder of this machine, which need not exist; None: it lies elsewhere, or is no folder.
     """
@@ -88,7 +83,6 @@ def start_after_boot(owner: str, timeout_ms: int) -> Mapping[str, tuple[str, ...
     """Start the partitions of this machine, a Linux host, that are off though no run stopped them.
 
     Args:
-        owner: who holds the host meanwhile.
         timeout_ms: how long to wait for each slice that another run holds.
 
     Returns:
@@ -139,9 +133,6 @@ def open_measuring_host(system: System, name: str, folder: Path, state_path: str
     """Open a host to measure on.
 
     Args:
-        system: the manifest's.
-        name: of a host in it.
-        folder: the folder of the manifest.
         state_path: where a simulated host's file lies below it (`state_path`).
 
     Returns:
@@ -177,9 +168,7 @@ def place_on(host: Host, partition: PartitionWork, application: str) -> ProcessP
     """Find where the processes of a component belong on this machine, a Linux host.
 
     Args:
-        host: as the manifest describes it.
         partition: the name, one component, and the task classes of all members.
-        application: whose partition it is.
 
     Returns:
         The control group, and the words of the component's task class.
@@ -211,7 +200,6 @@ def read_script_output(data: bytes, host: str) -> Snapshot | None:
 
     Args:
         data: UTF-8 or UTF-16, as PowerShell wrote it.
-        host: the name in the manifest.
 
     Returns:
         What it shows.
@@ -264,8 +252,6 @@ def state_path(host: str, folder: Path, overlays: Sequence[str]) -> str:
     """Return where a simulated host's file lies: one for each host name and set of overlays, as each is a machine.
 
     Args:
-        host: the host's name in the manifest.
-        folder: the folder of the manifest.
         overlays: paths of the overlays, in their order.
 
     Returns:
