@@ -41,7 +41,6 @@ def desired_hosts(
     changes (import  release, stop, start), nothing is laid out, and nothing of the application is desired.
 
     Args:
-        request: of which manifest, and for what.
         observed: the hosts by name.
 
     Returns:
@@ -133,8 +132,6 @@ def budget_of(
 
     Args:
         request: of which manifest, with which limit, for which hosts.
-        desired: what this host is to be.
-        context: of this host.
         present: by host that was looked at, as of `partitions_present`.
 
     Returns:
@@ -251,7 +248,6 @@ def threads_of(desired: Desired, system: System) -> tuple[ThreadClass, ...]:
 
     Args:
         desired: the host, with the values that the planner chose.
-        system: what the manifest says.
     """
     members = {partition.name: partition.components for partition in desired.partitions}
     on_hosts = desired.layout.on_hosts if desired.layout else ()

@@ -67,7 +67,6 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
     they have.
 
     Args:
-        request: the manifest, the purpose and the limits.
         observed: the State of each host that was looked at, by name.
 
     Returns:

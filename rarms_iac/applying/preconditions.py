@@ -31,7 +31,6 @@ def marks_of_other_robots(observed: Iterable[State], application: Application) -
     """Partitions and task classes that another robot has of the application; what names no robot is taken over.
 
     Args:
-        observed: the hosts as they are now.
         application: whose marks and records are looked at, with the name of its robot.
 
     Yields:
@@ -80,9 +79,6 @@ def _other_robot(
 
 def marked_resources(state: State) -> tuple[str, ...]:
     """Name what runs of any application left on a host: without a journal there, the journal is missing.
-
-    Args:
-        state: the host as observed.
 
     Returns:
         Partitions and task classes in short form, sorted; not test partitions, of which no journal knows.

@@ -28,7 +28,6 @@ def requested_changes(state: State, request: PlanRequest, locate: Locator) -> It
     """Find the changes that a command other than apply and destroy asks for.
 
     Args:
-        state: the host as observed.
         request: the command, whose partitions, which of them, and who stops them.
         locate: the manifest line of a partition.
 

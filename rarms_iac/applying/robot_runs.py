@@ -57,9 +57,7 @@ def run_there(host: RobotHost, command: str, job: ApplyJob | RunJob, control: Ru
     """Have the robot do a run, and return its report.
 
     Args:
-        host: the robot.
         command: `apply`, `finish`, `abandon` or `undo`.
-        job: what the command needs.
         control: hears of each step, and is asked whether to stop.
 
     Raises:

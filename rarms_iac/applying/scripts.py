@@ -23,9 +23,7 @@ def guest_task(task_class: TaskClass, replaceable: frozenset[str], locate: Locat
     """Return a class that is wanted in a guest that could not be looked into, as the guest's script writes it.
 
     Args:
-        task_class: as it is wanted.
         replaceable: names in lower case of shipped classes that may be taken over.
-        locate: where the manifest names it.
         machine: the id of the partition's machine; empty where there is none yet.
     """
     assert task_class.record is not None, "what is wanted is recorded"

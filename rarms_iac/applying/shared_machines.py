@@ -15,7 +15,6 @@ def hosts_of_one_machine(system: System, observed: Mapping[str, State], places: 
     """Report hosts with the identity of another host of the plan.
 
     Args:
-        system: with the hosts.
         observed: their states, by name; those without an identity are left out.
         places: where they stand in the manifest.
 

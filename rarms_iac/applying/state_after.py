@@ -48,7 +48,6 @@ def totals_after(observed: State, application: str, changes: Sequence[Change], n
         observed: the host before them.
         application: whose partitions are `own`; all other machines are `others`.
         changes: what is changed there; none: the host stays as it is.
-        named: the partitions that the manifest names.
 
     Returns:
         The sums, as the planner counts them. A partition that does not run counts as idle where the manifest names it,

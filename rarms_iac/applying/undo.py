@@ -47,8 +47,6 @@ def undo(host: LiveHost, origin: RunOrigin, control: RunControl = UNATTENDED_RUN
     """Undo the last apply, finished or not; an undo that was interrupted is finished. The host is held.
 
     Args:
-        host: which one.
-        origin: of this run.
         control: hears of each step.
         keep: leave what `repaired_addresses` names as it was applied; `why_not_kept` was asked before.
     """
@@ -207,7 +205,6 @@ def undo_findings(
     """Warn of each step of the run that cannot be undone wholly, and of each foreign value that the undo sets again.
 
     Args:
-        host: which one.
         journal: the last run there.
         spared: what is left as it was applied.
     """
@@ -275,8 +272,6 @@ def undo_run(
     """Return the run that takes the journal's steps back. It raises the serial: what was planned before it is stale.
 
     Args:
-        journal: the run that is taken back.
-        origin: of the undo.
         last: the last run on the host.
         spared: what is left as it was applied.
     """
