@@ -138,7 +138,6 @@ def ask(session: Session, question: str, other: str = "") -> str:
     """Go on only after a yes.
 
     Args:
-        session: of the command.
         question: ends with a question mark, or with what the other answer does.
         other: an answer beside `yes`; empty: none.
 
@@ -175,8 +174,6 @@ def report_end(
     """Say how a run ended, and give the command's exit code.
 
     Args:
-        session: of the command.
-        report: of the run.
         quiet: write no sentence about it.
         shown: findings that were shown before it began.
         before: runs of this command whose end was shown; the answer in JSON has them as well.

@@ -130,7 +130,6 @@ def name_manifest(session: Session, source: ManifestSource, *, in_advice: bool) 
     """Say which overlays count, and have the commands that messages recommend name the same files.
 
     Args:
-        session: of the command.
         source: the manifest and its overlays; hosts have the same names on each robot.
         in_advice: whether recommended commands name the manifest, too.
     """

@@ -34,8 +34,6 @@ def refuse_without_terminal(session: Session, source: ManifestSource, advice: Wo
     """Refuse to ask where there is no user to answer, or where the answer cannot be written into a file.
 
     Args:
-        session: of the command.
-        source: the manifest that the answers change.
         advice: what to do without a terminal.
 
     Raises:
@@ -195,7 +193,6 @@ def refuse_load_unasked(session: Session, *, loads: bool, load_host: bool) -> No
     """Refuse to use all idle time of hosts where there is no terminal to say so at, before anything is done.
 
     Args:
-        session: of the command.
         loads: whether loads will run.
         load_host: whether that was asked for.
 
