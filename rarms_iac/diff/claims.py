@@ -30,7 +30,6 @@ def within(claim: Claim, limit: Claim) -> bool:
 
     Args:
         claim: what is asked for.
-        limit: what there is room for.
 
     Returns:
         True where the claim is at most the limit in every respect; processors count only with a reserve.

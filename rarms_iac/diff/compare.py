@@ -31,10 +31,7 @@ def compare(
     mark are never part of a change; where one is in the way, a finding says so.
 
     Args:
-        desired: what the manifest wants of this host.
-        observed: what is there.
         application: the application whose marks count.
-        context: what a change of this host depends on.
         rules: moves, protection and places of the manifest; without them nothing is moved or protected.
 
     Returns:

@@ -54,7 +54,6 @@ def partition_changes(
         wanted: the desired partitions by name.
         managed: the machines that carry the application's mark.
         observed: the host, with all its machines.
-        context: what a change of this host depends on.
         rules: what the manifest says beside the desired partitions.
 
     Returns:
@@ -160,9 +159,6 @@ def _describe_difference(before: Partition, after: Partition, context: HostConte
 def foreign_marks(observed: State) -> Iterator[Diagnostic]:
     """Report each machine with a line that looks like a mark and does not count.
 
-    Args:
-        observed: the host as it is now.
-
     Yields:
         A finding for each such machine, in the order of the host's partitions.
     """
@@ -204,7 +200,6 @@ def machine_in_the_way(machine: Partition, place: Place | None) -> Diagnostic:
     """Return the finding about a machine of others that has the name of a wanted partition.
 
     Args:
-        machine: the machine, as observed.
         place: the manifest line that asks for the partition of its name.
 
     Returns:
@@ -254,7 +249,6 @@ def not_at_rest(address: Address, state: RunState, place: Place | None) -> Diagn
     """Return the finding about a partition that is neither off nor running.
 
     Args:
-        state: what it is doing.
         place: the manifest line that asks for it.
 
     Returns:

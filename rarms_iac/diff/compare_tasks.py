@@ -22,9 +22,7 @@ def task_changes(desired: State, managed: ManagedMachines, observed: State, rule
     """Return the changes of task classes of the host and of managed guests; those of other guests are not looked at.
 
     Args:
-        desired: what the manifest wants of this host.
         managed: the machines that carry the application's mark.
-        observed: what is there.
         rules: which shipped classes may be replaced, and where the manifest says so.
 
     Returns:
@@ -180,7 +178,6 @@ def responsiveness_changes(
         after: what the manifest sets; None: it leaves the value as it is.
         before: what is there; None: it could not be looked at.
         application: the application whose record counts.
-        rules: where the manifest sets it.
 
     Returns:
         At most one change, or the finding that the value could not be brought back; nothing where it is as wanted.

@@ -15,9 +15,6 @@ NOTHING_TO_MOVE = Finding.warning("RARMS156", "Both names of a move exist on the
 def no_place(_address: Address) -> Place | None:
     """Stand in for a locator where no manifest line asks for anything.
 
-    Args:
-        _address: of anything.
-
     Returns:
         None, for every address.
     """

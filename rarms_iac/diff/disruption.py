@@ -19,7 +19,6 @@ def grace_ms(graces: Mapping[str, Milliseconds], partition: str) -> int:
 
     Args:
         graces: by partition, in ms, as the manifest has them.
-        partition: its name.
 
     Returns:
         Whole milliseconds, rounded up; the default where the manifest does not know the partition.
@@ -29,10 +28,6 @@ def grace_ms(graces: Mapping[str, Milliseconds], partition: str) -> int:
 
 def changed_facets(before: PartitionSettings, after: PartitionSettings) -> frozenset[Facet]:
     """Tell which facets of the settings differ; whether the partition runs is none of them.
-
-    Args:
-        before: the settings as observed.
-        after: the settings as wanted.
 
     Returns:
         The facets of which any setting differs; empty where none does.
@@ -64,8 +59,6 @@ def needs_off(before: Partition, after: PartitionSettings, context: HostContext)
     changes live where it is static and both Windows are new enough (windows.md 3).
 
     Args:
-        before: the partition as observed.
-        after: the settings as wanted.
         context: the host's provider and version, and the guest's.
 
     Returns:
@@ -85,8 +78,6 @@ def why_memory_needs_off(before: Partition, after: PartitionSettings, context: H
     """Tell why memory cannot change while the machine runs (windows.md 3).
 
     Args:
-        before: the partition as observed.
-        after: the settings as wanted.
         context: the host's version, and the guest's.
 
     Returns:
@@ -109,8 +100,6 @@ def stops(before: Partition, after: PartitionSettings, context: HostContext) -> 
     """Tell whether the change stops the partition, for good or for a while.
 
     Args:
-        before: the partition as observed.
-        after: the settings as wanted.
         context: the host's provider and version.
 
     Returns:
@@ -124,7 +113,6 @@ def disruption_of_update(before: Partition, after: PartitionSettings, context: H
     """How much a partition's change disturbs: removal, a stop, or nothing that runs.
 
     Args:
-        before: the partition as observed.
         after: the settings that it is to have; another generation means that it is made again.
         context: which settings of this host change live.
 
@@ -156,8 +144,6 @@ def can_change_now(before: Partition, after: PartitionSettings, context: HostCon
     What a saved machine is given, it gets once it runs: so it must be wanted running.
 
     Args:
-        before: the partition as observed.
-        after: the settings that it is to have.
         context: which settings of this host change live.
 
     Returns:

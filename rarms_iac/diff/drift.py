@@ -53,8 +53,6 @@ def drift(
     """Find what drifted on a host. Only what is managed or wanted is looked at.
 
     Args:
-        desired: what the manifest wants.
-        observed: what is there.
         application: the application whose marks and records count.
         unused: partitions that the manifest no longer wants.
         last_run: partitions that were on the host when its last run ended; None where that is unknown.
@@ -74,7 +72,6 @@ def drift_of_marks(observed: State, application: str, last_run: frozenset[str] |
     """Find what was changed on a host, by what rarms last wrote there: needs neither manifest nor data logs.
 
     Args:
-        observed: what is there.
         application: the application whose marks and records count.
         last_run: partitions that were on the host when its last run ended; None where that is unknown.
 
@@ -251,7 +248,6 @@ def without_unfinished(
     """Tell what an unfinished run has yet to do as not applied: no other tool changed or removed that.
 
     Args:
-        drifts: of one host.
         run: the last one there; None: there was none. What a script changes is not known: all counts.
         application: whose run counts.
 
@@ -279,7 +275,6 @@ def part_digests(state: State, application: str) -> Mapping[str, str]:
     """Digest each part of the state that a plan rests on.
 
     Args:
-        state: the host as observed.
         application: the application that the plan belongs to; machines of others count only with what they claim.
 
     Returns:

@@ -240,7 +240,6 @@ def stop_and_restart(remaining: Sequence[Step], why: str, grace: int, *, forces:
 
     Args:
         remaining: at least one step, all of one partition.
-        why: told to the reviewer of the stop.
         grace: milliseconds that its guest may take to shut down.
         forces: whether its host can force it to.
 

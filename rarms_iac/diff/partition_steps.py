@@ -126,8 +126,6 @@ def update_partition(
 
     Args:
         address: the partition with its machine's id.
-        before: the partition as observed.
-        after: the partition as it is to be.
         reason: told to the reviewer of every step.
         context: which settings of this host change live.
 
@@ -183,7 +181,6 @@ def rename_mark(address: Address, before: Partition, reason: Reason, between: st
     Args:
         address: the partition under its new name.
         before: the partition with the mark that it has now.
-        reason: told to the reviewer.
         between: the name to write instead, which breaks an exchange of two names.
 
     Yields:
@@ -203,7 +200,6 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
 
     Args:
         address: the partition with its machine's id.
-        before: the partition as observed.
         reason: told to the reviewer of every step.
         context: the disks that go with the machine.
 
@@ -272,7 +268,6 @@ def adopt_partition(address: Address, before: Partition, after: Partition, reaso
 
     Args:
         address: the partition with its machine's id.
-        before: the machine as observed.
         after: the same with its mark; it must have one.
         reason: told to the reviewer of the step.
 
@@ -313,7 +308,6 @@ def judge_disks(machine: Partition, state: State, folders: Iterable[str]) -> Ite
     """Judge each disk of a machine.
 
     Args:
-        machine: the machine that is to be removed.
         state: the host, with all disks of all machines.
         folders: where rarms makes disks for this partition.
 

@@ -28,7 +28,6 @@ def readings(state: State, address: Address, scope: Scope) -> Readings:
     """Read everything at an address.
 
     Args:
-        state: the host as observed now.
         address: a partition, a disk, a task class or SystemResponsiveness.
         scope: whose marks and pending names count.
 
@@ -57,7 +56,6 @@ def count_disks(state: State, machine: str) -> int:
     """Count the virtual disks that a machine has.
 
     Args:
-        state: the host as observed.
         machine: its id.
 
     Returns:
@@ -70,8 +68,6 @@ def resolve(partitions: Iterable[Partition], name: str, scope: Scope, machine: s
     """Find the machines that a partition's name stands for; only exactly one may be changed.
 
     Args:
-        partitions: all machines of the host.
-        name: the partition's name in the manifest.
         scope: the application whose mark counts, and the plan whose pending name does.
         machine: an id; where it is given, the machine of this id is the answer, under any name.
 
@@ -93,8 +89,6 @@ def is_marked(partition: Partition, application: str, name: str) -> bool:
     """Tell whether the machine carries a valid mark of this application's partition.
 
     Args:
-        partition: the machine as observed.
-        application: the application's name.
         name: the partition's name in the manifest; the machine's own name does not matter.
 
     Returns:
@@ -109,7 +103,6 @@ def find_task(tasks: Iterable[TaskClass], name: str, *, inside: str, machine: st
 
     Args:
         tasks: of the whole host.
-        name: the class's name.
         inside: the partition whose guest it is in; empty: the host itself.
         machine: the id of that partition's machine; empty for the host itself.
 
@@ -125,9 +118,6 @@ def find_task(tasks: Iterable[TaskClass], name: str, *, inside: str, machine: st
 
 def partition_readings(partition: Partition) -> Readings:
     """Return what is read at a partition's address.
-
-    Args:
-        partition: as observed.
 
     Returns:
         All readings by name, memory in bytes, reserve and limit in per cent of each virtual processor.
@@ -161,7 +151,6 @@ def disk_readings(disks: Iterable[Disk], path: str) -> Readings:
     """Return what is read at a disk's address.
 
     Args:
-        disks: all that are known on the host.
         path: the disk's file; Windows' rules for equal paths hold.
 
     Returns:
@@ -181,7 +170,6 @@ def same_path(path: str, other: str) -> bool:
 
     Args:
         path: as the host tells it, or as rarms makes it; not made absolute.
-        other: likewise.
 
     Returns:
         False for two spellings that only the host could tell to be the same, such as a short name or a link.

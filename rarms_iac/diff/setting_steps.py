@@ -55,7 +55,6 @@ class StepBuilder:
         Args:
             operation: the call; on a new machine the removal of that machine takes it back.
             names: the readings that the step compares before and after.
-            why: the comment of the step.
             title: the call in a few words; empty: as the operation says it.
 
         Returns:
@@ -84,7 +83,6 @@ def some_readings(partition: Partition, names: tuple[str, ...]) -> Readings:
     """Return these readings of a partition, and that it exists.
 
     Args:
-        partition: as observed, or as expected at this step.
         names: of the readings, as `partition_readings` has them.
 
     Returns:
@@ -103,7 +101,6 @@ def mark_step(builder: StepBuilder, mark: Mark, why: str) -> Step:
     Args:
         builder: of the machine as it is at this step; it goes on with the new mark.
         mark: the mark to write; its machine's id is set here.
-        why: the comment of the step.
 
     Returns:
         The step, titled with the mark and its digest of the settings.
@@ -118,7 +115,6 @@ def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: 
     """Give the machine all that `new` has of this facet, in one call; its undo gives it what it has now.
 
     Args:
-        builder: of the machine on its way.
         facet: processors, CPU, memory or actions; names and generations have steps of their own.
         old: the settings before the change.
         new: the settings after it.
@@ -214,7 +210,6 @@ def stop_step(builder: StepBuilder, why: str) -> Step:
 
     Args:
         builder: of the machine as it is at this step; it goes on with a stopped one.
-        why: the comment of the step.
 
     Returns:
         A step that stops the partition; its undo starts it again, where it ran.
@@ -235,7 +230,6 @@ def start_step(builder: StepBuilder, why: str = "after all that it is to have is
 
     Args:
         builder: of the machine as it is at this step; it goes on with a running one.
-        why: the comment of the step.
 
     Returns:
         The step; its undo stops the machine. A machine that was saved is left off by the undo, not saved again.
