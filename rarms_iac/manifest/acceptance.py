@@ -66,8 +66,6 @@ def apply_acceptances(
 
     Args:
         diagnostics: all findings of the run, in order.
-        policy: the manifest's.
-        places: the places in the manifest.
         today: a day in UTC.
         codes: the codes that this run can find. An acceptance of another code is not called unused: it
             may be meant for another command. None: every code.
@@ -95,7 +93,6 @@ def with_acceptances_in_force(system: System, today: date) -> System:
     """Return the manifest with the acceptances that count on a day; no search and no check counts on another.
 
     Args:
-        system: as it was written.
         today: a day in UTC.
     """
     in_force = {code: each for code, each in system.policy.accept.items() if is_in_force(each, today)}

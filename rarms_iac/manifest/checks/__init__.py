@@ -25,8 +25,6 @@ def run_checks(system: System, places: Places, today: date) -> tuple[Diagnostic,
     """Report everything that is wrong or odd about what the manifest means, in order.
 
     Args:
-        system: what the manifest says, its structure checked.
-        places: where it says so.
         today: the day in UTC that acceptances expire against.
 
     Returns:

@@ -70,9 +70,6 @@ def diff_text(before: str, after: str, name: str, changed: str = "formatted") ->
 
     Args:
         before: the text of the file.
-        after: the text that it is to have.
-        name: of the file.
-        changed: what was done, in a word.
     """
     lines = unified_diff(before.splitlines(keepends=True), after.splitlines(keepends=True), name, f"{name} ({changed})")
     return "".join(line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines)

@@ -35,7 +35,6 @@ def check_text(data: bytes, file: str) -> tuple[bytes, tuple[Diagnostic, ...]]:
     """Check the characters of a text.
 
     Args:
-        data: the text as it was read.
         file: the name that messages use (`ParsedText`, `<stdin>` for standard input).
 
     Returns:
