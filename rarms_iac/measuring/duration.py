@@ -226,7 +226,6 @@ class WallTimes:
 
         Args:
             count: So many settings it asks for at least and at most; None: that was not said.
-            ended: How many of them are over.
             running: How many of the others run, 0 or 1.
 
         Returns:

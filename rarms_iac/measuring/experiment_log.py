@@ -144,7 +144,6 @@ def data_log_path(hosts: Hosts, experiment: Experiment) -> Path:
     """Return where the data log of an experiment lies.
 
     Args:
-        hosts: the manifest, whose folder has the logs.
         experiment: its host's platform, its members and the interfering load name the file.
 
     Returns:

@@ -121,11 +121,7 @@ def findings_of(
 
 
 def failed_samples(failed: TooManyFailures, setting: str, places: Places, **values: Any) -> Diagnostic:
-    """Make the finding that more samples failed than a component allows.
-
-    Args:
-        setting: The setting or the layout, in words.
-    """
+    """Make the finding that more samples failed than a component allows."""
     component, count = failed.component, len(failed.failures)
     reasons = "; ".join(dict.fromkeys(failed.failures[:SHOWN_FAILURES]))
     run_alone = prose("Run it alone and correct it: ", command("run", component), ". ")
@@ -416,7 +412,6 @@ def more_processors(experiment: Experiment, used: int, places: Places) -> Diagno
 
     Args:
         experiment: As it was measured, with the number that was seen before.
-        used: The number from here on.
     """
     processors = experiment.setup.processors
     return VPS_USED.at(

@@ -33,7 +33,6 @@ class LevelPrompt(Protocol):
         """Show the user what was measured, before `ask`.
 
         Args:
-            result: the experiment that was just measured.
             report: the data logs of its components, and what all reservations add up to on each platform.
         """
 
@@ -100,9 +99,6 @@ class Further:
 
 def ask_levels(further: Further, result: ExperimentResult, prompt: LevelPrompt) -> ExperimentResult:
     """Ask for a level of each component of an experiment, and write the answers into the manifest.
-
-    Args:
-        further: The manifest of its session is read for each level.
 
     Raises:
         SessionEnded: an end was asked for.

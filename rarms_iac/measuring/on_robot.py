@@ -75,7 +75,6 @@ class RobotReports(Protocol):
         Args:
             path: below `measurements/`.
             known_bytes: the size of its begin, which this side has already.
-            text: the rest of the log.
 
         Raises:
             NotDecodable: the log is not of a component of the host, is too large, or does not have the known bytes.

@@ -47,9 +47,6 @@ class MeasuredIndex:
 def measured_indexes(setting: Setting, experiment: Experiment) -> tuple[MeasuredIndex, ...]:
     """Estimate every index of every member's APT at this setting.
 
-    Args:
-        experiment: its members say which indexes.
-
     Returns:
         By member, then in the order of its APT.
     """
@@ -79,9 +76,6 @@ def shortfall_at(reserve: ReservePercent, settings: Iterable[Setting], experimen
 
     Strict, and with the error of a verdict, as a report judges a setting.
 
-    Args:
-        experiment: its members say which thresholds.
-
     Returns:
         `Missed` where a threshold was shown to be missed, else `Unsteady` where that kept samples from telling, else
         another verdict; None: there are no such settings.
@@ -100,9 +94,6 @@ def shortfall_at(reserve: ReservePercent, settings: Iterable[Setting], experimen
 
 def why_unsteady(series: Series) -> str:
     """Say why the series has no steady state; empty where it has one.
-
-    Args:
-        series: of one component at one setting.
 
     Returns:
         The reason in words.

@@ -230,7 +230,6 @@ def least_duration_ms(layout: AppliedLayout, scheduler_window_ms: float, budget_
 
     Args:
         scheduler_window_ms: the longest window of the host's scheduler.
-        budget_ms: of the host's time.
 
     Returns:
         Of the host's time, in ms: every start settles, and takes its part of the samples of periodic components, as far

@@ -51,7 +51,6 @@ def end_remeasurements(session: MeasuringSession, complete: Mapping[Path, Remeas
 
     Args:
         session: Of the command that measured it; its hosts need not be held any more.
-        complete: The remeasurements, by data log.
 
     Raises:
         UseCaseError: A log is held by another run (refused).

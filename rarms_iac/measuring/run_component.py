@@ -175,9 +175,6 @@ def run_components_of(
 def become_component(manifest: Manifest, name: str, reporter: SampleReporter) -> NoReturn:
     """Turn this process into a component, in its partition and task class: no samples are taken, and it is not ended.
 
-    Args:
-        name: Of a component that is run by a command.
-
     Raises:
         UseCaseError: It cannot be started (failed), or does not say how (negative).
         RequestError: There is no such component, it is a call, or this is Windows, where no process becomes another.

@@ -69,7 +69,6 @@ class Settling:
 
         Args:
             running: tells the time and what was consumed.
-            component: whose job ended.
         """
         consumed = running.cpu_ms(component)
         if consumed is None:

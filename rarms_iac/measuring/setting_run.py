@@ -114,7 +114,6 @@ def run_setting(site: Site, request: Measure, known: KnownSettings) -> Setting |
     """Measure a setting; where something disturbed it, measure it again.
 
     Args:
-        site: Its test partitions run.
         request: The reservation, one that the host can give, and when its samples are enough.
 
     Returns:

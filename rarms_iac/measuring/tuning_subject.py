@@ -185,7 +185,6 @@ def subject_of_tuning(hosts: Hosts, host: Host, states: Mapping[str, State]) -> 
 
     Args:
         hosts: Of one platform.
-        host: The host that compounds are measured on.
         states: What hosts look like, by name; with that of the host.
 
     Returns:
