@@ -43,9 +43,6 @@ class CheckedCapacity(Capacity):
     def admits(self, claims: Iterable[Claim]) -> bool:
         """Whether the kernel admits the deadlines among these claims.
 
-        Args:
-            claims: all promises of the host.
-
         Returns:
             True also where no deadline counts.
         """
@@ -86,7 +83,6 @@ def foreign_claimants(state: State, application: str) -> tuple[Partition, ...]:
     """List the machines of others that run, start, or start by themselves.
 
     Args:
-        state: the host as observed.
         application: whose own machines do not count.
     """
     return tuple(
@@ -100,7 +96,6 @@ def capacity_of(host: Host, facts: HostFacts | None) -> Capacity:
     """Return the capacity of a host by the manifest, or by what was observed where that is less.
 
     Args:
-        host: of the manifest.
         facts: what was observed of it; None: not looked at.
 
     Returns:
@@ -123,10 +118,6 @@ def shared_processors(host: Host, logical_processors: int) -> LogicalProcessors:
 
     On Linux a limit keeps `keep_for_host` from them, also while nothing else uses it, in whole per cent of an LP. On
     other hosts they use what the host's own system leaves idle.
-
-    Args:
-        host: as the manifest describes it.
-        logical_processors: of the machine.
     """
     withheld = in_processors(host.keep_for_host.processor, logical_processors)
     if host.provider is not ProviderKind.LINUX or not withheld:
@@ -138,7 +129,6 @@ def fits(capacity: Capacity, claims: Iterable[Claim]) -> bool:
     """Whether the host can keep all these promises at once; no where that is not known, as of `decide_fit`.
 
     Args:
-        capacity: of the host.
         claims: all promises, those to unmanaged machines included.
 
     Returns:
@@ -161,7 +151,6 @@ def decide_fit(capacity: Capacity, claims: Iterable[Claim], effort: Effort | Non
     can use what is left on each (windows.md 2, minroot).
 
     Args:
-        capacity: of the host.
         claims: all promises, those to unmanaged machines included.
         effort: steps that several searches share; None: this one has its own.
 
@@ -184,7 +173,6 @@ def packs(claims: Iterable[Claim], capacity: Capacity) -> bool:
 
     Args:
         claims: all promises, those to unmanaged machines included.
-        capacity: of the host.
 
     Returns:
         True: it is known to pack; sums and memory are not looked at.
@@ -236,10 +224,6 @@ def packs_by_first_fit(claims: Iterable[Claim], capacity: Capacity) -> bool:
 
 def reserved_by_core(claims: Iterable[Claim], capacity: Capacity) -> list[Claim]:
     """Return the claims that reserve anything, with the cores that they take for their processors.
-
-    Args:
-        claims: of one host.
-        capacity: of the host.
 
     Returns:
         What is laid onto `capacity.cores`.

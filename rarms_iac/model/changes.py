@@ -224,9 +224,6 @@ _COUNT_NAMES = {
 def count(changes: Iterable[Change]) -> dict[str, int]:
     """Count changes: add, change, remove, adopt, release.
 
-    Args:
-        changes: of any hosts.
-
     Returns:
         All five numbers; a replacement counts as removed and as added.
     """

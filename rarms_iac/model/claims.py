@@ -32,9 +32,6 @@ class Claim:
     def is_less_than(self, after: "Claim") -> bool:
         """Whether `after` promises more processor time or memory than this.
 
-        Args:
-            after: the claim that is to follow this one.
-
         Returns:
             False: going from this to `after` needs nothing more of the host.
         """

@@ -51,7 +51,6 @@ def command(verb: str, *arguments: str, **options: str | int | bool) -> Recommen
 
     Args:
         verb: the command's name, such as `measure`; empty: `rarms` alone.
-        arguments: the words behind it.
         options: values by name, with `_` for `-`, and `_` at the end of a keyword of Python (`from_`). True: an option
             without a value; False: the option is left out.
     """

@@ -311,9 +311,6 @@ _SECTIONS: Mapping[str, tuple[str, ...]] = {
 def with_places(diagnostics: Sequence[Diagnostic], places: Places) -> tuple[Diagnostic, ...]:
     """Give each finding without a place the line that names what it is about.
 
-    Args:
-        places: Of the manifest.
-
     Returns:
         The findings in their order. The place is the key of the partition, component, task class, load or host that
         the address or a value names; the manifest's first line, if the manifest names none of them.

@@ -154,7 +154,6 @@ def show_value(index: PerformanceIndex, value: Fraction | float, *thresholds: Fr
     """Return a value of the index with its unit.
 
     Args:
-        index: which index.
         value: in the index's own unit, which it is shown in, so that values of an index can be compared. A fraction is
             exact (`100 ms`, `95 %`); a float was measured (`97.3 ms`, `0.0123 /s`), and may be infinite (`no bound`).
         thresholds: of the same sentence: a measured value that misses one never reads as it.

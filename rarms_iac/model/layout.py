@@ -87,9 +87,6 @@ class Placement:
 def describe_placement(placement: Placement) -> str:
     """Say how good the choice of hosts is.
 
-    Args:
-        placement: of a layout.
-
     Returns:
         A sentence.
     """
@@ -126,11 +123,7 @@ class Layout:
         )
 
     def on(self, host: str) -> tuple[PlacedPartition, ...]:
-        """Return the partitions of a host, by name.
-
-        Args:
-            host: its name.
-        """
+        """Return the partitions of a host, by name."""
         return tuple(partition for partition in self.partitions if partition.host == host)
 
 

@@ -122,7 +122,6 @@ def reverse(operation: MachineOperation, before: Partition, *, grace_ms: int = c
     """Return the operation that takes this one back, given the machine that was there before.
 
     Args:
-        operation: on that machine.
         before: the machine before the operation.
         grace_ms: how long its guest may take to shut down, where taking back means to stop it.
 
@@ -171,7 +170,6 @@ def reverse_task(operation: TaskOperation, before: TaskClass | Responsiveness | 
     """Return the operation that takes this one back, given the task class, or SystemResponsiveness, before it.
 
     Args:
-        operation: on that class, or on that value.
         before: as it was; None: nothing was there.
 
     Returns:

@@ -54,7 +54,6 @@ def disk_path(making: CreatePartition, plan: str, usual: str) -> str:
     """Where the disk lies that a plan makes for a partition: in the partition's folder, or in the host's own.
 
     Args:
-        making: of the partition.
         plan: its id, which the file's name holds.
         usual: the host's folder of disks, for a partition that has no `vm_path`.
 

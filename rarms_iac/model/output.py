@@ -56,9 +56,6 @@ def output(compute: Callable[[Any], T]) -> ComputedOutput[T]:
 def output_hints(record: type) -> Mapping[str, Any]:
     """Return which parts of a dataclass are its output, in order: its fields, then its marked properties.
 
-    Args:
-        record: a dataclass.
-
     Returns:
         The type of each part by name.
     """

@@ -37,7 +37,6 @@ def together(numbers: Sequence[int], host_lp: int) -> int:
 
     Args:
         numbers: of each of them, at least one.
-        host_lp: logical processors of the host.
 
     Returns:
         Their sum, at most the host's number; never fewer than one of them has.
@@ -75,8 +74,6 @@ def processor_number(
     Args:
         members: all of its components, at least one.
         requested: what the manifest says of the partition itself; None: nothing.
-        host_lp: logical processors of the host.
-        used: what measurements saw.
 
     Returns:
         What the manifest fixes, else what its components were seen to use, else the host's number.

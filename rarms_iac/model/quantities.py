@@ -153,7 +153,6 @@ def show_number(value: float, *others: float) -> str:
     No exponent is ever written, and no infinity: that is `no bound`.
 
     Args:
-        value: the number.
         others: of the same sentence; where one that differs would read alike, there are more digits.
     """
     if not isfinite(value):

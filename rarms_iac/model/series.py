@@ -172,7 +172,6 @@ def first_samples(series: Series, count: int) -> Series:
 
     Args:
         series: with more samples than `count`.
-        count: how many.
 
     Returns:
         A series that ends as the next job begins; of its processor time it has the part that goes by its time.

@@ -40,11 +40,7 @@ def _seconds(milliseconds: int) -> str:
 
 
 def new_title(operation: Operation, to: PartitionSettings) -> str:
-    """Say what a new machine gets, its reserve in both units.
-
-    Args:
-        operation: on that machine.
-    """
+    """Say what a new machine gets, its reserve in both units."""
     if not isinstance(operation, SetCpu):
         return str(operation)
     reserve = f"reserve {_lp(to)} ({to.reserve} % of {_each(to)})"
@@ -56,7 +52,6 @@ def change_title(operation: Operation, old: PartitionSettings, to: PartitionSett
     """Say from what to what an operation changes a machine that was there.
 
     Args:
-        operation: on that machine.
         old: its settings before the change, of all steps that belong together.
         to: its settings after it.
 

@@ -232,9 +232,6 @@ class Component:
     def may_run_on(self, host: str) -> bool:
         """Whether the manifest allows it on the host of this name.
 
-        Args:
-            host: a host of the manifest.
-
         Returns:
             True where it names no hosts, too.
         """

@@ -103,7 +103,6 @@ def host_totals(host: Host, facts: HostFacts | None, promised: Totals) -> HostTo
     """Set what a host has promised against what it has.
 
     Args:
-        host: of the manifest.
         facts: what was observed of the host; None: it was not observed, and the manifest alone counts.
         promised: as `totals_of` adds it up.
 

@@ -15,8 +15,6 @@ def advice_on_weak_loads(
     """Say what leads to an answer; a busy loop is no way out where it is weak itself.
 
     Args:
-        system: what the manifest says.
-        host: where is measured.
         members: names of components that run together, at least one.
         loads: beside which they are measured.
         measure: measures them beside a busy loop.

@@ -37,8 +37,6 @@ def list_others(names: Sequence[str], without: Collection[str], most: int = MOST
 
     Args:
         names: in the order in which they are shown, each once; at least one that is shown.
-        without: some of them.
-        most: names that are shown of many.
     """
     total = len(names) - len(without)
     shown = list(islice((name for name in names if name not in without), most + 1))
@@ -156,10 +154,6 @@ class Suggestions:
 
     def find(self, word: str, candidates: Collection[str]) -> tuple[str, str]:
         """Look for the nearest of the candidates.
-
-        Args:
-            word: the unknown name.
-            candidates: names that exist.
 
         Returns:
             The name, empty where none is near or it was not looked for, and a sentence as `suggestion` makes it.
