@@ -62,7 +62,6 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
     partition that is placed on another host is not in this state, and so it is removed here.
 
     Args:
-        layout: where each partition is placed, on all hosts.
         observed: the host as it is now; `observed.facts.name` must be a host of the manifest.
         places: lines of the manifest, for the findings.
         limit: the most that a change may disrupt.

@@ -30,9 +30,6 @@ class Group:
     def may_run_on(self, host: str) -> bool:
         """Whether the manifest allows all members on the host of this name.
 
-        Args:
-            host: a host of the manifest.
-
         Returns:
             True where they name no hosts, too.
         """
@@ -76,8 +73,6 @@ def unnamed_partitions(wanted: Collection[str], moved: Mapping[str, str], own: I
     """Find the partitions on a host that the manifest no longer names.
 
     Args:
-        wanted: the names of all partitions of the manifest.
-        moved: its moves, new names by old.
         own: the machines there with the application's mark.
 
     Returns:

@@ -49,7 +49,6 @@ def plan_layout(
     A partition that is on a host stays there, unless removal is allowed; a finding says what a move would gain.
 
     Args:
-        reservations: where reservations come from.
         hosts: the hosts that were observed, by name; of the others the manifest alone counts.
         places: lines of the manifest, for the findings.
         max_disruption: the most that may be disturbed; `REMOVAL` lets partitions move. None: as the policy says.
@@ -228,9 +227,7 @@ def smaller_host_findings(host: Host, facts: HostFacts | None, places: Places) -
     """Report where a host has less than the manifest says.
 
     Args:
-        host: as the manifest has it.
         facts: as it was seen; None: it was not.
-        places: of the manifest's keys.
 
     Yields:
         A warning for its logical processors, and one for its memory.

@@ -82,7 +82,6 @@ def deadline_period_us(group: Group, host: Host) -> int | None:
 
     Args:
         group: the partition's members and request.
-        host: where it is.
 
     Returns:
         Microseconds, a tenth of the shortest threshold as of a quota; None: the mechanism is another one.
@@ -97,7 +96,6 @@ def deadline_percent(reserve: int, processors: int) -> int:
 
     Args:
         reserve: per cent of each processor of the partition.
-        processors: how many it has.
 
     Returns:
         All that the partition reserves: under a share, too, one thread may use all of it. At most the kernel's 95.
@@ -124,8 +122,6 @@ def deadline_problems(
 
     Args:
         partitions: those of the host with the mechanism `deadline`, with their groups.
-        host: for messages.
-        processors: logical processors of the host.
         admitted: per cent of each that the kernel admits; 0: control groups hold only some processors.
 
     Yields:

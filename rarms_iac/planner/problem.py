@@ -37,9 +37,6 @@ class HostView:
     def sharing(self, partition: str) -> CoreSharing:
         """Return how a partition takes cores there: as its machine does, or as one that is made.
 
-        Args:
-            partition: a name of the manifest.
-
         Returns:
             How many threads a core has, and how many of them the partition uses.
         """
@@ -50,7 +47,6 @@ def host_view(state: State, application: str) -> HostView:
     """Make the planner's view of a host that was observed.
 
     Args:
-        state: the host as observed.
         application: whose partitions count as ours; all other machines keep what they claim.
 
     Returns:
@@ -105,7 +101,6 @@ class Problem:
         """Return the partition on this host, on which it may run.
 
         Args:
-            partition: its name.
             host: one of those in its `sizes`.
 
         Returns:
@@ -122,7 +117,6 @@ def problem_of(
     A partition is sized once for all hosts on which it gets the same.
 
     Args:
-        reservations: where reservations come from.
         views: the hosts that were observed, by name; the others count as the manifest has them.
         may_move: whether a partition may leave the host that it is on; if not, it is only offered that host.
 

@@ -33,9 +33,6 @@ def ignores_reserves(facts: HostFacts) -> bool:
 def asks_for_processors(settings: PartitionSettings) -> bool:
     """Whether a partition has a reserve or a limit that a scheduler has to honour.
 
-    Args:
-        settings: of the partition.
-
     Returns:
         False: any scheduler will do.
     """
@@ -85,7 +82,6 @@ def cannot_be_made(partition: PlacedPartition, switches: Collection[str] | None,
     """Whether a check refuses to make a partition on a host where it is not yet.
 
     Args:
-        partition: as it would be there.
         switches: names of the host's virtual switches; None: not known.
         largest_node: `State.largest_node` of the host.
 
@@ -103,9 +99,6 @@ def cannot_have_reserve(
     """Whether a check refuses what a partition asks of the scheduler of a host, with other partitions or without.
 
     Args:
-        settings: as they would be there.
-        group: its members.
-        host: of the manifest.
         facts: what was observed of the host; None: not looked at.
         policy: of the manifest; an acceptance of RARMS159 at the host counts.
 

@@ -23,7 +23,6 @@ class ReservationSource(Protocol):
 
         Args:
             members: all components of the partition, in any order.
-            host: where the partition would be.
 
         Returns:
             Quick; the same question has the same answer.
@@ -144,7 +143,6 @@ class MeasuredReservations:
         """Return the verdict on the thresholds of these components together; each is worked out once.
 
         Args:
-            members: all components of the partition.
             host: the host that the logs must hold for.
         """
         return self._decision(members, host).verdict

@@ -29,9 +29,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
     """Work out a partition's settings on one host.
 
     Args:
-        group: its members, and what the manifest says of it.
         host: the host; what else is placed there does not matter.
-        reservations: where the reservation comes from.
 
     Returns:
         The partition with its reserve rounded up to whole per cent of each virtual processor; or the cause why it
@@ -78,9 +76,6 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
 
 def size_without_reserve(group: Group, host: Host) -> PlacedPartition | Cause:
     """Work out what else a partition gets on a host, where its reservation is not known yet.
-
-    Args:
-        group: its members, and what the manifest says of it.
 
     Returns:
         As `size`, with nothing reserved.

@@ -31,9 +31,6 @@ class Cost(NamedTuple):
     def plus(self, other: Sequence[int]) -> "Cost":
         """Add another cost to this one, number by number.
 
-        Args:
-            other: as many numbers.
-
         Returns:
             A new cost.
         """

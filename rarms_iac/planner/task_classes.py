@@ -224,9 +224,6 @@ def registry_values(values: ClassValues) -> Mapping[str, RegistryValue]:
     `Background Only` is always true: otherwise threads would depend on which window has the focus (windows.md 6.2), and
     that is no order of criticalities.
 
-    Args:
-        values: what was decided about the class.
-
     Returns:
         By name of the value, in alphabetical order.
     """

@@ -39,7 +39,6 @@ def decide(members: Sequence[Component], logs: Sequence[LogOfLoad]) -> Decision:
     meets all thresholds at once, thresholds that are met one by one are open.
 
     Args:
-        members: all components of the partition.
         logs: the data log of each load, or the reason why it does not count, in the order of the loads.
 
     Returns:

@@ -79,7 +79,6 @@ def union(coi: Coi, other: Coi) -> Members:
     """Name the components of both CoIs.
 
     Args:
-        coi: one CoI.
         other: another CoI, with other members.
 
     Returns:
@@ -145,7 +144,6 @@ class PerformanceOracle(Protocol):
 
         Args:
             members: as of `worse`, which was asked before.
-            reserve: likewise.
 
         Returns:
             True where none of those that are worse was shown to miss an APT: no proof may rest on it.
@@ -224,7 +222,6 @@ def coi_as_measured(
 
     Args:
         group: the partition's members.
-        claim: what the partition reserves on this host.
         reservations: the data logs, or what the manifest fixes.
         host: the host that the logs must hold for.
         sharing: how the partition takes its cores.

@@ -49,7 +49,6 @@ class SearchBudget:
         """Count a run of first fit, if nodes remain.
 
         Args:
-            part: The part of the search, as a noun.
             pairs: The number of pairs of a partition and a host that it may be on.
 
         Returns:

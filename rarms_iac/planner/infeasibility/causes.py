@@ -40,7 +40,6 @@ def explain_infeasibility(answer: Infeasible, problem: Problem, start: Variant) 
 
     Args:
         answer: What `solve` said.
-        problem: What was solved.
         start: What the problem was made of: changes of it are planned.
 
     Returns:

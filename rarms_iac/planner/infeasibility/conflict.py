@@ -38,8 +38,6 @@ def conflicts(items: Sequence[Item], bins: Sequence[Bin], budget: SearchBudget, 
 
     Args:
         items: Partitions of which no packing was found.
-        bins: All hosts.
-        budget: Of the search for a smaller conflict.
         proven: Whether there is none.
 
     Returns:
@@ -53,7 +51,6 @@ def evident_conflicts(items: Sequence[Item], bins: Sequence[Bin]) -> Sequence[Co
 
     Args:
         items: Partitions with at least one claim each.
-        bins: All hosts.
 
     Returns:
         Partitions that no host can hold, each alone; else who needs too much in sum; else, where no partition has a
@@ -85,7 +82,6 @@ def conflicts_by_sums(items: Sequence[Item], bins: Sequence[Bin]) -> Sequence[Co
 
     Args:
         items: Partitions with at least one claim each.
-        bins: All hosts.
     """
     processors = _fewest_beyond(items, bins, least_cost, lambda host: free_in(host).percent)
     memory = _fewest_beyond(items, bins, least_memory, lambda host: free_in(host).memory)

@@ -100,7 +100,6 @@ def smallest_edits(relaxations: Sequence[RelaxationRange], planner: VariantPlann
 
     Args:
         relaxations: What may be changed; the first are changed first.
-        planner: Plans what is tried.
 
     Returns:
         The changes; none where even all first amounts are not enough, or more are needed than are read.

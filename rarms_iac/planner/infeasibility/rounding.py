@@ -28,9 +28,6 @@ class _Rounded:
 def describe_rounding(conflict: Conflict, problem: Problem) -> str:
     """Say which reserves are rounded up, if the whole per cent below would fit, or the sum would without rounding.
 
-    Args:
-        conflict: Of the problem.
-
     Returns:
         Sentences that begin with a space; empty where rounding does not decide.
     """

@@ -173,7 +173,6 @@ def exceeds_capacity(items: Sequence[Item], bins: Sequence[Bin]) -> bool:
 
     Args:
         items: the partitions, each with at least one claim.
-        bins: all hosts.
 
     Returns:
         True: there is no packing, in processors or in memory. False says nothing.
@@ -191,7 +190,6 @@ def lower_bound(items: Sequence[Item], bins: Sequence[Bin]) -> Objective:
 
     Args:
         items: the partitions, each with at least one claim.
-        bins: all hosts.
 
     Returns:
         No packing has less of either; a packing that meets both is optimal.

@@ -65,7 +65,6 @@ def minimise(
 
     Args:
         costs: What each variable costs where it is 1, at least 0.
-        rows: What must hold.
         nodes: After so many nodes of the search the best solution so far is taken.
         start: Variables that are 1 in a solution that is known.
         budget: What other searches left, too; a search takes one node at least. None: `nodes` alone counts.

@@ -101,7 +101,6 @@ def claims_by_host(items: Iterable[Item], bins: Sequence[Bin], host_of: Mapping[
     """Return all that each host would have to promise, other machines included.
 
     Args:
-        bins: all hosts.
         host_of: the host of each partition, by names.
 
     Returns:
@@ -117,7 +116,6 @@ def hosts_can_hold(items: Sequence[Item], bins: Sequence[Bin], host_of: Mapping[
     """Check that every host that is used can keep its promises; None: of some host it is not known.
 
     Args:
-        bins: All hosts.
         host_of: The host of each partition, by names.
 
     Returns:
@@ -153,10 +151,6 @@ def objective_of(items: Iterable[Item], host_of: Mapping[str, str]) -> Objective
 
 def is_move(item: Item, host: str) -> bool:
     """Tell whether the partition would leave the host that it is on.
-
-    Args:
-        item: with the host that it is on, where it is on one.
-        host: a name.
 
     Returns:
         False for a partition that is nowhere yet.

@@ -71,7 +71,6 @@ def alone_of(
         component: with its APTs and its arrival.
         points: CR (per cent) and mean response time (ms) of each measured setting.
         enough: the CR at which it meets its APTs.
-        processors: of the partition that it was measured in.
         cpu_ms: processor time of a job; None: it is taken to use one processor at a time.
 
     Returns:
@@ -135,10 +134,6 @@ def waits_and_work(points: Sequence[tuple[float, float]]) -> tuple[float, float]
 
 def unpredicted(_members: tuple[str, ...], _processors: int) -> int | None:
     """Predict nothing.
-
-    Args:
-        _members: any.
-        _processors: any number.
 
     Returns:
         None, always.

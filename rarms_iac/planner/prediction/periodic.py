@@ -56,7 +56,6 @@ def supplied(resource: Resource, ticks: int) -> int:
     very end of its period.
 
     Args:
-        resource: the budget in every period.
         ticks: the length of the run, at least 0.
 
     Returns:
@@ -87,7 +86,6 @@ def meets_by_deadline(tasks: Sequence[Task], resource: Resource) -> bool:
 
     Args:
         tasks: in any order; none: always met.
-        resource: what the partition gives.
 
     Returns:
         True only where it is proved. Where the first `LOOKED_AT` deadlines do not decide, the answer is False.
