@@ -60,9 +60,6 @@ def render_measuring(
     """Make the script.
 
     Args:
-        host: as the manifest describes it.
-        facts: of the host as it was observed.
-        application: whose partitions they are.
         machines: test partitions, in the order in which their reserves are told.
         works: programs inside guests; none: the script only removes test partitions.
 

@@ -150,8 +150,6 @@ def machine_table(steps: Sequence[Step], changes: Iterable[Change], files: NewFi
     """Tell what the machines are that a script makes.
 
     Args:
-        steps: the plan's, of one script.
-        changes: of the host.
         files: where their disks lie.
 
     Returns:
