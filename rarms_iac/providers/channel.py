@@ -233,10 +233,6 @@ def _quoted(value: str | int) -> str:
 def open_channel(host: str, words: Sequence[str]) -> Channel:
     """Start a program that leads to a host.
 
-    Args:
-        host: its name in the manifest.
-        words: the program and its arguments.
-
     Raises:
         HostUnreachable: it cannot be started.
     """
@@ -252,8 +248,6 @@ def await_line(channel: Conversation, host: str, target: str, is_wanted: Callabl
 
     Args:
         channel: of ssh, or another way.
-        host: its name in the manifest.
-        target: user@host, as the manifest names it.
         is_wanted: whether a line is that line.
         way: ssh, or how the way is called.
 
@@ -315,11 +309,7 @@ class CommandChannel(Protocol):
 
 
 def one_command_only(host: str) -> HostFailed:
-    """Return the refusal to talk with what runs on a host, through a channel that runs one command.
-
-    Args:
-        host: its name in the manifest.
-    """
+    """Return the refusal to talk with what runs on a host, through a channel that runs one command."""
     return HostFailed(
         host,
         "measuring talks with the host all the while, and the channel to it runs one command at a time",
@@ -366,10 +356,5 @@ class ProgramChannel:
 
 
 def ssh_channel(host: str, connect: Connect) -> ProgramChannel:
-    """Return the system's ssh as a channel.
-
-    Args:
-        host: its name in the manifest.
-        connect: how it is reached.
-    """
+    """Return the system's ssh as a channel."""
     return ProgramChannel(host=host, target=connect.ssh, words=ssh_words(connect, ()))

@@ -111,7 +111,6 @@ class StepwiseHost(ReadableHost, Protocol):
         """Do one operation, wholly or not at all, also when the process is killed meanwhile.
 
         Args:
-            operation: the call; what it needs is in it.
             scope: how the partition's name is resolved.
 
         Raises:
@@ -248,11 +247,7 @@ class EventListener(Protocol):
         """
 
     def on_output(self, line: str) -> None:
-        """Take a line of the script's output that is no event, without its line end.
-
-        Args:
-            line: as the host wrote it, from anybody.
-        """
+        """Take a line of the script's output that is no event, without its line end."""
 
     def should_stop(self) -> bool:
         """Whether the script should end before its next step; asked a few times a second.
@@ -357,8 +352,6 @@ class RobotListener(Protocol):
         """Take a call of a reporter, in the order in which the robot made it.
 
         Args:
-            target: which reporter.
-            method: of the reporter.
             arguments: encoded.
 
         Returns:
@@ -419,7 +412,6 @@ class RobotHost(ReadableHost, Protocol):
         """Have the robot's rarms do a command, and return its result.
 
         Args:
-            command: one that it knows.
             job: what the command needs, encoded.
             listener: hears its calls, and is asked whether to stop.
 

@@ -182,7 +182,6 @@ class WorkHost(ReadableHost, Protocol):
         """Say why this host cannot run a component or a load; asked before anything is changed for it.
 
         Args:
-            subject: as the manifest describes it.
             in_its_partition: whether it is to run in the partition that was applied for it, not in a test partition.
 
         Returns:
@@ -244,8 +243,6 @@ class ScriptedMeasuringHost(WorkHost, ScriptedHost, Protocol):
         """Make the script that measures this.
 
         Args:
-            application: whose work it is.
-            shapes: of its test partitions.
             partitions: what runs in them, and in others; without both it only removes what a killed one left.
 
         Returns:

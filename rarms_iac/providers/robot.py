@@ -166,12 +166,7 @@ class RobotByChannel:
     """A `RobotHost`. One look answers each kind of question once; a second question of a kind looks again."""
 
     def __init__(self, host: Host, channel: CommandChannel) -> None:
-        """Prepare; nothing is sent before the first call.
-
-        Args:
-            host: as the manifest describes it.
-            channel: to the host.
-        """
+        """Prepare; nothing is sent before the first call."""
         self._host = replace(host, connect=None)
         self._channel = channel
         self._look: Look | None = None
@@ -360,7 +355,6 @@ def calls_sent_by(interface: type[Any], target: str, send: Callable[[ReporterCal
 
     Args:
         interface: class of the reporter; its methods take values that the codec knows, and a bool is all they return.
-        target: what the other side calls it.
         send: takes each call with its arguments.
         ask: returns the answer to the question that was sent last.
     """
@@ -383,10 +377,7 @@ def perform_call(reporter: Any, interface: type[Any], method: str, arguments: Js
     """Make a call of the other side here, and return the answer if it is a question.
 
     Args:
-        reporter: of this side.
         interface: its class, as of `calls_sent_by`.
-        method: one of its methods.
-        arguments: as they came.
 
     Raises:
         NotDecodable: there is no such method, or the arguments do not fit it.

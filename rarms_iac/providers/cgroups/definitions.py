@@ -63,7 +63,6 @@ def new_definition(operation: CreatePartition, name: str, host: str, taken: Iter
     """Define a new partition, off and without reserve.
 
     Args:
-        operation: says its memory.
         name: of the partition; with the host's id it decides the new id.
         host: the machine's id.
         taken: ids of the host's partitions, which the new one does not get.

@@ -27,13 +27,7 @@ class RunningGroup:
 
 
 def foreign_definition(name: str, group: RunningGroup, machine: LinuxMachine) -> GroupDefinition:
-    """Return a group that no definition names as a partition, under an id that is always the same.
-
-    Args:
-        name: of the group.
-        group: its values.
-        machine: on which it is.
-    """
+    """Return a group that no definition names as a partition, under an id that is always the same."""
     number = str(uuid.uuid5(NAMESPACE, f"{machine.id}/group/{name}"))
     settings = observed_settings(new_settings(name, 0), replace(group, wanted=None), machine.logical_processors)
     return GroupDefinition(id=number, settings=settings, group=name, boot=machine.boot)
@@ -41,10 +35,6 @@ def foreign_definition(name: str, group: RunningGroup, machine: LinuxMachine) ->
 
 def slice_limit(host: Host, processors: int) -> int | None:
     """Return what all partitions together get at most: all but `keep_for_host`, in whole per cent of one processor.
-
-    Args:
-        host: as the manifest describes it.
-        processors: logical processors of the machine.
 
     Returns:
         At least 1; None: nothing is kept, so nothing limits them.
@@ -57,8 +47,6 @@ def values_of(settings: PartitionSettings, processors: int, limit: int | None = 
     """Return the values of a partition's control group.
 
     Args:
-        settings: as defined.
-        processors: logical processors of the machine.
         limit: as `slice_limit` gives it: no quota is larger.
     """
     is_limited = settings.limit < 100 or settings.processors < processors
@@ -80,7 +68,6 @@ def to_partitions(
         definitions: of all partitions, those of unmanaged groups included.
         running: by name of the group: those that are in the kernel.
         boot: the machine's latest start.
-        processors: logical processors of the machine.
     """
     known = sorted(definitions, key=lambda definition: (definition.settings.name, definition.id))
     judged = read_marks({definition.id: definition.notes for definition in known})
@@ -116,8 +103,6 @@ def observed_settings(settings: PartitionSettings, group: RunningGroup, processo
 
     Args:
         settings: as defined; of an unmanaged group anything.
-        group: its values.
-        processors: logical processors of the machine.
     """
     actual, wanted = group.actual, group.wanted
     if actual == wanted:

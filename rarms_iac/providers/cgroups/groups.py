@@ -150,7 +150,6 @@ class GroupTree(ABC):
         """Have systemd start a group with the machine, or not; without systemd nothing does.
 
         Args:
-            name: of the group, which is there.
             starts: whether it is to.
 
         Raises:
@@ -215,7 +214,6 @@ class GroupTree(ABC):
         together. A budget is counted in pieces of 100 ms.
 
         Args:
-            name: of the group.
             percent: of each processor; its processes get no more, also where the rest is idle.
 
         Raises:

@@ -39,9 +39,6 @@ class LinuxMachine:
 def read_machine(effects: LinuxEffects) -> LinuxMachine:
     """Read a machine.
 
-    Args:
-        effects: of the machine.
-
     Raises:
         OSError: it has no `/proc`, or no `/sys`.
         UnreadableFile: a file is not as a Linux writes it.
@@ -68,8 +65,6 @@ def facts_of(host: Host, machine: LinuxMachine, group_processors: int) -> HostFa
     """Return the facts of the host that decisions rest on.
 
     Args:
-        host: as the manifest describes it.
-        machine: what rarms runs on.
         group_processors: how many of its processors control groups may use.
     """
     percent = machine.deadline_percent if group_processors == machine.logical_processors else 0

@@ -73,7 +73,6 @@ class LinuxMeasuringHost(LinuxHostProvider):
         """Prepare; nothing is read before the first call.
 
         Args:
-            host: as the manifest describes it.
             base: the manifest's folder, from which components start.
             state_folder: as of `LinuxHostProvider`.
             tree: as of `LinuxHostProvider`.
@@ -219,7 +218,6 @@ class LinuxMeasuringHost(LinuxHostProvider):
         Args:
             part: the partition's name in the manifest, empty for the host itself, one component, and the task classes
                 of all members.
-            application: whose partition it is.
 
         Raises:
             HostRefused: the partition is not there or does not run.
@@ -288,9 +286,6 @@ def class_words(component: Component, classes: Iterable[ClassValues]) -> tuple[s
 
 def class_environment(part: PartitionWork) -> dict[str, str]:
     """Return the environment variable from which `rcss` reads a partition's task classes.
-
-    Args:
-        part: of it the task classes.
 
     Returns:
         Empty without task classes, and where components have deadlines: the kernel allows no priority beside these.

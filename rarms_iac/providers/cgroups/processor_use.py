@@ -67,10 +67,6 @@ class ThreadLooks:
 def looking_at(tree: GroupTree, group: str) -> Iterator[ThreadLooks]:
     """Look at a group's threads as long as the context lasts.
 
-    Args:
-        tree: that has the group.
-        group: its name.
-
     Yields:
         What was seen so far; it stays when the context has ended.
     """

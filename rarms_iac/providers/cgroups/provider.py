@@ -86,7 +86,6 @@ class LinuxHostProvider(JournaledHost):
         """Prepare; nothing is read before the first call.
 
         Args:
-            host: as the manifest describes it.
             state_folder: what all slices of the machine keep lies below it.
             tree: the control groups; None: the kernel's, below the slice of the manifest.
             machine: None: as it shows itself.

@@ -35,9 +35,7 @@ def lack_of_memory(wanted: PartitionSettings, machine: str, state: State) -> str
     """Describe the memory that is missing for a partition beside those that run; empty: there is enough.
 
     Args:
-        wanted: the partition's settings.
         machine: its id.
-        state: of the host.
     """
     taken = sum(other.settings.memory for other in _others_running(machine, state))
     if taken + wanted.memory <= state.facts.memory:
@@ -51,9 +49,7 @@ def lack_of_reserve(wanted: PartitionSettings, machine: str, state: State) -> st
     """Describe why a reserve does not fit beside those of the partitions that run; empty: it fits.
 
     Args:
-        wanted: the partition's settings.
         machine: its id.
-        state: of the host.
     """
     available = state.facts.logical_processors
     if not wanted.reserve:

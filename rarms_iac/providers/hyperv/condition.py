@@ -107,7 +107,6 @@ def unread_error(observation: HostObservation, host: str, *, guest: bool = False
 
     Args:
         observation: of a host, or of the Windows inside a guest.
-        host: its name in the manifest.
         guest: only the registry counts.
 
     Returns:

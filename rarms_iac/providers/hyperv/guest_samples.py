@@ -161,9 +161,6 @@ class Seen:
 def read_seen(line: str) -> Seen | None:
     """Read a line of a measuring script.
 
-    Args:
-        line: of its output.
-
     Returns:
         None where it is an event, or noise of the host or of a guest.
     """
@@ -196,7 +193,6 @@ class _GuestReader:
         """Return the sample that a line is, if any.
 
         Args:
-            seen: what the runner said.
             now: of the host's clock, in ms.
         """
         kind, _, rest = seen.partition(" ")

@@ -67,8 +67,6 @@ class HypervMeasuringHost(LiveHypervHost):
         """Prepare; nothing is read before the first call.
 
         Args:
-            host: as the manifest describes it.
-            transport: the way to it.
             signed: as of `LiveHypervHost`.
             base: the manifest's folder, where the files of components lie.
             credentials: by partition, under which name the host keeps what its guest is entered with.
@@ -200,7 +198,6 @@ class HypervMeasuringHost(LiveHypervHost):
         """Return the next line of a script that is to go on.
 
         Args:
-            session: in which it runs.
             silence_s: how many seconds it may say nothing.
 
         Returns:
@@ -330,9 +327,7 @@ def load_works(partition: str, credential: str, load: Interference, processors: 
     """Yield the programs that are a load inside a guest.
 
     Args:
-        partition: in whose guest.
         credential: under which name the host keeps what that is entered with.
-        load: as the manifest has it.
         processors: virtual ones, to keep busy where the load does not say how many.
     """
 

@@ -202,8 +202,6 @@ def open_hyperv(host: Host, signed_folder: Path, channel: CommandChannel | None)
     """Open the host that this describes.
 
     Args:
-        host: as the manifest or a plan has it.
-        signed_folder: the folder of what was signed for it.
         channel: reaches it in place of what `connect` says.
     """
     if channel is None:

@@ -58,8 +58,6 @@ def send_and_follow(
     """Send scripts to a bootstrap that is ready, and follow what the first of them says until it ends.
 
     Args:
-        channel: to the bootstrap.
-        host: its name in the manifest.
         frame: the scripts, as of `RemotePowerShell.frame`.
         silence_s: seconds without a line after which it is taken for lost.
         listener: told each line, and asked whether to stop.
@@ -146,10 +144,7 @@ def await_bootstrap(channel: Conversation, host: str, target: str, there: Remote
     """Wait until the bootstrap at the other end is ready.
 
     Args:
-        channel: to what starts it.
-        host: its name in the manifest.
         target: where it leads to, as messages name it.
-        there: what is started there.
         way: as `await_line` has it.
 
     Raises:

@@ -31,7 +31,6 @@ def ties_of(machine: ObservedMachine, groups: Mapping[str, str]) -> tuple[Tie, .
     """Return what a machine is tied to.
 
     Args:
-        machine: as it was observed.
         groups: by id of a machine: its CPU group.
 
     Returns:

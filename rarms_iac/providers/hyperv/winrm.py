@@ -90,8 +90,6 @@ class ServiceChannel:
         """Prepare; `reach` returns pypsrp's `WSMan`, and is called for each command.
 
         Args:
-            host: its name in the manifest.
-            target: the host as messages name it.
             reach: raises what pypsrp does where the service is out of reach.
         """
         self._host = host

@@ -215,7 +215,6 @@ def usable_weights(demanding: Sequence[Entitlement], lps: int) -> list[float]:
 
     Args:
         demanding: Every VP that wants to run, in any order.
-        lps: How many LPs they share.
 
     Returns:
         The weights in the same order. By these, what the reserves leave can be shared to the last bit: each VP gets
