@@ -78,8 +78,6 @@ class InterferingLoad:
         """Start it, and wait until it runs.
 
         Args:
-            name: what messages call it.
-            load: as the manifest has it.
             context: where its processes belong.
             processors: the LPs to keep busy, where the load does not say how many; None: this machine's.
             reserve: per cent of each processor that its partition reserves; None: it has no partition.

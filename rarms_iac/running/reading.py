@@ -116,9 +116,7 @@ def cut_number(line: str, spans: Mapping[str, tuple[int, int]], name: str) -> st
     comma and another named group begins (or, before the number, ends) there.
 
     Args:
-        line: That the pattern matched.
         spans: Begin and end of each named group in it; -1 of one that took no part.
-        name: Of the group.
 
     Returns:
         The text that the group is a part of; None: it has the whole number, or no digit at that end.
@@ -370,7 +368,6 @@ def describe_no_sample(message: str, samples: Samples, skipped: SkippedLines, el
     """Explain why there is no sample, with the skipped lines and the samples of the other stream.
 
     Args:
-        message: The reason so far.
         elsewhere: Lines of the other stream that are samples.
     """
     parts = [message]

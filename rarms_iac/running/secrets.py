@@ -21,10 +21,6 @@ LINE = 76
 def hide_secrets(run: Run, own: Mapping[str, str]) -> Callable[[str], str]:
     """Make the function that takes the values of `from_env` variables out of a text.
 
-    Args:
-        run: of the component.
-        own: rarms' own environment.
-
     Returns:
         A function of a text, which has `<NAME>` in place of each value of at least `LEAST` characters, as it is, in
         base64, or as JSON, Python, an address or a message writes it, whole or line by line; the longest first, so that
@@ -98,7 +94,6 @@ def short_secrets(components: Iterable[Component], places: Places) -> Iterator[D
 
     Args:
         components: whose `from_env` variables are looked at.
-        places: of the manifest.
 
     Yields:
         A warning for each such variable of a component; it tells neither the value nor its length.

@@ -60,7 +60,6 @@ class WorkPlaces:
         """Take the first look, before the components start.
 
         Args:
-            groups: Those of the components.
             load_groups: Those of the interfering loads; what runs in them is not outside.
 
         Raises:
@@ -183,7 +182,6 @@ def usual_rates(before: Look, looked_at: int) -> Mapping[tuple[int, int], float]
     """Return the processors that each process used on average from its start until a look.
 
     Args:
-        before: The look.
         looked_at: Its time in ticks since the machine's start.
 
     Returns:
@@ -199,7 +197,6 @@ def used_ticks(before: Look, last: Look, alive: frozenset[int]) -> Mapping[int, 
     """Compare two looks.
 
     Args:
-        before: At the start of the setting.
         last: At its end; a process that ended meanwhile as it was seen last.
         alive: The processes that were there at the end.
 
