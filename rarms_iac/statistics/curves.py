@@ -92,7 +92,6 @@ def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run) 
     Args:
         settings: In any order, at most one a reservation (`join_settings`); those without the component, or without an
             estimate of it, give no point.
-        component: Its name.
         index: A name of `model/indexes`.
         run: The component's; says the deadline.
 
@@ -140,7 +139,6 @@ def curves_of(
     """Draw the curve of every index that an APT names, component by component, as `least_reserve` takes them.
 
     Args:
-        settings: Of all components.
         runs: By component; every one that has thresholds.
         apts: By component, then by index.
 
@@ -223,7 +221,6 @@ def threshold_met_by(index: str, value: float) -> Threshold | None:
     """Find the tightest threshold of three digits that a value meets.
 
     Args:
-        index: a performance index.
         value: of it, in its unit; the safe side of a bound.
 
     Returns:

@@ -53,9 +53,6 @@ def shared_error(parts: int, error: float) -> float:
 def next_look(samples: int) -> int:
     """Say at which count of samples to look at a setting next.
 
-    Args:
-        samples: how many there are now.
-
     Returns:
         A larger count. The counts grow geometrically, so that the looks stay few.
     """
@@ -69,7 +66,6 @@ def samples_needed(index: str, threshold: Threshold) -> int:
     """Say with how many samples an index is shown to meet its threshold at the earliest, where all of them are good.
 
     Args:
-        index: its name.
         threshold: in its unit.
 
     Returns:

@@ -51,7 +51,6 @@ def estimate(
 
     Args:
         index: A name of `model/indexes`.
-        series: Of one component at one setting.
         run: The component's; says the deadline.
         error: The probability, 0..1, that the truth is above the upper bound, and likewise below the lower one. The
             usual one holds for all looks at a setting together.
@@ -86,7 +85,6 @@ def estimate_steady(index: str, series: Series, run: Run, *, error: float) -> Es
     its samples depend too strongly on one another, its quarters count as four samples of the index (batch means).
 
     Args:
-        index: the index's name.
         series: the samples of one component at one setting, in order.
         run: how the component is run, with its deadline.
         error: the probability, 0..1, that the true value is above the upper bound, and likewise below the lower one.

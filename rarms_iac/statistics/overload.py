@@ -77,9 +77,7 @@ def grows_without_end(index: str, series: Series, run: Run) -> bool:
     """Tell whether an overloaded component misses every threshold of an index, with any samples.
 
     Args:
-        index: its name.
         series: says whether real processes ran: whether these succeed, only they know.
-        run: the component's.
 
     Returns:
         True for response times and what is made of them; False where the samples have to tell: of a minimum, which an
@@ -98,9 +96,7 @@ def estimate_of_setting(index: str, series: Series, run: Run, *, error: float = 
     Throughput and successes that do not depend on the time stay what they are while response times grow.
 
     Args:
-        index: the index's name.
         series: the samples of one component at one setting, in order.
-        run: how the component is run.
         error: as of `estimate_steady`.
 
     Returns:
@@ -123,7 +119,6 @@ def describe_overload(overload: Overload, *, helps: bool = True) -> str:
     """Write what an overloaded component needs.
 
     Args:
-        overload: as it was seen.
         helps: whether more CPU does (`more_processors_help`); of who waits for something else, LPs are not told.
 
     Returns:
@@ -145,9 +140,7 @@ def more_processors_help(overload: Overload, share: float, processors: int) -> b
     time by that share, it waits for something else.
 
     Args:
-        overload: as seen at this reservation.
         share: of one of the partition's processors that is reserved, 0..1; the component has it for itself.
-        processors: of the partition.
 
     Returns:
         False: with all processors for itself, it would fall behind all the same, since it waits.

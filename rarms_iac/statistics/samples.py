@@ -221,7 +221,6 @@ def _initial_positive(deviations: Sequence[float], variance: float, neighbours: 
     """Return the integrated autocorrelation time by pairs of lags (2k, 2k + 1) while their sum is positive and falls.
 
     Args:
-        deviations: from their mean.
         variance: the sum of their squares, which is the product at lag 0.
         neighbours: the sum of the products at lag 1.
     """

@@ -167,7 +167,6 @@ def split_series(series: Series, parts: int) -> list[Series]:
 
     Args:
         series: at least as many samples as parts, in order.
-        parts: how many.
 
     Returns:
         Series that begin at 0 ms.

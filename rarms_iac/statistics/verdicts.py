@@ -46,7 +46,6 @@ def judge(series: Series, apt: Mapping[str, Threshold], run: Run, *, error: floa
     shown to meet (intersection-union test), so that nothing needs to be shared. That one misses shares the error.
 
     Args:
-        series: Of one component at one setting.
         apt: Thresholds by index.
         run: The component's; says how many samples may fail, and the deadline.
         error: The probability, 0..1, with which `Met`, and with which `Missed`, may be wrong.
@@ -87,7 +86,6 @@ def judge_look(series: Series, apt: Mapping[str, Threshold], run: Run, *, member
     Args:
         series: of one component at one setting, whether it ended early or not.
         apt: thresholds by index.
-        run: the component's.
         members: components of the setting, which share the error of saying that one of them misses.
 
     Returns:
@@ -105,9 +103,7 @@ def judge_early(
     """Say whether a setting that is being measured may end now, at `FIRST_LOOK` samples or more.
 
     Args:
-        series: what was seen of one component so far.
         apt: thresholds by index.
-        run: the component's.
         done: the part of the samples that the setting will have at its end, above 0; 1: it has ended.
         members: as of `judge_look`.
         most_samples: at most so many the setting will have at its end; fewer than an index needs leave it unclear.
@@ -172,7 +168,6 @@ def samples_to_clear(judged: JudgedIndex, series: Series) -> float | None:
 
     Args:
         judged: an index that its samples leave within the noise.
-        series: what it was seen in.
 
     Returns:
         How many of all samples, no fewer than there are; infinite where the index is at its threshold. None: nothing
