@@ -143,7 +143,6 @@ def log_lines(lines: Iterable[bytes], path: Path) -> Iterator[LogLine]:
 
     Args:
         lines: each with its end.
-        path: for messages.
 
     Yields:
         Lines in their order, up to a last one that a crash tore.
@@ -163,9 +162,6 @@ def iterate_log(path: Path) -> Iterator[LogLine]:
     """Go through the lines of a log that is kept in git; of equal ones the first.
 
     A long log need not be in memory as a whole.
-
-    Args:
-        path: the log.
 
     Yields:
         Lines in their order, up to a last one that a crash tore; none where there is no file.
@@ -195,7 +191,6 @@ def records_in(data: bytes, path: Path) -> tuple[dict[str, Json], ...]:
 
     Args:
         data: the bytes of a log.
-        path: for messages.
 
     Returns:
         The records, oldest first; at least one.
@@ -211,7 +206,6 @@ def first_in(data: bytes, path: Path) -> dict[str, Json]:
 
     Args:
         data: the bytes of a log.
-        path: for messages.
 
     Returns:
         The record without `length` and `checksum`.
@@ -227,7 +221,6 @@ def last_in(data: bytes, path: Path) -> dict[str, Json] | None:
 
     Args:
         data: the bytes of a log.
-        path: for messages.
 
     Returns:
         The record without `length` and `checksum`.

@@ -115,7 +115,6 @@ def decode_union(hint: object, data: object) -> Any:
     """As `decode`, for a union or another type that is not a class.
 
     Args:
-        hint: a type hint.
         data: what `parse_json` gave.
 
     Returns:
@@ -134,9 +133,7 @@ def in_range(number: N, allowed: Range, path: str) -> N:
     """Give the number back where its range has it.
 
     Args:
-        number: from outside.
         allowed: as of `storage.ranges`.
-        path: of its field, for the message.
 
     Returns:
         The same number.
@@ -277,11 +274,6 @@ def _decode_dataclass(cls: type) -> Decode:
 def decoder_of_field(record: str, name: str, hint: Any) -> Decode:
     """Return the decoder of a field, which also holds its numbers to their range.
 
-    Args:
-        record: name of its class.
-        name: its own.
-        hint: its type.
-
     Returns:
         A function of JSON and the path to it, which gives the value or raises `NotDecodable`.
     """
@@ -302,9 +294,6 @@ def decoder_of_field(record: str, name: str, hint: Any) -> Decode:
 
 def has_numbers(hint: Any) -> bool:
     """Whether values of a type are numbers, or collections that may hold some; those of records in it do not count.
-
-    Args:
-        hint: the type of a field.
 
     Returns:
         False also for exact fractions, which say where they are read what they may be.

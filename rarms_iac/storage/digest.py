@@ -31,7 +31,6 @@ def short(text: str, digits: int = 12) -> str:
 
     Args:
         text: a digest.
-        digits: how many are wanted.
 
     Returns:
         The beginning of the digest.

@@ -42,12 +42,7 @@ class FileEffects:
         give_to_owner(path, path.parent.stat())
 
     def append(self, path: Path, data: bytes) -> None:
-        """Write at the end of a file that exists.
-
-        Args:
-            path: of the file.
-            data: what is added.
-        """
+        """Write at the end of a file that exists."""
         with os.fdopen(open_to_write(path, os.O_APPEND), "ab") as file:
             file.write(data)
 
@@ -55,18 +50,13 @@ class FileEffects:
         """Drop everything of the file behind so many bytes.
 
         Args:
-            path: of the file.
             size: bytes that stay.
         """
         with os.fdopen(open_to_write(path), "r+b") as file:
             file.truncate(size)
 
     def flush(self, path: Path) -> None:
-        """Return when the file's content is on the disk itself.
-
-        Args:
-            path: of a file that was written.
-        """
+        """Return when the file's content is on the disk itself."""
         with os.fdopen(open_to_write(path), "r+b") as file:  # Windows flushes only what is open for writing
             os.fsync(file.fileno())
 
@@ -74,7 +64,6 @@ class FileEffects:
         """Give the file this name in its folder, in one moment, in place of what has it.
 
         Args:
-            source: the file.
             target: its name afterwards, in the same folder.
         """
         for _ in range(RETRIES):
@@ -103,11 +92,7 @@ class FileEffects:
             os.close(descriptor)
 
     def remove(self, path: Path) -> None:
-        """Remove the file; it may be gone.
-
-        Args:
-            path: of the file.
-        """
+        """Remove the file; it may be gone."""
         path.unlink(missing_ok=True)
 
 
@@ -187,7 +172,6 @@ def open_to_write(path: Path, flags: int = 0) -> int:
     A link among the folders above is followed, but not out of the repository from a folder that rarms makes there.
 
     Args:
-        path: the file.
         flags: more flags of `os.open`; `O_CREAT` makes the file where there is none.
 
     Returns:
@@ -208,9 +192,6 @@ def open_to_write(path: Path, flags: int = 0) -> int:
 
 def check_target(path: Path) -> None:
     """Refuse a name that is there and is not a regular file's, or that lies out of the repository.
-
-    Args:
-        path: what is to be written.
 
     Raises:
         NotRegular: the name is that of a link, a folder, a pipe or a device, or `check_folder` refuses its folder.

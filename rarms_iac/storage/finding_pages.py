@@ -37,9 +37,6 @@ def finding_page(code: str) -> str | None:
 def severity_line(page: str) -> str:
     """Return what the page says of the severity: `warning`, `error`, or `error, can be accepted`.
 
-    Args:
-        page: of a finding.
-
     Returns:
         The words as the page has them.
     """
@@ -48,9 +45,6 @@ def severity_line(page: str) -> str:
 
 def may_be_accepted(page: str) -> bool:
     """Whether `policy.accept` may name it: a warning, or an error whose page says so.
-
-    Args:
-        page: of a finding.
 
     Returns:
         False: an acceptance of it is refused.
@@ -61,9 +55,6 @@ def may_be_accepted(page: str) -> bool:
 def is_code(subject: str) -> bool:
     """Whether a finding is meant: a number, with or without its letters.
 
-    Args:
-        subject: what a user wrote.
-
     Returns:
         False: it may be the name of a component; whether there is such a finding is not looked at.
     """
@@ -73,9 +64,6 @@ def is_code(subject: str) -> bool:
 
 def code_of(finding: str) -> str:
     """Return the code that is meant: `14`, `rarms14` and `RARMS014` are one.
-
-    Args:
-        finding: what a user wrote.
 
     Returns:
         The code in full; another text in capitals.

@@ -30,9 +30,6 @@ def canonical(value: object) -> str:
 def readable_json(document: Json) -> bytes:
     """Return the document as JSON that a person can read and git can compare.
 
-    Args:
-        document: JSON.
-
     Returns:
         UTF-8 with LF, keys in their order; what a reader would not see, or no encoding has, is escaped.
     """

@@ -32,7 +32,6 @@ def was_changed(there: Partition, *, by_hand: bool) -> bool:
     """Tell whether a marked partition is not as rarms wrote it.
 
     Args:
-        there: as observed.
         by_hand: its user starts it, so whether it runs counts for nothing.
     """
     assert there.mark is not None

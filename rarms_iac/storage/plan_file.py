@@ -125,8 +125,6 @@ def signature_of(plan: str, application: str, host: HostPlan, key: bytes) -> str
 
     Args:
         plan: its id.
-        application: whose plan it is.
-        host: the part, as the plan or a journal has it.
         key: as of `signed`.
     """
     text = canonical([plan, application, encode(_bare(host))])

@@ -54,7 +54,6 @@ def range_of(record: str, field: str) -> Range:
     """Return the range of a number.
 
     Args:
-        record: name of the class that holds it.
         field: name of the field; numbers that it holds in a collection have the same range.
 
     Returns:

@@ -40,9 +40,6 @@ def open_regular(path: Path | str) -> BinaryIO:
     NOTE: in a git repository no link is followed out of it. Who wrote what lies there may be a stranger whose pull
     request is being looked at, and a finding shows lines of files.
 
-    Args:
-        path: of the file.
-
     Returns:
         The file at its first byte.
 

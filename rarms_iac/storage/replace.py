@@ -18,8 +18,6 @@ def replace(path: Path, data: bytes, like: os.stat_result | None = None) -> None
     user's.
 
     Args:
-        path: of the file.
-        data: all that it holds then.
         like: whose owner and rights the file is to have; None: those of a new file.
 
     Raises:

@@ -26,9 +26,6 @@ class SnapshotUnreadable(Exception):
 def write_snapshot(state: State) -> bytes:
     """Return the state as JSON that a person can read and git can compare.
 
-    Args:
-        state: of a host.
-
     Returns:
         UTF-8 with LF; what no encoding has is escaped.
     """
@@ -38,9 +35,6 @@ def write_snapshot(state: State) -> bytes:
 
 def read_snapshot(data: bytes) -> State:
     """Return the state that a snapshot says.
-
-    Args:
-        data: all of the file.
 
     Returns:
         The state; it says of what could not be looked at that it is not known.

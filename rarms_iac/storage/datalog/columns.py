@@ -41,9 +41,6 @@ def as_recorded(setting: Setting) -> Setting:
 
     All that decides by what was measured decides by this, so that a run that goes on from its log decides the same.
 
-    Args:
-        setting: as it was measured.
-
     Returns:
         A setting that equals what `setting_in` gives of its line.
     """

@@ -86,9 +86,6 @@ Entry = Chosen | Proven
 def read_entries(path: Path) -> tuple[Entry, ...]:
     """All entries, oldest first; none where there is no file.
 
-    Args:
-        path: of the configuration log.
-
     Returns:
         Choices and proofs as they were made.
 
@@ -233,10 +230,6 @@ class TuningRun:
 def tuning_path(folder: Path, platform: str) -> Path:
     """Where it lies, below the manifest's folder; components have folders there, so it is no component's.
 
-    Args:
-        folder: the manifest's.
-        platform: of the hosts.
-
     Returns:
         The path; whether there is such a file is not looked at.
     """
@@ -247,7 +240,6 @@ def append_run(path: Path, run: TuningRun) -> None:
     """Add a run, unless the last one says the same; the log and its folder are made. On the disk on return.
 
     Args:
-        path: of the log of tuning.
         run: what `rarms tune` asked, found and wrote.
 
     Raises:
@@ -262,9 +254,6 @@ def append_run(path: Path, run: TuningRun) -> None:
 
 def read_runs(path: Path) -> tuple[TuningRun, ...]:
     """All runs, oldest first; none where there is no file.
-
-    Args:
-        path: of the log of tuning.
 
     Returns:
         The runs as they were recorded.

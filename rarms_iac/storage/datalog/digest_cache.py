@@ -63,7 +63,6 @@ class DigestCache:
             path: of the file, without links in it.
             status: of the file before it was read: one that was changed meanwhile has another one since.
             taken_ns: when reading it began (`time.time_ns`).
-            digest: of its content.
         """
         if status.st_size >= LARGE:
             self._added[str(path)] = [_state_of(status), taken_ns, digest]

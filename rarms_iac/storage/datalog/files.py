@@ -66,7 +66,6 @@ def append_setting(path: Path, header: Header, recorded: Recorded) -> None:
     It is on the disk on return; a torn last line gives way.
 
     Args:
-        path: of the data log.
         header: the conditions that it was measured under.
         recorded: the setting, with all its samples.
 
@@ -88,7 +87,6 @@ def append_to_log(path: Path, value: object) -> None:
     """Add a value as a record; the log and its folder are made. It is on the disk on return.
 
     Args:
-        path: of the log.
         value: a frozen value that `encode` turns into an object.
 
     Raises:
@@ -129,7 +127,6 @@ def decoded_records(
 
     Args:
         lines: of the log (`iterate_log`, `log_lines`).
-        path: for messages.
         decode_record: makes a value of a record, or raises `NotDecodable`.
 
     Raises:
@@ -155,9 +152,6 @@ def read_log(path: Path) -> LogFile | None:
     """Read a data log, without a last line that a crash tore; None where there is no file.
 
     As long as a process has the log, and the file is the same, it is not read again: a long one takes a second.
-
-    Args:
-        path: of the data log.
 
     Returns:
         Headers, settings in the order of their lines, and remeasurements; the same object to every caller.
@@ -194,7 +188,6 @@ def log_in(lines: Iterable[LogLine], path: Path) -> LogFile:
 
     Args:
         lines: of the log (`iterate_log`, `log_lines`); none: there is no header.
-        path: for messages.
 
     Raises:
         LogUnreadable: it is damaged, of another version, or no data log.
@@ -274,10 +267,7 @@ def log_path(folder: Path, platform: str, components: Iterable[str], interferenc
     """Return the data log of components that are in one partition, below the manifest's folder.
 
     Args:
-        folder: the manifest's.
-        platform: of the hosts that the log holds for.
         components: names, in any order.
-        interference: the load's name.
 
     Returns:
         The path; whether there is such a file is not looked at.
@@ -287,11 +277,6 @@ def log_path(folder: Path, platform: str, components: Iterable[str], interferenc
 
 def configuration_path(folder: Path, platform: str, component: str) -> Path:
     """Return the configuration log of a component on a platform; no name has a dot, so it is no component's folder.
-
-    Args:
-        folder: the manifest's.
-        platform: of the hosts.
-        component: its name.
 
     Returns:
         The path; whether there is such a file is not looked at.

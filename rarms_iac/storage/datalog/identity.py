@@ -59,7 +59,6 @@ def identity_of(subject: LogSubject, files: Mapping[str, str], interpreters: Map
     """Return the parts of a subject; `files` and `interpreters` are digests by path, as `hashing` finds them.
 
     Args:
-        subject: what is, or would be, measured.
         files: digests by path below the manifest's folder; one that is missing here cannot be verified.
         interpreters: digests of programs outside of it, by the command's word; they only warn.
 
@@ -77,9 +76,7 @@ def header_of(subject: LogSubject, identity: Identity, platform_facts: PlatformF
     """Return what the log of a subject begins with.
 
     Args:
-        subject: what is measured.
         identity: as `identity_of` makes it.
-        platform_facts: the host that it is measured on.
 
     Returns:
         The header with its digest.
@@ -136,7 +133,6 @@ def parts_of(name: str, value: Any, *, without: frozenset[str] = frozenset()) ->
 
     Args:
         name: stands before the names of the fields.
-        value: a dataclass of the model.
         without: names of fields that are left out.
 
     Yields:

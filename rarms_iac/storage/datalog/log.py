@@ -165,7 +165,6 @@ class LogFile:
         """Return what was measured under some of the headers; the same object as long as it is in use.
 
         Args:
-            header: What the log begins with.
             digests: Of the headers whose records count.
         """
         key = (header.digest, *sorted(digests))
@@ -181,9 +180,6 @@ class LogFile:
 
     def last_measured(self, digest: str) -> str:
         """Return when the last record of a header was made.
-
-        Args:
-            digest: Of the header.
 
         Returns:
             UTC, as texts that sort by time; empty: it has no record.

@@ -35,7 +35,6 @@ def new_records(folder: Path, name: str, came: bytes) -> bytes:
     Every record is read with the reader of its kind of log, and both logs are read whole.
 
     Args:
-        folder: The manifest's here.
         name: The log's path below `measurements/`, as of `is_log`.
         came: The log's bytes from elsewhere; a last line that is torn is left out.
 
@@ -61,7 +60,6 @@ def merge_records(folder: Path, name: str, came: bytes) -> bool:
     """Add the records of a log from elsewhere that the log of the same name here lacks. Only for who holds that log.
 
     Args:
-        folder: The manifest's here.
         name: As of `new_records`.
         came: As of `new_records`.
 

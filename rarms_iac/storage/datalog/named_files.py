@@ -60,9 +60,6 @@ class Files:
     def of(self, subject: LogSubject) -> dict[str, str]:
         """Return the digest of every file that belongs to the subject, by path below the manifest's folder.
 
-        Args:
-            subject: what is, or would be, measured.
-
         Returns:
             Digests by path, sorted, or `size N` (bytes) of a file beyond `MOST_MEASURED_BYTES`. A file that is not
             here, or that another bound leaves out, is missing.
@@ -74,10 +71,6 @@ class Files:
 
     def named_by(self, components: Iterable[Component], loads: Iterable[Interference]) -> dict[str, str]:
         """Return the digest of every file that components and loads name, as `of` returns them.
-
-        Args:
-            components: of the manifest.
-            loads: likewise.
 
         Returns:
             Digests by path below the folder of the components' files.
@@ -91,9 +84,6 @@ class Files:
 
     def interpreters(self, subject: LogSubject) -> dict[str, str]:
         """Return the digest of every program outside the folder that the subject's commands begin with, by their word.
-
-        Args:
-            subject: what is, or would be, measured.
 
         Returns:
             Digests by word, or `size N` (bytes) of one beyond `MOST_PROGRAM_BYTES`; a word that is not on the search

@@ -67,7 +67,6 @@ def compare_header(
     """Compare a log with what would be measured now.
 
     Args:
-        header: of the log.
         members: the components that would be measured now, by name.
         identity: of what would be measured now.
         platform_facts: the host as it is now, as far as anybody looked.
@@ -108,7 +107,6 @@ def present_log(file: LogFile, members: Sequence[str], identity: Identity, platf
     equal ones the one that was measured last, with all that agree with it.
 
     Args:
-        file: As it was read.
         members: The components that would be measured now, by name.
         identity: Of what would be measured now.
         platform_facts: The host as it is now, as far as anybody looked.
