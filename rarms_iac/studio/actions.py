@@ -84,7 +84,6 @@ class Action(BaseModel):
         """Do it.
 
         Args:
-            workspace: what it works on.
             transcript: hears what a terminal would show.
             stop: asked as use cases ask.
 

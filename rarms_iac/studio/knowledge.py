@@ -45,11 +45,7 @@ LOOK_SECONDS = 30
 
 
 def is_followed(host: Host) -> bool:
-    """Whether each change of a host is noticed, and who holds it is seen: its files lie on this machine.
-
-    Args:
-        host: of the manifest.
-    """
+    """Whether each change of a host is noticed, and who holds it is seen: its files lie on this machine."""
     return host.provider is ProviderKind.SIMULATED or state_folder(host) is not None
 
 
@@ -58,7 +54,6 @@ def files_version(source: ManifestSource, folders: Sequence[Path]) -> str:
 
     Args:
         source: the manifest and its overlays; data logs and simulated hosts lie below its folder.
-        folders: of hosts on this machine.
     """
     digest = hashlib.sha256()
     for path in _files(source, folders):

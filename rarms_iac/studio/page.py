@@ -165,10 +165,7 @@ def page_of(
     """Make the page of what is known.
 
     Args:
-        known: of the application.
         workspace: the plan that was made last.
-        settings: how it is served.
-        version: of what is known, for the page to compare.
         is_running: whether a use case runs: what it needs on a host for a while is not left by another one.
 
     Returns:
@@ -210,14 +207,7 @@ def page_of(
 
 
 def render_studio(report: Report, findings: Sequence[Diagnostic], sources: Sources, studio: StudioOnPage) -> bytes:
-    """Fill the template in: HTML in UTF-8.
-
-    Args:
-        report: what was measured.
-        findings: of the application.
-        sources: that the findings point into.
-        studio: what the server adds.
-    """
+    """Fill the template in: HTML in UTF-8."""
     return render_page(
         report,
         findings=findings,

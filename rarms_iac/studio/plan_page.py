@@ -31,8 +31,6 @@ def plan_on_page(known: Knowledge, workspace: Workspace, manifest_options: str) 
     """Show the plan that was made last on the page.
 
     Args:
-        known: of the application, as it is now.
-        workspace: with the plan.
         manifest_options: what commands end with.
 
     Returns:

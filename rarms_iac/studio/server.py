@@ -224,9 +224,7 @@ def guarded(studio: Studio, port: int, keys: Keys) -> Guard:
     """Put the guard before the studio.
 
     Args:
-        studio: what is guarded.
         port: of the loopback interface, which requests have to name.
-        keys: what lets the browser in.
     """
     return Guard(Starlette(routes=[Mount(f"/{keys.folder}", routes=studio.routes())]), port, keys)
 
@@ -240,7 +238,6 @@ def serve(
     thread of its own.
 
     Args:
-        settings: what is served.
         stop: asked several times a second.
         announce: called with the first address, with its token, once requests are taken.
         watch: as of `Studio`.

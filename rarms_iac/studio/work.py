@@ -97,8 +97,6 @@ class Transcript:
         """Return what was told until now.
 
         Args:
-            number: of the use case.
-            command: its words in a terminal.
             ending: how it ended; empty: it runs.
         """
         return WorkState(
@@ -210,10 +208,6 @@ class TaskRunner:
 
     def start(self, command: str, task: Task) -> None:
         """Have a use case begun by the thread that calls `run_next`.
-
-        Args:
-            command: its words in a terminal.
-            task: what is done.
 
         Raises:
             WorkRefused: another one runs.
