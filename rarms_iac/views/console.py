@@ -238,7 +238,6 @@ def render(content: "RenderableType", width: int = WIDTH, *, colour: bool = Fals
     """Lay the content out as text that ends with a line end, without blanks at line ends.
 
     Args:
-        content: a renderable of rich.
         width: columns; `UNLIMITED` breaks no line.
         colour: with escape sequences; without, the same text in the same lines.
         manifest: what recommended commands end with, such as ` -f cell`.
@@ -308,11 +307,7 @@ class LiveRows(Protocol):
     """The finished ones."""
 
     def show(self, row: Sequence[str]) -> None:
-        """Show the finished rows and this one below them.
-
-        Args:
-            row: what runs, in cells.
-        """
+        """Show the finished rows and this one below them."""
 
     def hide(self) -> None:
         """Take the running row away."""
@@ -322,9 +317,7 @@ def cut_row(row: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> Se
     """Cut the last cell of what runs to what the line has left, so that it stays one line while it changes.
 
     Args:
-        row: what runs, in cells.
         rows: those above it, whose cells its columns are as wide as.
-        width: columns of the terminal.
 
     Returns:
         The row; as it is where less than a third of the line is left for the last cell.

@@ -155,9 +155,7 @@ def as_sarif(
     """Return a log with one run; what the policy accepts is in it as suppressed results.
 
     Args:
-        diagnostics: what is shown.
         page: the Markdown page of a code, for the rule's help.
-        accepted: what the policy silences.
     """
     rules = {diagnostic.code: diagnostic for diagnostic in (*accepted, *diagnostics)}
     codes = sorted(rules)

@@ -42,9 +42,6 @@ def visible(text: str, keep: str = "\n") -> str:
 def spell_out_hidden(text: str) -> str:
     """Spell out the characters that a reader would not see, and leave all others as they are.
 
-    Args:
-        text: of any form.
-
     Returns:
         It; `<U+202E>` for each such character.
     """

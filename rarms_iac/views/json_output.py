@@ -15,7 +15,6 @@ def json_of(answer: "Answer", *, indent: int | None = 2) -> str:
     """Write an answer in ASCII, keys in the order of its type.
 
     Args:
-        answer: the result of a use case.
         indent: of each level; None: all on one line, where several answers follow each other.
 
     Returns:

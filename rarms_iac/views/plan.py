@@ -51,7 +51,6 @@ def plan_text(plan: Plan, *, sources: Sources | None = None, verbose: bool = Fal
     """Show the plan, a line a partition.
 
     Args:
-        plan: what is shown.
         sources: texts of the files that findings point into.
         verbose: show every attribute, reason and manifest line, the thread priorities and the order of the steps, too.
     """

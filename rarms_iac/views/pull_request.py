@@ -33,7 +33,6 @@ def plan_as(form: OutputFormat, plan: Plan, manifest: Manifest, *, verbose: bool
     Args:
         form: SARIF, JUnit and GitHub have the plan's findings, Markdown is the comment of a pull request.
         plan: as it was made.
-        manifest: that findings point into.
         verbose: show every attribute and reason in the text, too.
     """
     match form:

@@ -269,7 +269,6 @@ def interruption_text(ending: str, command: str, *, begun: bool) -> "RenderableT
 
     Args:
         ending: `interrupted` or `terminated`.
-        command: its name.
         begun: whether it had begun to measure, or to change a host.
     """
     advice = _advice_to_resume(command)

@@ -25,7 +25,6 @@ def script_text(script: str, *, colour: bool = False, whole: bool = False) -> st
     Its lines are printable ASCII and are never wrapped.
 
     Args:
-        script: its text.
         colour: with escape sequences; without, the same text in the same lines.
         whole: show its module, too, where the script holds it; otherwise a line stands for it.
     """

@@ -111,7 +111,6 @@ def describe_other_claims(unmanaged_lp: Fraction, kept_lp: Fraction) -> list[str
 
     Args:
         unmanaged_lp: LPs that machines of others reserve; what is 0 is left out.
-        kept_lp: LPs that are kept for the hosts.
     """
     amounts = ((unmanaged_lp, "by unmanaged machines"), (kept_lp, "kept for the host"))
     return [f"{show_processors(amount)} {purpose}" for amount, purpose in amounts if amount]

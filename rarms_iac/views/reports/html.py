@@ -47,7 +47,6 @@ def as_html(report: Report, manifest_options: str = "") -> bytes:
     """Return the whole page in UTF-8 with LF; the same report gives the same bytes.
 
     Args:
-        report: what was measured.
         manifest_options: what commands end with, such as ` -f cell`.
     """
     from markupsafe import Markup

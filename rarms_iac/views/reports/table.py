@@ -67,7 +67,6 @@ def show_cell(cell: Cell | Value, unit: str = "") -> str:
     """Return what people read in a cell.
 
     Args:
-        cell: Of a column.
         unit: What goes behind its number, where it has no text of its own.
     """
     if isinstance(cell, Cell):
