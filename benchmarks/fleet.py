@@ -70,9 +70,6 @@ class Walk:
 def main(counts: Sequence[int]) -> int:
     """Print the figures for these numbers of robots.
 
-    Args:
-        counts: robots of each fleet.
-
     Returns:
         1 where a goal is missed.
     """
@@ -111,9 +108,6 @@ components:
 
 def over_ssh(count: int) -> list[Figure]:
     """Plan so many slices of this machine over its own sshd, apply the plans, and remove the slices.
-
-    Args:
-        count: slices.
 
     Returns:
         The wall times; nothing where this machine offers no control groups, or no sshd.
@@ -168,7 +162,6 @@ def make_fleet(folder: Path, count: int) -> None:
 
     Args:
         folder: it is there, and empty.
-        count: robots.
     """
     (folder / "robots").mkdir()
     for number in range(count):
@@ -188,9 +181,7 @@ def walk(folder: Path, words: Sequence[str], path: str = os.environ["PATH"]) -> 
     """Run a program to its end.
 
     Args:
-        folder: of the fleet.
         words: the program, in this environment, and its arguments.
-        path: where programs are looked for.
 
     Returns:
         What it took.

@@ -180,7 +180,6 @@ def short_jobs(
 
     Args:
         chance: Draws the work and the window, but for the share of jobs that wait, where that is given.
-        count: Of jobs.
         per_start: Of jobs; None: there is one start.
         waiting: 0..1.
 

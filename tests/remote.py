@@ -177,7 +177,6 @@ def a_server(folder: Path, wrap: Callable[[list[str]], list[str]] = list) -> Ite
     """A server that is up, of this machine and this user.
 
     Args:
-        folder: of its keys and settings.
         wrap: makes of the words that start it those that do so in surroundings of its own.
     """
     port = _free_port()

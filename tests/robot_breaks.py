@@ -35,7 +35,6 @@ def breakable(packages: Path, where: Path) -> Iterator[None]:
 
     Args:
         packages: of the robot's rarms.
-        where: of that file.
     """
     module, start = packages / "break_at.py", packages / "break_at.pth"
     module.write_text(MODULE.format(where=str(where)), encoding="utf-8")

@@ -44,7 +44,6 @@ def on_robot(installed: Path, words: Sequence[str], *mounts: str) -> list[str]:
 
     Args:
         installed: as of `robot_rarms`.
-        words: of the program.
         mounts: shell commands that mount something more, for the program alone.
     """
     Path(INSTALLED).mkdir(exist_ok=True)

@@ -30,7 +30,6 @@ def wheels_of(version: str, state: str, extra_bytes: int = 0) -> tuple[Wheel, ..
     """Make the wheels of one version.
 
     Args:
-        version: of rarms.
         state: the robot's folder of journals.
         extra_bytes: of a file of no use.
     """

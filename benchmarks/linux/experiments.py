@@ -112,8 +112,6 @@ class Workbench:
         """Do an experiment.
 
         Args:
-            experiment: Which.
-            component: Its component.
             priority: SCHED_FIFO's of its class; None: the ordinary class.
 
         Returns:

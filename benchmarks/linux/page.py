@@ -120,7 +120,6 @@ def page(
     """Return the text of the page.
 
     Args:
-        found: What was seen of each component.
         browsers: By pair of reservations, the response time in ms for each number of browsers; empty: not measured.
         machine: What `_machine` says of it.
     """
