@@ -17,7 +17,8 @@ from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component, System
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, NotMeasured
+from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, NotMeasured, explained, without_log
+from rarms_iac.planner.planning_findings import STALE
 from rarms_iac.planner.reservations import MeasuredReservations, names_of
 from rarms_iac.planner.totals import planned_totals
 from tests.builders import a_component, a_host, a_run, a_system, at_least, at_most
@@ -118,7 +119,8 @@ def _log(system: System, logs: Sequence[ReportedLog], platform: str, names: tupl
         if (logged.log.header.platform, setup.members, setup.interference) != (platform, names, load):
             continue
         if logged.stale:
-            return NotMeasured(components=names, interference=load, code="RARMS102")
+            why = explained(STALE, names, platform, "It is stale.", "Measure again.")
+            return NotMeasured(components=names, interference=load, why=why)
         return MeasuredTogether(
             path=logged.path,
             interference=load,
@@ -127,7 +129,7 @@ def _log(system: System, logs: Sequence[ReportedLog], platform: str, names: tupl
             curves=curves_in(logged.log, system.components),
             records=logged.log,
         )
-    return NotMeasured(components=names, interference=load)
+    return NotMeasured(components=names, interference=load, why=without_log(names, platform).why)
 
 
 @cache

@@ -6,29 +6,28 @@ Here and nowhere else files of measurements become values for the planner, which
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.measurement_files import unreadable_advice
 from rarms_iac.model.commands import Prose, RecommendedCommand, Wording, command, prose
-from rarms_iac.model.diagnostics import Fact, Facts, Finding
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Given
 from rarms_iac.model.environment_setup import CONFINEMENT, GROUP_CONFINEMENT
 from rarms_iac.model.experiment import experiment_of
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
-from rarms_iac.model.layout import Cause
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
 from rarms_iac.model.processor_number import ProcessorNumber, Used, processor_number
-from rarms_iac.model.quantities import Bytes, guaranteed, write_bytes
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.setting import SHORT, Setting, most_used
 from rarms_iac.model.shared_findings import DIFFERENT
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Component, PartitionRequest, System, Threshold, run_of
 from rarms_iac.model.weak_loads import advice_on_weak_loads
-from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group, groups_of
-from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, Names, NotMeasured
+from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, Names, NotMeasured, explained
 from rarms_iac.planner.planning_findings import NOT_VERIFIED
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of, to_be_measured
 from rarms_iac.statistics.curves import Curve, curve_of, highest_missed
@@ -299,21 +298,27 @@ def _log_of_each_load(
     return found
 
 
-def _left_idle(system: System, group: Group, host: Host, logs: Sequence[MeasuredTogether]) -> Cause:
+def _left_idle(system: System, group: Group, host: Host, logs: Sequence[MeasuredTogether]) -> Diagnostic:
     """Return the remark that the loads left much of the host idle.
 
     NOTE: of a load that cannot take all by its nature RARMS325 tells, from the manifest; so this is not said of it.
     """
-    paths, loads = [log.path for log in logs], system.loads_of(names_of(group.members))
+    names = names_of(group.members)
+    loads = system.loads_of(names)
     measure = command("measure", interference=BUSY_LOOP, again=BUSY_LOOP in loads)
-    return Cause(
-        address=f"component/{to_be_measured(group.members)[0]}",
-        message=f"{in_a_row(paths)}: the load left more than {100 * SHORT:.0f} % of the processors idle. What is "
-        "enough there need not be enough beside others.",
-        code=DIFFERENT.code,
-        values={"logs": tuple(paths)},
-        advice=advice_on_weak_loads(system, host, names_of(group.members), loads, measure),
+    return DIFFERENT.at(
+        None,
+        "{logs:all}: the load left more than {_short:%} of the processors idle. What is enough there need not be "
+        "enough beside others.",
+        advice_on_weak_loads(system, host, names, loads, measure),
+        address=_address(group),
+        logs=tuple(log.path for log in logs),
+        _short=round(100 * SHORT),
     )
+
+
+def _address(group: Group) -> str:
+    return f"component/{to_be_measured(group.members)[0]}"
 
 
 def _measured_together(
@@ -324,29 +329,36 @@ def _measured_together(
     path_shown = path.relative_to(folder.files.folder).as_posix()
     again = _measuring(members)
     load = subject.setup.interference
-    not_measured = partial(NotMeasured, components=to_be_measured(group.members), interference=load)
+
+    def not_measured(finding: Finding, template: str, advice: Wording, **facts: Given) -> NotMeasured:
+        names = to_be_measured(group.members)
+        why = explained(finding, names, subject.platform, template, advice, log=path_shown, **facts)
+        return NotMeasured(components=names, interference=load, why=why)
+
     file = folder.read(path)
     if file is None:
-        message = (
-            f"{in_a_row(members)} {'is' if len(members) == 1 else 'are'} not measured on {subject.platform} with "
-            f"{load} yet ({path_shown})."
+        return not_measured(
+            planning_findings.UNMEASURED,
+            "{_members} not measured on {platform} with {_load} yet ({log}).",
+            prose("Measure it: ", again, ". Or fix its reserve (`cpu.reserve`)."),
+            _members=f"{in_a_row(members)} {'is' if len(members) == 1 else 'are'}",
+            _load=load,
         )
-        advice = prose("Measure it: ", again, ". Or fix its reserve (`cpu.reserve`).")
-        return not_measured(message=message, advice=advice, values={"log": path_shown})
     if isinstance(file, LogUnreadable):
-        message = f"{path_shown}, line {file.line}: {file.message}."
-        values: Facts = {"log": path_shown, "line": file.line, "reason": file.message}
         advice = unreadable_advice(file, prose("remove it and measure again: ", again))
-        return not_measured(code=planning_findings.UNREADABLE.code, message=message, advice=advice, values=values)
+        template = "{log}, line {line}: {reason}."
+        return not_measured(planning_findings.UNREADABLE, template, advice, line=file.line, reason=file.message)
     own = group.request.hyperv.image
     now = replace(platform_facts, guest_image=own) if own is not None else platform_facts
     found = present(file, subject, folder.files, now)
     if found.log is None:
         changed = found.comparison.changed
-        message = f"{path_shown} no longer holds. Since it was measured, this changed: {_list_some(changed)}."
-        values = {"log": path_shown, "changed": tuple(map(str, changed))}
         return not_measured(
-            code=planning_findings.STALE.code, message=message, advice=stale_advice(changed, members), values=values
+            planning_findings.STALE,
+            "{log} no longer holds. Since it was measured, this changed: {_changed}.",
+            stale_advice(changed, members),
+            changed=tuple(map(str, changed)),
+            _changed=_list_some(changed),
         )
     whole, log = found.log, found.log.of(number.number)
     return MeasuredTogether(
@@ -418,39 +430,59 @@ def _cpu_ms_in(log: DataLog) -> Callable[[str], float | None]:
     return cpu_ms_of
 
 
-def _remarks(log: DataLog, found: Present, group: Group, path: str, cut: str) -> Iterator[Cause]:
-    def remark(finding: Finding, message: str, advice: Wording, **values: Fact) -> Cause:
-        address = f"component/{to_be_measured(group.members)[0]}"
-        return Cause(address=address, message=message, code=finding.code, values={"log": path, **values}, advice=advice)
+def _remarks(log: DataLog, found: Present, group: Group, path: str, cut: str) -> Iterator[Diagnostic]:
+    def remark(finding: Finding, template: str, advice: Wording, **facts: Given) -> Diagnostic:
+        return finding.at(None, template, advice, address=_address(group), related=(), log=path, **facts)
 
     if unverified := found.comparison.unverified:
-        message = (
-            f"{path} was measured with {_list_some(unverified)}: not looked at, since there is no such file here, or "
-            f"more than {write_bytes(Bytes(MOST_BYTES))} would be read."
+        yield remark(
+            NOT_VERIFIED,
+            "{log} was measured with {_files}: not looked at, since there is no such file here, or more than "
+            "{_most:bytes} would be read.",
+            "Plan where these files are, if it matters; nothing says that they changed.",
+            files=unverified,
+            _files=_list_some(unverified),
+            _most=MOST_BYTES,
         )
-        advice = "Plan where these files are, if it matters; nothing says that they changed."
-        yield remark(planning_findings.NOT_VERIFIED, message, advice, files=unverified)
     if cut:
-        message = f"{path}: {cut}. A change of what is left out is not noticed."
-        advice = "Name fewer or smaller files in `run.files`, such as one folder."
-        yield remark(planning_findings.NOT_VERIFIED, message, advice, reason=cut)
+        yield remark(
+            NOT_VERIFIED,
+            "{log}: {reason}. A change of what is left out is not noticed.",
+            "Name fewer or smaller files in `run.files`, such as one folder.",
+            reason=cut,
+        )
     if differences := tuple(map(str, found.comparison.warns)):
-        message = f"{path} was measured with another {_list_some(differences)}."
-        advice = "Measure again if that can matter to the component."
-        yield remark(DIFFERENT, message, advice, differences=differences)
+        yield remark(
+            DIFFERENT,
+            "{log} was measured with another {_differences}.",
+            "Measure again if that can matter to the component.",
+            differences=differences,
+            _differences=_list_some(differences),
+        )
     if differences := tuple(map(str, found.other_hardware)):
-        message = f"{path} was measured on two kinds of hardware, and the later one counts: {_list_some(differences)}."
-        advice = "Give each kind of machine data logs of its own: `platform: NAME` below its host."
-        yield remark(DIFFERENT, message, advice, differences=differences)
+        yield remark(
+            DIFFERENT,
+            "{log} was measured on two kinds of hardware, and the later one counts: {_differences}.",
+            "Give each kind of machine data logs of its own: `platform: NAME` below its host.",
+            differences=differences,
+            _differences=_list_some(differences),
+        )
     if found.others:
-        message = f"{path} has {counted(found.others, 'setting')} from other conditions."
-        advice = "Nothing has to be done. They count again when the conditions are the same again."
-        yield remark(NOT_VERIFIED, message, advice, settings=found.others)
+        yield remark(
+            NOT_VERIFIED,
+            "{log} has {settings:setting} from other conditions.",
+            "Nothing has to be done. They count again when the conditions are the same again.",
+            settings=found.others,
+        )
     if running := tuple(sorted({name for recorded in log.counting for name in recorded.provenance.beside})):
-        message = f"{path} was measured while {_list_some(running)} ran on the host."
         again = _measuring(names_of(group.members)).also(again=True)
-        alone = prose("Measure it once more with the host to itself, and this no longer counts: ", again, ".")
-        yield remark(DIFFERENT, message, alone, partitions=running)
+        yield remark(
+            DIFFERENT,
+            "{log} was measured while {_partitions} ran on the host.",
+            prose("Measure it once more with the host to itself, and this no longer counts: ", again, "."),
+            partitions=running,
+            _partitions=_list_some(running),
+        )
 
 
 def _list_some(things: tuple[object, ...]) -> str:

@@ -15,7 +15,7 @@ from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.commands import MEASURE, PLAN, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
 from rarms_iac.model.host import Host, ProviderKind
-from rarms_iac.model.layout import Cause, Infeasible, LookedUp
+from rarms_iac.model.layout import Infeasible, LookedUp
 from rarms_iac.model.quantities import in_processors
 from rarms_iac.model.shared_findings import OVER_HOST, UNUSABLE_RESERVE
 from rarms_iac.model.system import Component, Measured, RunsOn, System
@@ -26,7 +26,6 @@ from rarms_iac.planner.layout import causes_as_findings, remarks_as_findings
 from rarms_iac.planner.measured_together import NotMeasured
 from rarms_iac.planner.problem import Problem, problem_of
 from rarms_iac.planner.reservations import FixedReservations, ReservationSource, depends_on_a_log, fixed, names_of
-from rarms_iac.planner.sizes import unmeasured
 
 NOT_YET_MEASURED = Finding.note("RARMS101", "The reserve has not been measured yet")
 
@@ -124,9 +123,8 @@ def _about_logs(
             continue
         for answer, host in answers[:1]:
             assert isinstance(answer, NotMeasured)
-            cause = unmeasured(answer, host)
-            if answer.code != planning_findings.UNMEASURED.code:
-                yield from _as_findings([cause], problem.system, places)
+            if answer.why.code != planning_findings.UNMEASURED.code:
+                yield from _as_findings([answer.why], problem.system, places)
                 continue
             place = places.value("components", answer.components[0], "cpu", "reserve")
             advice = prose(MEASURE, " finds what it needs.")
@@ -136,19 +134,19 @@ def _about_logs(
                 place,
                 "There is no data log of {components:all} on {platform} yet.",
                 advice,
-                address=cause.address,
+                address=answer.why.address,
                 components=tuple(answer.components),
                 platform=host.platform,
             )
 
 
-def _excesses(problem: Problem, too_large: Collection[str]) -> list[Cause]:
+def _excesses(problem: Problem, too_large: Collection[str]) -> list[Diagnostic]:
     """Return what exceeds the hosts, beside the partitions that are too large anyway."""
     reported = {group.name for group in problem.groups if _is_about(group, too_large)}
     judged = replace(problem, items=tuple(item for item in problem.items if item.name not in reported))
     return [replace(cause, advice=_ADVICE) for cause in evident_causes(judged)]
 
 
-def _as_findings(causes: list[Cause], system: System, places: Places) -> Iterator[Diagnostic]:
+def _as_findings(causes: list[Diagnostic], system: System, places: Places) -> Iterator[Diagnostic]:
     answer = Infeasible(proven=True, conflict=(), causes=tuple(dict.fromkeys(causes)), relaxations=())
     return causes_as_findings(answer, system, places)

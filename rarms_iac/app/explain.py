@@ -19,7 +19,7 @@ from rarms_iac.model.commands import PLAN, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import index_named, show_threshold, show_value
-from rarms_iac.model.layout import Cause, Layout, PlacedPartition, describe_placement
+from rarms_iac.model.layout import Layout, PlacedPartition, describe_placement
 from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import (
     LogicalProcessors,
@@ -241,8 +241,8 @@ class _Case:
                 return host, answer, ""
         for host, answer in answers:
             shape = size_without_reserve(self._as_wide_as_measured(host), host)
-            if isinstance(shape, PlacedPartition) and isinstance(answer, Cause):
-                return host, shape, answer.message
+            if isinstance(shape, PlacedPartition) and isinstance(answer, Diagnostic):
+                return host, shape, answer.detail
         raise UseCaseError(Outcome.NEGATIVE, self.planning.findings, self.hosts.manifest.sources)
 
     def _as_wide_as_measured(self, host: Host) -> Group:
@@ -302,7 +302,7 @@ class _Case:
             values = ", ".join(f"{reserve} % of its VPs" for reserve in unclear)
             yield ExplainedValue("no verdict at", values, "no steady state, or too few answers")
         for remark in log.remarks:
-            yield ExplainedValue("remark", remark.message, "data log")
+            yield ExplainedValue("remark", remark.detail, "data log")
 
     def _falls_short(self, log: MeasuredTogether, reserve: int) -> bool:
         """Whether a curve has a value there that is not shown to meet its threshold."""
@@ -433,8 +433,8 @@ class _Case:
         name = f"on {host.name}"
         refused = next((member.name for member in self.group.members if not member.may_run_on(host.name)), "")
         answer = size(self.group, host, self.reservations)
-        if refused or isinstance(answer, Cause):
-            why = answer.message if isinstance(answer, Cause) else f"{refused} may not run there (`hosts`)"
+        if refused or isinstance(answer, Diagnostic):
+            why = answer.detail if isinstance(answer, Diagnostic) else f"{refused} may not run there (`hosts`)"
             return ExplainedValue(name, "none", why)
         view = self.views.get(host.name, HostView())
         there = replace(answer, host=host.name, sharing=view.sharing(answer.name))

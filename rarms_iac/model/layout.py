@@ -7,8 +7,7 @@ from fractions import Fraction
 from typing import Literal
 
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
-from rarms_iac.model.commands import Wording
-from rarms_iac.model.diagnostics import Facts
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import LogicalProcessors, guaranteed, show_processors
 from rarms_iac.model.state import PartitionSettings
@@ -128,23 +127,12 @@ class Layout:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cause:
-    """One reason why there is no layout: what does not fit, where, and how much of what is missing."""
-
-    address: str  # addresses: partition/vision, host/onboard
-    message: str
-    code: str = ""  # of the finding that tells it
-    advice: Wording = ""  # what to do; empty: as the finding always says
-    values: Facts = field(default_factory=dict, hash=False)  # the names and numbers of the message
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class LookedUp:
     """What components in one partition need on a host."""
 
     reservation: LogicalProcessors
     processors: int | None = None  # virtual ones, with which they were measured together; None: not measured
-    remarks: tuple[Cause, ...] = ()  # that a log could not be verified, or is of a busy host
+    remarks: tuple[Diagnostic, ...] = ()  # that a log could not be verified, or is of a busy host; without a place
     # By member: processor time of a job, in ms, on each of the processors that it uses; absent: not measured.
     job_ms: Mapping[str, float] = field(default_factory=dict)
 
@@ -193,7 +181,7 @@ class Infeasible:
 
     proven: bool
     conflict: tuple[str, ...]  # names of partitions, a smallest set that does not fit together
-    causes: tuple[Cause, ...]
+    causes: tuple[Diagnostic, ...]  # without a place; without advice: the relaxations are it
     relaxations: tuple[Relaxation, ...]
     unfinished: tuple[str, ...] = ()  # parts of the search for relaxations that ended at its limit, as nouns
     node_limit: int = 0  # solver nodes of that search; 0: it was not run

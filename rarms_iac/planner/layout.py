@@ -5,15 +5,15 @@ not fail because others took its place.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import takewhile
 from typing import Any, assert_never
 
 from rarms_iac.model.commands import MEASURE, Wording, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Place, Places
+from rarms_iac.model.diagnostics import Diagnostic, Facts, Place, Places
 from rarms_iac.model.host import Host, Mechanism
-from rarms_iac.model.layout import Cause, ChosenLayout, Infeasible, Layout, LookedUp, Relaxation, RelaxationKind
+from rarms_iac.model.layout import ChosenLayout, Infeasible, Layout, LookedUp, Relaxation, RelaxationKind
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts
 from rarms_iac.model.system import Disruption, Measured, System
@@ -104,18 +104,14 @@ def causes_as_findings(answer: Infeasible, system: System, places: Places) -> It
     """
     for cause in answer.causes:
         unproven = "" if answer.proven else " It is not proven that there is none: the search ended at its limit."
-        values: dict[str, Any] = {**cause.values, **relaxed_levels(answer.relaxations)}
-        if answer.unfinished:
-            values |= {"not_searched": answer.unfinished, "node_limit": answer.node_limit}
-        yield planning_findings.KINDS[cause.code].at(
-            _place(cause, system, places),
-            "{_message}{_unproven}",
-            cause.advice or prose(describe_ways_out(answer.relaxations), _limit_of_search(answer)),
-            address=cause.address,
-            proven=answer.proven,
-            _message=cause.message,
-            _unproven=unproven,
-            **values,
+        unsearched: Facts = {"not_searched": answer.unfinished, "node_limit": answer.node_limit}
+        limit = unsearched if answer.unfinished else {}
+        yield replace(
+            cause,
+            place=_place(cause, system, places),
+            detail=f"{cause.detail}{unproven}",
+            advice=cause.advice or prose(describe_ways_out(answer.relaxations), _limit_of_search(answer)),
+            values={"proven": answer.proven, **cause.values, **relaxed_levels(answer.relaxations), **limit},
         )
 
 
@@ -208,7 +204,7 @@ def describe_possibility(way: Relaxation) -> Wording:
             assert_never(way.kind)
 
 
-def _place(cause: Cause, system: System, places: Places) -> Place:
+def _place(cause: Diagnostic, system: System, places: Places) -> Place:
     kind, _, name = cause.address.partition("/")
     match kind:
         case "host":
@@ -269,7 +265,7 @@ def _remarks(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagn
             yield from remarks_as_findings(found.remarks, places)
 
 
-def remarks_as_findings(remarks: Iterable[Cause], places: Places) -> Iterator[Diagnostic]:
+def remarks_as_findings(remarks: Iterable[Diagnostic], places: Places) -> Iterator[Diagnostic]:
     """Report what a reader should know of measured reservations.
 
     Args:
@@ -281,10 +277,7 @@ def remarks_as_findings(remarks: Iterable[Cause], places: Places) -> Iterator[Di
     """
     for remark in remarks:
         place = places.value("components", remark.address.removeprefix("component/"), "cpu", "reserve")
-        values: dict[str, Any] = {**remark.values}
-        yield planning_findings.REMARKS[remark.code].at(
-            place, "{_message}", remark.advice, address=remark.address, _message=remark.message, **values
-        )
+        yield replace(remark, place=place)
 
 
 def _deadlines(answer: Layout, problem: Problem, views: Mapping[str, HostView], places: Places) -> Iterator[Diagnostic]:

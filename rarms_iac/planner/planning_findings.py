@@ -1,7 +1,6 @@
 """Kinds of problems that planning finds."""
 
 from rarms_iac.model.diagnostics import Finding
-from rarms_iac.model.shared_findings import DIFFERENT, UNUSABLE_RESERVE
 
 CONTRADICTION = Finding.warning("RARMS306", "A compound contradicts what the proof assumes")
 
@@ -24,28 +23,8 @@ SMALLER = Finding.warning("RARMS126", "The host is smaller than the manifest say
 MEASURED_STEADY = Finding.warning("RARMS313", "Measured only with loads that never pause")
 ON_NEIGHBOURS = Finding.note("RARMS324", "A threshold depends on its neighbours")
 DEADLINES = Finding.error("RARMS314", "SCHED_DEADLINE cannot keep a reservation")
-KINDS = {
-    finding.code: finding
-    for finding in (
-        RESERVATIONS,
-        UNMEASURED,
-        STALE,
-        NOT_MET,
-        UNREADABLE,
-        MEMORY,
-        PACKING,
-        PLACEMENT,
-        UNUSABLE_RESERVE,
-    )
-}
-"""What a `Cause` of an `Infeasible` may be."""
-
 NO_ROOM = frozenset({RESERVATIONS.code, MEMORY.code, PACKING.code})
-"""Of them those of hosts that have too little."""
-
-REMARKS = {finding.code: finding for finding in (NOT_VERIFIED, DIFFERENT)}
-"""What may be said of a measured reservation that was found."""
-
+"""Findings of hosts that have too little."""
 
 NO_ANSWER = Finding.error("RARMS310", "A compound could not be measured")
 PLATFORMS = Finding.error("RARMS309", "Tuning needs hosts of one platform")

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field, replace
 
 from rarms_iac.model.capacity import CheckedCapacity, capacity_of, core_sharing, foreign_claimants, foreign_claims
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing, DeadlineClaim
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Host, Mechanism, ProviderKind, SimulatedHost
-from rarms_iac.model.layout import Cause, ChosenLayout, Infeasible, Layout, PlacedPartition, Placement
+from rarms_iac.model.layout import ChosenLayout, Infeasible, Layout, PlacedPartition, Placement
 from rarms_iac.model.renaming import renaming
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts, RunState, State
 from rarms_iac.model.system import RunsOn, System
@@ -80,7 +81,7 @@ class Problem:
     reservations: ReservationSource
     sizes: Mapping[str, Mapping[str, PlacedPartition]]  # by partition, then host; hosts that are alike share one value
     claims: Mapping[str, Mapping[str, Claim]]  # likewise
-    blocked: Mapping[str, tuple[Cause, ...]]  # by partition: why a host that it may run on cannot take it
+    blocked: Mapping[str, tuple[Diagnostic, ...]]  # by partition: why a host that it may run on cannot take it
     items: tuple[Item, ...]  # without the hosts that a check would refuse, while a partition has others
     bins: tuple[Bin, ...]
     current_hosts: Mapping[str, str]  # by partition; those that are on none are left out
@@ -128,7 +129,7 @@ def problem_of(
     alike = _kinds(system, _traits)
     alike_in_logs = _kinds(system, lambda host: (_traits(host), reservations.depends_on(host)))
     sizes: dict[str, Mapping[str, PlacedPartition]] = {}
-    blocked: dict[str, tuple[Cause, ...]] = {}
+    blocked: dict[str, tuple[Diagnostic, ...]] = {}
     for group in groups:
         kinds = alike_in_logs if depends_on_a_log(group) else alike
         sizes[group.name], blocked[group.name] = _sizes(group, kinds, reservations, views)
@@ -290,17 +291,17 @@ def _sizes(
     kinds: Mapping[str, tuple[Host, ...]],
     reservations: ReservationSource,
     views: Mapping[str, HostView],
-) -> tuple[Mapping[str, PlacedPartition], tuple[Cause, ...]]:
+) -> tuple[Mapping[str, PlacedPartition], tuple[Diagnostic, ...]]:
     """Return the group's size on each host that all its members may run on, or why it cannot be there."""
     limits = [member.hosts for member in group.members if member.hosts is not None]
     found: dict[str, PlacedPartition] = {}
-    causes: dict[Cause, None] = {}
+    causes: dict[Diagnostic, None] = {}
     for hosts in kinds.values():
         allowed = [host for host in hosts if all(host.name in names for names in limits)]
         if not allowed:
             continue
         answer = size(group, hosts[0], reservations)
-        if isinstance(answer, Cause):
+        if isinstance(answer, Diagnostic):
             causes[answer] = None
             continue
         for host in allowed:
@@ -410,7 +411,7 @@ def first_fit_finds_layout(problem: Problem) -> bool:
     return not any(_causes(problem)) and can_pack(problem.items, problem.bins, by_first_fit=True) is True
 
 
-def _causes(problem: Problem) -> Iterator[Cause]:
+def _causes(problem: Problem) -> Iterator[Diagnostic]:
     """Yield why partitions can be on none of their hosts, in every placement of the others."""
     for group in problem.groups:
         if not problem.claims[group.name]:

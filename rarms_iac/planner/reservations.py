@@ -11,7 +11,7 @@ from rarms_iac.model.layout import LookedUp, RecordedAnswer
 from rarms_iac.model.quantities import LogicalProcessors, guaranteed, in_processors
 from rarms_iac.model.system import Component, Measured, System
 from rarms_iac.planner.groups import Group, groups_of
-from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, Names, NotMeasured
+from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, Names, NotMeasured, without_log
 from rarms_iac.planner.verdicts import Decision, decide, why_unknown
 
 
@@ -42,7 +42,7 @@ class FixedReservations:
     def look_up(self, members: tuple[Component, ...], host: Host) -> LookedUp | NotMeasured:
         """Add up the members' fixed reserves; `NotMeasured` where one is to be measured."""
         unknown = to_be_measured(members)
-        return NotMeasured(components=unknown) if unknown else LookedUp(reservation=fixed(members, host))
+        return without_log(unknown, host.platform) if unknown else LookedUp(reservation=fixed(members, host))
 
     def depends_on(self, host: Host) -> Hashable:
         """Logical processors: a share is of these, and nothing else matters."""
@@ -123,7 +123,7 @@ class MeasuredReservations:
         decision = self._decision(members, host)
         log = decision.log
         if log is None or log.least is None:
-            return why_unknown(names, decision, self._logs(members, host))
+            return why_unknown(names, decision, self._logs(members, host), host.platform)
         used, cpu_ms = (
             min(log.used or log.processors, log.processors),
             {each.name: log.cpu_ms(each.name) for each in members},
@@ -159,7 +159,8 @@ class MeasuredReservations:
                 enough; or why there is none.
         """
         decision = self._decision(members, host)
-        return decision.log or why_unknown(to_be_measured(members), decision, self._logs(members, host))
+        names, logs = to_be_measured(members), self._logs(members, host)
+        return decision.log or why_unknown(names, decision, logs, host.platform)
 
     def _logs(self, members: tuple[Component, ...], host: Host) -> tuple[LogOfLoad, ...]:
         return self.logs.get((self.kinds.get(host.name), names_of(members)), ())
@@ -198,7 +199,7 @@ class RecordedReservations:
             return FixedReservations().look_up(members, host)
         names = names_of(members)
         found = (each.answer for each in self.recorded if each.members == names and host.name in each.hosts)
-        return next(found, NotMeasured(components=unknown))
+        return next(found, without_log(unknown, host.platform))
 
     def depends_on(self, host: Host) -> Hashable:
         """Logical processors, and what was recorded for the host."""

@@ -3,8 +3,9 @@
 from dataclasses import replace
 from fractions import Fraction
 
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
-from rarms_iac.model.layout import Cause, Making, PlacedPartition
+from rarms_iac.model.layout import Making, PlacedPartition
 from rarms_iac.model.processor_number import ProcessorSource, processor_number
 from rarms_iac.model.quantities import (
     LogicalProcessors,
@@ -12,7 +13,6 @@ from rarms_iac.model.quantities import (
     in_processors,
     machine_memory,
     per_virtual_processor,
-    show_processors,
 )
 from rarms_iac.model.shared_findings import UNUSABLE_RESERVE
 from rarms_iac.model.state import NO_GENERATION, Checkpoints, PartitionSettings, StartAction, StopAction
@@ -25,7 +25,7 @@ from rarms_iac.planner.mechanism import mechanism_of, quota_period_us, shortest_
 from rarms_iac.planner.reservations import FixedReservations, ReservationSource
 
 
-def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPartition | Cause:
+def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPartition | Diagnostic:
     """Work out a partition's settings on one host.
 
     Args:
@@ -38,7 +38,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
     """
     wanted = wanted_reserve(group, host, reservations)
     if isinstance(wanted, NotMeasured):
-        return unmeasured(wanted, host)
+        return wanted.why
     processors = _processors(group, host, reservations)
     reserve = per_virtual_processor(wanted, processors)
     if cause := _cannot_be_alone(group, host, wanted, processors):
@@ -74,7 +74,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
     )
 
 
-def size_without_reserve(group: Group, host: Host) -> PlacedPartition | Cause:
+def size_without_reserve(group: Group, host: Host) -> PlacedPartition | Diagnostic:
     """Work out what else a partition gets on a host, where its reservation is not known yet.
 
     Returns:
@@ -85,56 +85,34 @@ def size_without_reserve(group: Group, host: Host) -> PlacedPartition | Cause:
     return size(replace(group, request=replace(group.request, cpu=cpu)), host, FixedReservations())
 
 
-def _cannot_be_alone(group: Group, host: Host, wanted: LogicalProcessors, processors: int) -> Cause | None:
+def _cannot_be_alone(group: Group, host: Host, wanted: LogicalProcessors, processors: int) -> Diagnostic | None:
     """Why a partition that wants so many LPs, with so many virtual processors, does not fit an empty host."""
     reserve, width = per_virtual_processor(wanted, processors), counted(processors, host.processor_word)
     if reserve > 100:
-        return Cause(
+        return UNUSABLE_RESERVE.at(
+            None,
+            "{partition} reserves {needs:lp}, and {_width} cannot use that: it needs at least {_least}.",
+            "Give the partition or the component more `processors`, or lower the reserve.",
             address=f"partition/{group.name}",
-            message=(
-                f"{group.name} reserves {show_processors(wanted)}, and {width} cannot use that: "
-                f"it needs at least {-(-wanted.numerator // wanted.denominator)}."
-            ),
-            code=UNUSABLE_RESERVE.code,
-            advice="Give the partition or the component more `processors`, or lower the reserve.",
-            values={"partition": group.name, "needs_lp": float(wanted), "processors": processors},
+            partition=group.name,
+            needs=wanted,
+            processors=processors,
+            _width=width,
+            _least=-(-wanted.numerator // wanted.denominator),
         )
     if reserve and processors > host.logical_processors:
-        return Cause(
+        return UNUSABLE_RESERVE.at(
+            None,
+            "The {_width} of {partition} are more than the {has_lp} of {host}.",
+            "Lower `processors`, or name a larger host.",
             address=f"partition/{group.name}",
-            message=f"The {width} of {group.name} are more than the {host.logical_processors} of {host.name}.",
-            code=UNUSABLE_RESERVE.code,
-            advice="Lower `processors`, or name a larger host.",
-            values={
-                "partition": group.name,
-                "host": host.name,
-                "processors": processors,
-                "has_lp": host.logical_processors,
-            },
+            partition=group.name,
+            host=host.name,
+            processors=processors,
+            has_lp=host.logical_processors,
+            _width=width,
         )
     return None
-
-
-def unmeasured(answer: NotMeasured, host: Host) -> Cause:
-    """Make the cause for a reservation that is not known.
-
-    Args:
-        answer: why it is not known.
-        host: it names the platform, where the answer does not say more.
-
-    Returns:
-        A cause at the first component that is to be measured.
-    """
-    names = ", ".join(answer.components)
-    message = f"The reservation of {names} on platform {host.platform} is to be measured, and no data log has it."
-    address = f"component/{answer.components[0]}"
-    return Cause(
-        address=address,
-        message=answer.message or message,
-        code=answer.code,
-        advice=answer.advice,
-        values={"components": answer.components, "platform": host.platform, **answer.values},
-    )
 
 
 def wanted_reserve(group: Group, host: Host, reservations: ReservationSource) -> LogicalProcessors | NotMeasured:

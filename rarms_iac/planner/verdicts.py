@@ -14,9 +14,9 @@ from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.quantities import guaranteed, show_processors
 from rarms_iac.model.system import Component, Threshold
-from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.model.wording import counted
 from rarms_iac.planner import planning_findings
-from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, Names, NotMeasured
+from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, Names, NotMeasured, explained, without_log
 from rarms_iac.statistics.curves import highest_missed, least_reserve
 
 Apt = tuple[str, str, Threshold]
@@ -67,7 +67,7 @@ def decide(members: Sequence[Component], logs: Sequence[LogOfLoad]) -> Decision:
 
 def _is_unusable(log: LogOfLoad) -> TypeGuard[NotMeasured]:
     """Whether a data log is stale or damaged; then there is no verdict until it is measured again."""
-    return isinstance(log, NotMeasured) and log.code != planning_findings.UNMEASURED.code
+    return isinstance(log, NotMeasured) and log.why.code != planning_findings.UNMEASURED.code
 
 
 def _verdict(
@@ -126,7 +126,7 @@ def least_of(log: MeasuredTogether, apts: Iterable[Apt]) -> int | None:
     return least_reserve((log.curves(component, index), threshold) for component, index, threshold in apts)
 
 
-def why_unknown(names: Names, decision: Decision, logs: Sequence[LogOfLoad]) -> NotMeasured:
+def why_unknown(names: Names, decision: Decision, logs: Sequence[LogOfLoad], platform: str) -> NotMeasured:
     """Explain a verdict without a reservation, and recommend a command.
 
     Args:
@@ -143,37 +143,49 @@ def why_unknown(names: Names, decision: Decision, logs: Sequence[LogOfLoad]) -> 
     log = decision.log
     if log is None or not decision.verdict.thresholds:
         empty = [log for log in logs if isinstance(log, MeasuredTogether)]
-        return _no_setting(names, empty[0]) if empty else next(iter(unmeasured), NotMeasured(components=names))
+        return _no_setting(names, empty[0]) if empty else next(iter(unmeasured), without_log(names, platform))
     if decision.verdict.achievement is Achievement.UNMEASURED:
         return _more_loads(names, decision.verdict, log)
     return _not_met(names, decision.verdict, log, [log for log in logs if isinstance(log, MeasuredTogether)])
 
 
 def _no_setting(names: Names, log: MeasuredTogether) -> NotMeasured:
-    return NotMeasured(
-        components=names,
-        code=planning_findings.NOT_MET.code,
-        message=f"{log.path} has no setting with {counted(log.processors, 'virtual processor')} yet.",
-        advice=prose("Measure it: ", log.again, "."),
-        values={"log": log.path, "highest_percent": 0, "indexes": ()},
+    why = explained(
+        planning_findings.NOT_MET,
+        names,
+        log.records.header.platform,
+        "{log} has no setting with {_processors} yet.",
+        prose("Measure it: ", log.again, "."),
+        log=log.path,
+        highest_percent=0,
+        indexes=(),
+        _processors=counted(log.processors, "virtual processor"),
     )
+    return NotMeasured(components=names, why=why)
 
 
 def _more_loads(names: Names, verdict: ReservationVerdict, log: MeasuredTogether) -> NotMeasured:
     """Explain that the reservation is known with some loads, and that the others are not measured."""
     assert verdict.so_far is not None, "else a threshold is open or missed"
-    so_far, loads = guaranteed(verdict.so_far, log.processors), in_a_row(verdict.not_measured)
-    return NotMeasured(
-        components=names,
-        message=f"{in_a_row(names)} needs {show_processors(so_far)} with {verdict.interference}, and is not measured "
-        f"with {loads} yet. The reservation must be enough with each load of `policy.interference`.",
-        advice=prose(
+    so_far = guaranteed(verdict.so_far, log.processors)
+    why = explained(
+        planning_findings.UNMEASURED,
+        names,
+        log.records.header.platform,
+        "{components:all} needs {_so_far} with {_load}, and is not measured with {loads_not_measured:all} yet. "
+        "The reservation must be enough with each load of `policy.interference`.",
+        prose(
             "Measure the other loads: ",
             log.again,
             f". Or reserve at least that for now: `cpu: {{ reserve: {show_processors(so_far)} }}`.",
         ),
-        values={"log": log.path, "needs_lp_so_far": float(so_far), "loads_not_measured": verdict.not_measured},
+        log=log.path,
+        needs_lp_so_far=float(so_far),
+        loads_not_measured=verdict.not_measured,
+        _so_far=show_processors(so_far),
+        _load=verdict.interference,
     )
+    return NotMeasured(components=names, why=why)
 
 
 def _not_met(
@@ -182,36 +194,38 @@ def _not_met(
     """Explain that no setting meets every threshold, with the names of the worst ones."""
     highest = max(log.measured)
     named = [(each.component, each.index) for each in verdict.thresholds if each.achievement is verdict.achievement]
-    indexes = " and ".join(f"{index} of {component}" for component, index in named)
     component, index = named[0]
     several = sum(each.component == component for each in verdict.thresholds) > 1
     select = command("select", component, at="LEVEL", index=several and index)
     relax = prose("Relax the threshold (", select, " says which level holds), ")
     if verdict.achievement is Achievement.OPEN:
-        message = f"{log.path}: at {highest} % of its VPs it is not shown yet whether {indexes} meets its threshold."
+        template = (
+            "{log}: at {highest_percent:%} of its VPs it is not shown yet whether {_indexes} meets its threshold."
+        )
         advice = prose(
             "More samples may show it. ",
             log.again,
             " shows the number, and the time for `policy.measuring.setting`.",
         )
     elif highest < WHOLE:
-        settings = _highest_settings(log, measured)
-        message = f"No setting of {log.path} meets {indexes}: the highest is {settings}."
+        template = "No setting of {log} meets {_indexes}: the highest is {_settings}."
         advice = prose(relax, "or measure higher settings, as far as the host can give them: ", log.again, ".")
     else:
-        message = f"No setting of {log.path} meets {indexes}, not even with all of its VPs."
+        template = "No setting of {log} meets {_indexes}, not even with all of its VPs."
         advice = prose(relax, "make the component cheaper, or use a faster platform: it had all of its VPs.")
-    return NotMeasured(
-        components=names,
-        code=planning_findings.NOT_MET.code,
-        message=message,
-        advice=advice,
-        values={
-            "log": log.path,
-            "highest_percent": highest,
-            "indexes": tuple(f"{component}/{index}" for component, index in named),
-        },
+    why = explained(
+        planning_findings.NOT_MET,
+        names,
+        log.records.header.platform,
+        template,
+        advice,
+        log=log.path,
+        highest_percent=highest,
+        indexes=tuple(f"{component}/{index}" for component, index in named),
+        _indexes=" and ".join(f"{index} of {component}" for component, index in named),
+        _settings=_highest_settings(log, measured),
     )
+    return NotMeasured(components=names, why=why)
 
 
 def _highest_settings(log: MeasuredTogether, measured: Sequence[MeasuredTogether]) -> str:

@@ -20,7 +20,6 @@ RANGES: Mapping[str, Range] = {
     "began_ms": ANY,
     "beside": PERCENT,
     "bits": (1, 128),
-    "Cause.values": ANY,
     "Claim.processors": (0, 2**20),
     "cores": PROCESSORS,
     "deadline_percent": PERCENT,

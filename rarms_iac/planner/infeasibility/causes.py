@@ -2,14 +2,15 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import assert_never
 
 from rarms_iac.model.claims import Claim, load_of
 from rarms_iac.model.commands import PLAN, prose
-from rarms_iac.model.diagnostics import Facts
-from rarms_iac.model.layout import Cause, Infeasible
+from rarms_iac.model.diagnostics import Diagnostic, Facts
+from rarms_iac.model.layout import Infeasible
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
-from rarms_iac.model.wording import counted, list_names, natural_order, number, quoted
+from rarms_iac.model.wording import list_names, natural_order, number, quoted
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.infeasibility.budget import NODES_FOR_CHANGES, NODES_FOR_MOVES, NODES_OF_A_SEARCH, SearchBudget
 from rarms_iac.planner.infeasibility.conflict import (
@@ -50,13 +51,7 @@ def explain_infeasibility(answer: Infeasible, problem: Problem, start: Variant) 
     for_conflict, for_moves, for_changes = budgets
     found = conflicts(problem.items, problem.bins, for_conflict, proven=answer.proven)
     needed = moves_needed(start, for_moves)
-    causes = [_cause(conflict, problem) for conflict in found]
-    if needed:
-        causes[0] = replace(
-            causes[0],
-            message=f"{causes[0].message} If partitions may move, there is a layout: {_describe_moves(needed)}.",
-            values={**causes[0].values, "would_move": tuple(needed)},
-        )
+    causes = [_cause(conflict, problem, {} if at else needed) for at, conflict in enumerate(found)]
     planner = VariantPlanner(start=start, budget=for_changes)
     names = sorted({item.name for conflict in found for item in conflict.items}, key=natural_order)
     return replace(
@@ -122,7 +117,7 @@ def _describe_moves(needed: Mapping[str, str]) -> str:
     return list_names((f"{name} would have to leave {host}" for name, host in needed.items()), MOST_NAMES)
 
 
-def evident_causes(problem: Problem) -> tuple[Cause, ...]:
+def evident_causes(problem: Problem) -> tuple[Diagnostic, ...]:
     """Name what cannot fit, as far as sums and single hosts show it.
 
     Args:
@@ -149,9 +144,9 @@ def explain_by_sums(answer: Infeasible, problem: Problem) -> Infeasible:
     found = conflicts_by_sums(problem.items, problem.bins)
     causes = [_cause(conflict, problem) for conflict in found]
     if not causes:
-        placed = counted(len(problem.items), "partition"), counted(len(problem.bins), "host")
-        message = f"No placement of {placed[0]} on {placed[1]} was found."
-        causes = [Cause(address="application", message=message, code=planning_findings.PLACEMENT.code)]
+        template = "No placement of {_partitions:partition} on {_hosts:host} was found."
+        numbers = {"_partitions": len(problem.items), "_hosts": len(problem.bins)}
+        causes = [planning_findings.PLACEMENT.at(None, template, "", address="application", related=(), **numbers)]
     return replace(
         answer,
         proven=answer.proven or bool(found),
@@ -159,7 +154,8 @@ def explain_by_sums(answer: Infeasible, problem: Problem) -> Infeasible:
     )
 
 
-def _cause(conflict: Conflict, problem: Problem) -> Cause:
+def _cause(conflict: Conflict, problem: Problem, needed: Mapping[str, str] = MappingProxyType({})) -> Diagnostic:
+    """Return a cause without advice; `needed` has the moves with which there would be a layout, as `moves_needed`."""
     names = list_names((item.name for item in conflict.items), MOST_NAMES)
     cannot_share = f"{names} cannot share {list_names((host.name for host in conflict.bins), MOST_NAMES)}"
     match conflict.lacking:
@@ -183,17 +179,26 @@ def _cause(conflict: Conflict, problem: Problem) -> Cause:
         message += _held_by_others(conflict, problem, lambda claim: claim.percent, show_lp_percent)
         message += describe_rounding(conflict, problem)
         message += "".join(_describe_smt(conflict, host) for host in conflict.bins)
+    moves: Facts = {"would_move": tuple(needed)} if needed else {}
+    if needed:
+        message += f" If partitions may move, there is a layout: {_describe_moves(needed)}."
     free = free_on(conflict.bins)
-    values: Facts = {
-        "partitions": tuple(item.name for item in conflict.items),
-        "hosts": tuple(host.name for host in conflict.bins),
-        "needs_lp": sum(map(least_cost, conflict.items)) / 100,
-        "has_lp": float(free.processors),
-        "needs_memory_bytes": sum(map(least_memory, conflict.items)),
-        "has_memory_bytes": free.memory,
-        "unmanaged_machines": tuple(name for *_, name in _claims_of_others(conflict, problem)),
-    }
-    return Cause(address=f"host/{conflict.bins[0].name}", message=message, code=finding.code, values=values)
+    return finding.at(
+        None,
+        "{_message}",
+        "",
+        address=f"host/{conflict.bins[0].name}",
+        related=(),
+        partitions=tuple(item.name for item in conflict.items),
+        hosts=tuple(host.name for host in conflict.bins),
+        needs_lp=sum(map(least_cost, conflict.items)) / 100,
+        has_lp=float(free.processors),
+        needs_memory_bytes=sum(map(least_memory, conflict.items)),
+        has_memory_bytes=free.memory,
+        unmanaged_machines=tuple(name for *_, name in _claims_of_others(conflict, problem)),
+        _message=message,
+        **moves,
+    )
 
 
 def _describe_smt(conflict: Conflict, host: Bin) -> str:

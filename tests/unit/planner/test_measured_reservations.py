@@ -5,10 +5,12 @@ from fractions import Fraction
 import pytest
 
 from rarms_iac.model.commands import command
-from rarms_iac.model.layout import Cause, Infeasible, Layout
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.layout import Infeasible, Layout
 from rarms_iac.model.system import PartitionRequest, System, run_of
 from rarms_iac.planner.layout import Planning, plan_layout
-from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, NotMeasured
+from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, NotMeasured, explained
+from rarms_iac.planner.planning_findings import NOT_VERIFIED, STALE
 from rarms_iac.planner.reservations import MeasuredReservations
 from rarms_iac.statistics.curves import Curve, curve_of
 from tests import builders_measured
@@ -31,7 +33,11 @@ def measured(means: dict[int, float], component: str = "vision", *, processors: 
 
 
 def a_log(
-    means: dict[int, float], *names: str, processors: int = 2, remarks: tuple[Cause, ...] = (), load: str = "busy-loop"
+    means: dict[int, float],
+    *names: str,
+    processors: int = 2,
+    remarks: tuple[Diagnostic, ...] = (),
+    load: str = "busy-loop",
 ) -> MeasuredTogether:
     curves = {name: measured(means, name) for name in names or ("vision",)}
     return MeasuredTogether(
@@ -132,7 +138,8 @@ def test_only_the_thresholds_that_no_setting_meets_are_named() -> None:
 
 
 def test_without_a_log_it_says_what_it_was_told() -> None:
-    stale = NotMeasured(components=("vision",), code="RARMS102", message="It changed.", advice="Measure again.")
+    why = explained(STALE, ("vision",), "onboard", "It changed.", "Measure again.")
+    stale = NotMeasured(components=("vision",), why=why)
 
     (diagnostic,) = planned(vision(), {("vision",): stale}).findings
     (unknown,) = planned(vision(), {}).findings
@@ -142,9 +149,7 @@ def test_without_a_log_it_says_what_it_was_told() -> None:
 
 
 def test_what_is_said_of_a_log_is_said_of_a_reservation_that_rests_on_it() -> None:
-    remark = Cause(
-        address="component/vision", message="model.bin is not here.", code="RARMS104", advice="Plan elsewhere."
-    )
+    remark = NOT_VERIFIED.at(None, "model.bin is not here.", "Plan elsewhere.", address="component/vision")
     log = a_log({61: 110, 62: 90}, remarks=(remark,))
     fixed = PartitionRequest(name="vision", components=("vision",), cpu=a_cpu(reserve="70 %"))
 

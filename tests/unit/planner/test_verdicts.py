@@ -7,8 +7,10 @@ import pytest
 
 from rarms_iac.model.achievement import Achievement
 from rarms_iac.model.commands import command
+from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.system import Component, run_of
-from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, NotMeasured
+from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, NotMeasured, explained
+from rarms_iac.planner.planning_findings import STALE, UNMEASURED
 from rarms_iac.planner.verdicts import decide, why_unknown
 from rarms_iac.statistics.curves import curve_of
 from tests import builders_measured
@@ -36,8 +38,9 @@ def a_log(means: Mapping[int, float], load: str = "busy-loop", samples: int = 60
     )
 
 
-def missing(load: str, code: str = "RARMS100") -> NotMeasured:
-    return NotMeasured(components=("vision",), interference=load, code=code, message=f"no {load}", advice="Measure it.")
+def missing(load: str, finding: Finding = UNMEASURED) -> NotMeasured:
+    why = explained(finding, ("vision",), "onboard", f"no {load}", "Measure it.")
+    return NotMeasured(components=("vision",), interference=load, why=why)
 
 
 MET, OPEN, MISSED = {40: 130.0, 60: 90.0}, {60: 90.0, 100: 80.0}, {60: 150.0, 100: 140.0}
@@ -55,7 +58,7 @@ MET, OPEN, MISSED = {40: 130.0, 60: 90.0}, {60: 90.0, 100: 80.0}, {60: 150.0, 10
         ([a_log(MET), missing("bursts-20")], (Achievement.UNMEASURED, Achievement.UNMEASURED), None),
         ([a_log(OPEN, samples=80), missing("bursts-20")], (Achievement.UNMEASURED, Achievement.OPEN), None),
         ([a_log(MISSED), missing("bursts-20")], (Achievement.MISSED, Achievement.MISSED), None),
-        ([a_log(OPEN, samples=80), missing("x", "RARMS102")], (Achievement.UNMEASURED, Achievement.UNMEASURED), None),
+        ([a_log(OPEN, samples=80), missing("x", STALE)], (Achievement.UNMEASURED, Achievement.UNMEASURED), None),
         ([missing("busy-loop")], (Achievement.UNMEASURED, Achievement.UNMEASURED), None),
     ],
 )
@@ -87,12 +90,14 @@ def test_a_member_that_is_met_reserves_nothing_while_another_is_open() -> None:
 def test_what_is_missing_is_said_with_the_numbers_that_are_there() -> None:
     logs: list[LogOfLoad] = [a_log(MET), missing("bursts-20"), missing("bursts-100")]
 
-    answer = why_unknown(("vision",), decide([VISION], logs), logs)
+    answer = why_unknown(("vision",), decide([VISION], logs), logs, "onboard")
 
-    assert answer.code == "RARMS100"
-    assert "vision needs 1.2 LP with busy-loop, and is not measured with bursts-20 and bursts-100 yet" in answer.message
-    assert "`policy.interference`" in answer.message
-    assert str(answer.advice) == (
+    assert answer.why.code == "RARMS100"
+    assert (
+        "vision needs 1.2 LP with busy-loop, and is not measured with bursts-20 and bursts-100 yet" in answer.why.detail
+    )
+    assert "`policy.interference`" in answer.why.detail
+    assert str(answer.why.advice) == (
         "Measure the other loads: `rarms measure vision`. Or reserve at least that for now: `cpu: { reserve: 1.2 LP }`."
     )
 
@@ -100,7 +105,7 @@ def test_what_is_missing_is_said_with_the_numbers_that_are_there() -> None:
 def test_a_missed_threshold_is_told_of_the_log_that_misses_it() -> None:
     logs = [a_log(OPEN, samples=80), a_log(MISSED, "bursts-20")]
 
-    answer = why_unknown(("vision",), decide([VISION], logs), logs)
+    answer = why_unknown(("vision",), decide([VISION], logs), logs, "onboard")
 
-    assert answer.code == "RARMS106"
-    assert "No setting of measurements/onboard/vision/bursts-20.jsonl meets" in answer.message
+    assert answer.why.code == "RARMS106"
+    assert "No setting of measurements/onboard/vision/bursts-20.jsonl meets" in answer.why.detail

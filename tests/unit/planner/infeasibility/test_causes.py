@@ -6,7 +6,7 @@ from fractions import Fraction
 import pytest
 
 from rarms_iac.model.claims import ANY_THREAD
-from rarms_iac.model.layout import Cause, Infeasible, Relaxation
+from rarms_iac.model.layout import Infeasible, Relaxation
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.infeasibility import causes
@@ -105,7 +105,7 @@ def test_who_has_a_choice_and_overfills_a_host_is_named_with_the_total_of_measur
     ],
 )
 def test_the_only_way_out_is_a_sentence_or_a_list(changes: tuple[str, ...], advice: str) -> None:
-    cause = Cause(address="application", message="Nothing fits.", code=planning_findings.PLACEMENT.code)
+    cause = planning_findings.PLACEMENT.at(None, "Nothing fits.", "", address="application")
     answer = Infeasible(proven=True, conflict=(), causes=(cause,), relaxations=(Relaxation(changes=changes),))
 
     assert [str(finding.advice) for finding in causes_as_findings(answer, five_of_two(), PLACES)] == [advice]
@@ -119,7 +119,7 @@ def test_the_only_way_out_is_a_sentence_or_a_list(changes: tuple[str, ...], advi
     ],
 )
 def test_it_is_said_how_sure_it_is(proven: bool, detail: str) -> None:
-    cause = Cause(address="application", message="Nothing fits.", code=planning_findings.PLACEMENT.code)
+    cause = planning_findings.PLACEMENT.at(None, "Nothing fits.", "", address="application")
     answer = Infeasible(proven=proven, conflict=(), causes=(cause,), relaxations=())
 
     assert [finding.detail for finding in causes_as_findings(answer, five_of_two(), PLACES)] == [detail]
