@@ -15,7 +15,6 @@ from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner.desired import Desired
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.planner.problem import host_view
 from rarms_iac.planner.reservations import FixedReservations
 from tests.builders import PathPlaces
 
@@ -35,8 +34,7 @@ class Route:
 
 
 def layout_of(system: System, *states: State) -> Layout | Infeasible:
-    views = {state.facts.name: host_view(state, system.application.name) for state in states}
-    return plan_layout(system, FixedReservations(), views, PLACES).answer
+    return plan_layout(system, FixedReservations(), {state.facts.name: state for state in states}, PLACES).answer
 
 
 def route(system: System, observed: State, limit: Disruption = Disruption.REMOVAL, guest_build: int = 26100) -> Route:

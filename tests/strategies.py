@@ -127,6 +127,12 @@ def empty_state(host: Host, others: Strangers | None = None) -> State:
     )
 
 
+def state_with(host: Host, *names: str, **facts: object) -> State:
+    """A host on which partitions of these names run."""
+    running = tuple(build.partition(build.settings(name)) for name in names)
+    return State(facts=facts_for(host, **facts), partitions=running)
+
+
 @st.composite
 def edits(draw: st.DrawFn, settings: PartitionSettings) -> PartitionSettings:
     """The settings after a person changed one of them by hand, to something else."""

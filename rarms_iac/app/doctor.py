@@ -12,6 +12,7 @@ from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic, count_severities, in_order
 from rarms_iac.model.output import Internal, output
+from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import HostFacts, Partition
 from rarms_iac.planner.layout import smaller_host_findings
 from rarms_iac.providers.interface import ExaminableHost, ObservedHost
@@ -74,7 +75,10 @@ def examine_hosts(hosts: Hosts) -> Examinations:
         findings, silenced = apply_acceptances(
             [
                 *(finding for finding in shared if finding.address == f"host/{host.name}"),
-                *smaller_host_findings(hosts.system.hosts[facts.name], facts, manifest.places),
+                *smaller_host_findings(
+                    SeenHost(host=hosts.system.hosts[facts.name], application=application, state=host.state),
+                    manifest.places,
+                ),
                 *examine(host),
             ],
             manifest.system.policy,

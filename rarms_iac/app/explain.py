@@ -14,7 +14,7 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.previous_tuning import TUNE, PreviousTuning, RejectedCompound, previous_tuning
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
-from rarms_iac.model.capacity import capacity_of, fits
+from rarms_iac.model.capacity import fits
 from rarms_iac.model.commands import PLAN, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.host import Host
@@ -31,13 +31,14 @@ from rarms_iac.model.quantities import (
     show_processors,
     show_reserve,
 )
+from rarms_iac.model.seen_host import SeenHost, seen_hosts
 from rarms_iac.model.state import PartitionSettings, State
 from rarms_iac.model.system import AtMost, Component, Disruption, Measured, System, Threshold
 from rarms_iac.model.wording import counted, in_a_row, natural_order, suggestion
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.measured_together import MeasuredTogether, NotMeasured
-from rarms_iac.planner.problem import HostView, by_name, host_view
+from rarms_iac.planner.problem import by_name
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of
 from rarms_iac.planner.sizes import size, size_without_reserve
 from rarms_iac.planner.totals import totals_by_host
@@ -108,9 +109,9 @@ def explain_component(manifest: Manifest, name: str) -> Explanation:
     hosts = select_hosts(manifest, HostSelection())
     states = observe_hosts(hosts, needed=())
     reservations = measured_reservations(manifest, states)
-    views = {name: host_view(state, system.application.name) for name, state in states.items()}
-    planning = plan_layout(system, reservations, views, manifest.places, explain=False)
-    return _Case(component, group, hosts, states, reservations, views, planning).explanation()
+    planning = plan_layout(system, reservations, states, manifest.places, explain=False)
+    seen = seen_hosts(system.hosts, system.application.name, states)
+    return _Case(component, group, hosts, states, seen, reservations, planning).explanation()
 
 
 def _on_the_host(component: Component, system: System) -> Explanation:
@@ -148,8 +149,8 @@ class _Case:
     group: Group
     hosts: Hosts
     states: Mapping[str, State]  # of the hosts that could be looked at
+    seen: Mapping[str, SeenHost]  # all hosts
     reservations: MeasuredReservations
-    views: Mapping[str, HostView]  # the same hosts as the planner sees them
     planning: Planning
 
     @property
@@ -176,7 +177,7 @@ class _Case:
     @property
     def now_on(self) -> str:
         """The host that the partition is on now, the first by name; empty: none that was looked at."""
-        return next((name for name, view in sorted(self.views.items()) if self.group.name in view.present), "")
+        return next((name for name, seen in sorted(self.seen.items()) if self.group.name in seen.present), "")
 
     @property
     def bound(self) -> str:
@@ -391,7 +392,7 @@ class _Case:
             yield ExplainedValue("not seen", ", ".join(missing), source)
         if self.layout is None:
             return
-        totals = totals_by_host(self.system, self.layout.partitions, self.views)[host.name]
+        totals = totals_by_host(self.system, self.layout.partitions, self.states)[host.name]
         here = sorted(self.layout.on(host.name), key=lambda other: natural_order(other.name))
         amounts: list[tuple[str, Fraction]] = [
             (other.name, other.reserved) for other in here if other.name != partition.name
@@ -436,13 +437,13 @@ class _Case:
         if refused or isinstance(answer, Diagnostic):
             why = answer.detail if isinstance(answer, Diagnostic) else f"{refused} may not run there (`hosts`)"
             return ExplainedValue(name, "none", why)
-        view = self.views.get(host.name, HostView())
-        there = replace(answer, host=host.name, sharing=view.sharing(answer.name))
+        seen = self.seen[host.name]
+        there = replace(answer, host=host.name, sharing=seen.sharing(answer.name))
         neighbours = () if self.layout is None else self.layout.on(host.name)
         if self.bound or self.layout is None:
             why = self.bound or "there is no layout to compare with"
-        elif not fits(capacity_of(host, view.facts), (*view.claims, *(other.claim for other in (*neighbours, there)))):
-            names = [*(other.name for other in neighbours), *(["unmanaged machines"] if view.claims else [])]
+        elif not fits(seen.capacity, (*seen.claims, *(other.claim for other in (*neighbours, there)))):
+            names = [*(other.name for other in neighbours), *(["unmanaged machines"] if seen.claims else [])]
             why = f"no room with {in_a_row(names)}" if names else "no room"
         elif there.reserved > here.reserved:
             why = f"{here.host} needs less"

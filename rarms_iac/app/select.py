@@ -22,13 +22,13 @@ from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.outcomes import WIDTH, Estimate
 from rarms_iac.model.output import output
 from rarms_iac.model.quantities import UNITS, NotAQuantity, Unit, guaranteed, plain
+from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, System, Threshold
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.measured_together import MeasuredTogether, NotMeasured
 from rarms_iac.planner.planning_findings import NOT_MET
-from rarms_iac.planner.problem import HostView, host_view
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of
 from rarms_iac.planner.sizes import size
 from rarms_iac.planner.totals import totals_by_host
@@ -324,11 +324,10 @@ def _selection(manifest: Manifest, choice: _Choice) -> Selection:
     system, name = manifest.system, choice.component.name
     states = states_at_hand(manifest)
     reservations = measured_reservations(manifest, states)
-    views = {host: host_view(state, system.application.name) for host, state in states.items()}
     group = next((group for group in groups_of(system) if name in names_of(group.members)), None)
     logs = () if group is None else tuple(_logs(group, system, reservations))
     _refuse_far(choice, logs)
-    planning = plan_layout(system, reservations, views, manifest.places)
+    planning = plan_layout(system, reservations, states, manifest.places)
     levels = () if group is None else tuple(_levels(group, system, reservations, choice))
     if group is not None and depends_on_a_log(group) and not levels:
         addresses = {f"component/{member.name}" for member in group.members} | {f"partition/{group.name}"}
@@ -348,7 +347,7 @@ def _selection(manifest: Manifest, choice: _Choice) -> Selection:
         after=choice.threshold,
         levels=levels,
         depends_on_a_log=group is not None and depends_on_a_log(group),
-        headrooms=_headrooms(planning, system, views),
+        headrooms=_headrooms(planning, system, states),
         why_no_headroom=_why_no_layout(planning),
         findings=() if has_errors(planning.findings) else planning.findings,
     )
@@ -411,10 +410,10 @@ def _levels(
     return tuple(levels.values())
 
 
-def _headrooms(planning: Planning, system: System, views: Mapping[str, HostView]) -> tuple[HostHeadroom, ...]:
+def _headrooms(planning: Planning, system: System, states: Mapping[str, State]) -> tuple[HostHeadroom, ...]:
     if not isinstance(planning.answer, Layout):
         return ()
-    totals = totals_by_host(system, planning.answer.partitions, views)
+    totals = totals_by_host(system, planning.answer.partitions, states)
     return tuple(
         HostHeadroom(host=name, headroom_lp=host.free_lp, host_lp=host.host_lp) for name, host in totals.items()
     )

@@ -13,7 +13,6 @@ from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.planner.problem import host_view
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log
 from rarms_iac.planner.totals import PlannedTotals, planned_totals
 
@@ -48,8 +47,7 @@ def totals_at_hand(manifest: Manifest) -> tuple[PlannedTotals, MeasuredReservati
     """
     states = states_at_hand(manifest)
     reservations = measured_reservations(manifest, states)
-    views = {name: host_view(state, manifest.system.application.name) for name, state in states.items()}
-    return planned_totals(manifest.system, reservations, views), reservations
+    return planned_totals(manifest.system, reservations, states), reservations
 
 
 def partitions_without_log(system: System, planned: PlannedTotals, hosts: Collection[str]) -> Iterator[PlacedPartition]:

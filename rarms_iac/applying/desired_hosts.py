@@ -28,7 +28,6 @@ from rarms_iac.planner.desired import Desired, desired_state
 from rarms_iac.planner.groups import groups_of, most_critical_first, unnamed_partitions
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.planning_findings import NO_ROOM
-from rarms_iac.planner.problem import host_view
 from rarms_iac.planner.task_classes import ClassValues
 
 
@@ -58,11 +57,10 @@ def desired_hosts(
     states = sorted(observed.items(), key=lambda observed_host: natural_order(observed_host[0]))
     if request.purpose is not Purpose.APPLY:
         return {name: _without_layout(request, state) for name, state in states}, ()
-    views = {name: host_view(state, request.application) for name, state in states}
     planning = plan_layout(
         system,
         request.reservations,
-        views,
+        observed,
         places,
         max_disruption=request.limit,
         explain=request.explain,

@@ -271,7 +271,7 @@ def tuning_findings(end: TuningConclusion, strategy: TuningStrategy, places: Pla
 def _ways_out(subject: TuningSubject, strategy: TuningStrategy, places: Places) -> tuple[Sequence[Relaxation], Wording]:
     """Find what else would make everything fit, levels of APTs among it: no pair where tuning has just tried all."""
     problem = subject.problem
-    answer = plan_layout(problem.system, problem.reservations, problem.views, places).answer
+    answer = plan_layout(problem.system, problem.reservations, problem.states, places).answer
     found = answer.relaxations if isinstance(answer, Infeasible) else ()
     ways = [way for way in found if strategy == "paper" or way.kind is not RelaxationKind.COMBINING]
     return ways, describe_ways_out(ways)

@@ -32,7 +32,7 @@ from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.packing.pack import pack
 from rarms_iac.planner.packing.values import Item, NoPacking, Packing, free_on, least_cost
 from rarms_iac.planner.prediction.members import Predict, alone_in, predictor_of, unpredicted
-from rarms_iac.planner.problem import HostView, Problem, host_view, problem_of, solve, system_around
+from rarms_iac.planner.problem import Problem, problem_of, solve, system_around
 from rarms_iac.planner.reservations import depends_on_a_log, names_of
 from rarms_iac.statistics.curves import components_not_shown, curves_of, highest_missed
 from rarms_iac.storage.datalog.decisions import TuningStrategy
@@ -143,9 +143,9 @@ class TuningSubject:
         homes, now = self._homes(coi.members), self.problem.current_hosts.get(coi.name)
         # The partition of that name stays where it runs, as the others do.
         stays = now in homes and not self.problem.may_move
-        views = {name: self.problem.views.get(name, HostView()) for name in ((now,) if stays and now else homes)}
         claims = {
-            name: view.sharing(coi.name).claim(coi.processors, coi.reserve, memory) for name, view in views.items()
+            name: self.problem.seen[name].sharing(coi.name).claim(coi.processors, coi.reserve, memory)
+            for name in ((now,) if stays and now else homes)
         }
         return Item(name=coi.name, claims=claims, current_host=now or "")
 
@@ -198,17 +198,17 @@ def subject_of_tuning(hosts: Hosts, host: Host, states: Mapping[str, State]) -> 
     reservations = problem.reservations
     if any(not problem.claims[group.name] for group in problem.groups):
         places = hosts.manifest.places
-        diagnostics = plan_layout(problem.system, reservations, problem.views, places, explain=False).findings
+        diagnostics = plan_layout(problem.system, reservations, problem.states, places, explain=False).findings
         raise UseCaseError(
             Outcome.NEGATIVE,
             [diagnostic for diagnostic in diagnostics if has_errors([diagnostic])],
             hosts.manifest.sources,
         )
     groups = [group for group in problem.groups if _can_be_tuned(group, problem, host)]
-    view = problem.views.get(host.name, HostView())
+    seen = problem.seen[host.name]
     cois = tuple(
         coi_as_measured(
-            group, problem.claims[group.name][host.name], reservations, host, sharing=view.sharing(group.name)
+            group, problem.claims[group.name][host.name], reservations, host, sharing=seen.sharing(group.name)
         )
         for group in groups
     )
@@ -235,10 +235,9 @@ def problem_around(hosts: Hosts, states: Mapping[str, State]) -> Problem:
         The problem. Its system has no partition that neither is on these hosts nor can make room there.
     """
     system, reservations = hosts.system, measured_reservations(hosts.manifest, states)
-    views = {name: host_view(state, system.application.name) for name, state in states.items()}
     may_move = system.policy.max_disruption is Disruption.REMOVAL
-    whole = problem_of(system, reservations, views, may_move=may_move)
-    return problem_of(system_around(whole, hosts.chosen), reservations, views, may_move=may_move)
+    whole = problem_of(system, reservations, states, may_move=may_move)
+    return problem_of(system_around(whole, hosts.chosen), reservations, states, may_move=may_move)
 
 
 def _refuse_several_platforms(hosts: Hosts) -> None:

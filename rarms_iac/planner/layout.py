@@ -12,17 +12,18 @@ from typing import Any, assert_never
 
 from rarms_iac.model.commands import MEASURE, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Place, Places
-from rarms_iac.model.host import Host, Mechanism
+from rarms_iac.model.host import Mechanism
 from rarms_iac.model.layout import ChosenLayout, Infeasible, Layout, LookedUp, Relaxation, RelaxationKind
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
-from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts
+from rarms_iac.model.seen_host import SeenHost
+from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, State
 from rarms_iac.model.system import Disruption, Measured, System
 from rarms_iac.model.wording import counted, list_names
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.mechanism import deadline_problems, mechanism_of
 from rarms_iac.planner.neighbours import neighbour_findings
 from rarms_iac.planner.planning_findings import NOT_PROVEN
-from rarms_iac.planner.problem import HostView, Problem, by_name, check_layout, problem_of, solve
+from rarms_iac.planner.problem import Problem, by_name, check_layout, problem_of, solve
 from rarms_iac.planner.reservations import ReservationSource
 
 
@@ -37,7 +38,7 @@ class Planning:
 def plan_layout(
     system: System,
     reservations: ReservationSource,
-    hosts: Mapping[str, HostView],
+    states: Mapping[str, State],
     places: Places,
     *,
     max_disruption: Disruption | None = None,
@@ -49,7 +50,7 @@ def plan_layout(
     A partition that is on a host stays there, unless removal is allowed; a finding says what a move would gain.
 
     Args:
-        hosts: the hosts that were observed, by name; of the others the manifest alone counts.
+        states: the hosts that were looked at, by name; of the others the manifest alone counts.
         places: lines of the manifest, for the findings.
         max_disruption: the most that may be disturbed; `REMOVAL` lets partitions move. None: as the policy says.
         explain: search for the smallest conflict and for ways out, if there is no layout; otherwise sums alone say why.
@@ -63,18 +64,16 @@ def plan_layout(
         LayoutRefused: the chosen layout does not fit.
     """
     limit = max_disruption or system.policy.max_disruption
-    problem = problem_of(system, reservations, hosts, may_move=limit is Disruption.REMOVAL)
+    problem = problem_of(system, reservations, states, may_move=limit is Disruption.REMOVAL)
     answer = solve(problem) if chosen is None else check_layout(problem, chosen)
     notes = [
-        finding
-        for host in by_name(system.hosts)
-        for finding in smaller_host_findings(host, hosts.get(host.name, HostView()).facts, places)
+        finding for host in by_name(system.hosts) for finding in smaller_host_findings(problem.seen[host.name], places)
     ]
     if isinstance(answer, Layout):
         notes += _moves(answer, problem, places)
         notes += _remarks(answer, problem, places)
         notes += neighbour_findings(answer, problem, places)
-        notes += _deadlines(answer, problem, hosts, places)
+        notes += _deadlines(answer, problem, places)
         notes += _placement(answer, places)
     else:
         if not answer.causes and not explain:
@@ -86,7 +85,7 @@ def plan_layout(
             from rarms_iac.planner.infeasibility.edits import Variant
 
             may_move = limit is Disruption.REMOVAL
-            start = Variant(system=system, views=hosts, reservations=reservations, may_move=may_move)
+            start = Variant(system=system, states=states, reservations=reservations, may_move=may_move)
             answer = explain_infeasibility(answer, problem.without_checks(), start)
         notes += causes_as_findings(answer, system, places)
     return Planning(answer=answer, findings=tuple(notes))
@@ -219,7 +218,7 @@ def _place(cause: Diagnostic, system: System, places: Places) -> Place:
             return places.key("application")
 
 
-def smaller_host_findings(host: Host, facts: HostFacts | None, places: Places) -> Iterator[Diagnostic]:
+def smaller_host_findings(seen: SeenHost, places: Places) -> Iterator[Diagnostic]:
     """Report where a host has less than the manifest says.
 
     Args:
@@ -228,8 +227,7 @@ def smaller_host_findings(host: Host, facts: HostFacts | None, places: Places) -
     Yields:
         A warning for its logical processors, and one for its memory.
     """
-    if facts is None:
-        return
+    host, facts = seen.host, seen.facts
     if facts.logical_processors < host.logical_processors:
         yield planning_findings.SMALLER.of_host(
             host.name,
@@ -280,20 +278,18 @@ def remarks_as_findings(remarks: Iterable[Diagnostic], places: Places) -> Iterat
         yield replace(remark, place=place)
 
 
-def _deadlines(answer: Layout, problem: Problem, views: Mapping[str, HostView], places: Places) -> Iterator[Diagnostic]:
+def _deadlines(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:
     """Report the deadlines of Linux hosts that the kernel would refuse, before anything is changed."""
     groups = {group.name: group for group in problem.groups}
     for host in by_name(problem.system.hosts):
-        facts = views.get(host.name, HostView()).facts
-        processors = facts.logical_processors if facts else host.logical_processors
-        percent = None if facts is None else facts.deadline_percent
-        admitted = USUAL_DEADLINE_PERCENT if percent is None else percent
+        facts = problem.seen[host.name].facts
+        admitted = USUAL_DEADLINE_PERCENT if facts.deadline_percent is None else facts.deadline_percent
         deadlines = [
             (partition, groups[partition.name])
             for partition in answer.on(host.name)
             if partition.settings.reserve and mechanism_of(groups[partition.name], host)[0] is Mechanism.DEADLINE
         ]
-        for name, message, advice in deadline_problems(deadlines, host, processors, admitted):
+        for name, message, advice in deadline_problems(deadlines, host, facts.logical_processors, admitted):
             place = places.key(problem.system.section_of(name), name)
             values: dict[str, Any] = {"partition": name, "host": host.name, "admitted_percent": admitted}
             yield planning_findings.DEADLINES.at(

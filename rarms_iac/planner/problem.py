@@ -1,15 +1,16 @@
 """The packing problem, made of manifest and hosts; and its answer, turned into a layout."""
 
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
-from rarms_iac.model.capacity import CheckedCapacity, capacity_of, core_sharing, foreign_claimants, foreign_claims
-from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing, DeadlineClaim
+from rarms_iac.model.capacity import CheckedCapacity
+from rarms_iac.model.claims import Claim, DeadlineClaim
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Host, Mechanism, ProviderKind, SimulatedHost
 from rarms_iac.model.layout import ChosenLayout, Infeasible, Layout, PlacedPartition, Placement
 from rarms_iac.model.renaming import renaming
-from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts, RunState, State
+from rarms_iac.model.seen_host import SeenHost, seen_hosts
+from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, State
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.groups import Group, groups_of
@@ -19,57 +20,6 @@ from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing, host
 from rarms_iac.planner.refusals import cannot_be_made, cannot_have_reserve
 from rarms_iac.planner.reservations import ReservationSource, depends_on_a_log
 from rarms_iac.planner.sizes import size
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HostView:
-    """Facts and claims of a host beside the manifest; empty where the host was not observed."""
-
-    facts: HostFacts | None = None
-    claims: tuple[Claim, ...] = ()  # of unmanaged machines
-    claimants: tuple[str, ...] = ()  # their names, in the same order
-    present: Mapping[str, CoreSharing] = field(default_factory=dict)  # our partitions that are there now
-    made: CoreSharing = ANY_THREAD  # how a machine that is made there takes cores
-    taken_names: frozenset[str] = frozenset()  # of unmanaged machines, which none of our partitions has there
-    pinned: frozenset[str] = frozenset()  # our partitions there that may not be removed as they are
-    switches: tuple[str, ...] | None = None  # None: not known
-    largest_node: int | None = None  # `State.largest_node`
-
-    def sharing(self, partition: str) -> CoreSharing:
-        """Return how a partition takes cores there: as its machine does, or as one that is made.
-
-        Returns:
-            How many threads a core has, and how many of them the partition uses.
-        """
-        return self.present.get(partition, self.made)
-
-
-def host_view(state: State, application: str) -> HostView:
-    """Make the planner's view of a host that was observed.
-
-    Args:
-        application: whose partitions count as ours; all other machines keep what they claim.
-
-    Returns:
-        The host's facts, the claims of foreign machines, and the names of our partitions there.
-    """
-    own = state.of(application).partitions
-    foreign = {partition.settings.name for partition in state.partitions if partition not in own}
-    return HostView(
-        facts=state.facts,
-        claims=foreign_claims(state, application),
-        claimants=tuple(machine.settings.name for machine in foreign_claimants(state, application)),
-        present={partition.mark.name: partition.sharing for partition in own if partition.mark},
-        made=core_sharing(state.facts),
-        taken_names=frozenset(foreign - {partition.settings.name for partition in own}),
-        pinned=frozenset(
-            partition.mark.name
-            for partition in own
-            if partition.mark and (partition.ties or partition.state in {RunState.BUSY, RunState.CRITICAL})
-        ),
-        switches=state.switches,
-        largest_node=state.largest_node,
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,16 +35,17 @@ class Problem:
     items: tuple[Item, ...]  # without the hosts that a check would refuse, while a partition has others
     bins: tuple[Bin, ...]
     current_hosts: Mapping[str, str]  # by partition; those that are on none are left out
-    views: Mapping[str, HostView]
+    states: Mapping[str, State]  # of the hosts that were looked at, by name
+    seen: Mapping[str, SeenHost]  # every host of the system, by name
     may_move: bool
 
     def without_checks(self) -> "Problem":
         """Return the same problem where only room counts: a check may refuse its layout, and then names the reason."""
         items = (_item(group.name, self.claims[group.name], self) for group in self.groups)
         bins = (
-            Bin(name=host.name, capacity=capacity_of(host, view.facts), foreign_claims=view.claims)
+            Bin(name=host.name, capacity=seen.capacity, foreign_claims=seen.claims)
             for host in by_name(self.system.hosts)
-            for view in [self.views.get(host.name, HostView())]
+            for seen in [self.seen[host.name]]
         )
         return replace(self, items=tuple(items), bins=tuple(bins))
 
@@ -111,28 +62,29 @@ class Problem:
 
 
 def problem_of(
-    system: System, reservations: ReservationSource, views: Mapping[str, HostView], *, may_move: bool
+    system: System, reservations: ReservationSource, states: Mapping[str, State], *, may_move: bool
 ) -> Problem:
     """Put together what the search is given: who may go where, and what it claims there.
 
     A partition is sized once for all hosts on which it gets the same.
 
     Args:
-        views: the hosts that were observed, by name; the others count as the manifest has them.
+        states: the hosts that were looked at, by name; the others count as the manifest has them.
         may_move: whether a partition may leave the host that it is on; if not, it is only offered that host.
 
     Returns:
         The problem, with the causes that need no search.
     """
     groups = groups_of(system)
-    current_hosts = _current_hosts(system, groups, views)
+    seen = seen_hosts(system.hosts, system.application.name, states)
+    current_hosts = _current_hosts(system, groups, seen)
     alike = _kinds(system, _traits)
     alike_in_logs = _kinds(system, lambda host: (_traits(host), reservations.depends_on(host)))
     sizes: dict[str, Mapping[str, PlacedPartition]] = {}
     blocked: dict[str, tuple[Diagnostic, ...]] = {}
     for group in groups:
         kinds = alike_in_logs if depends_on_a_log(group) else alike
-        sizes[group.name], blocked[group.name] = _sizes(group, kinds, reservations, views)
+        sizes[group.name], blocked[group.name] = _sizes(group, kinds, reservations, seen)
     problem = Problem(
         system=system,
         groups=groups,
@@ -143,15 +95,13 @@ def problem_of(
         items=(),
         bins=(),
         current_hosts=current_hosts,
-        views=views,
+        states=states,
+        seen=seen,
         may_move=may_move,
     )
     items = tuple(_item(group.name, _checked_claims(group, problem), problem) for group in groups)
     has_deadlines = any(isinstance(claim, DeadlineClaim) for item in items for claim in item.claims.values())
-    bins = (
-        _checked_bin(host, views.get(host.name, HostView()), has_deadlines=has_deadlines)
-        for host in by_name(system.hosts)
-    )
+    bins = (_checked_bin(seen[host.name], has_deadlines=has_deadlines) for host in by_name(system.hosts))
     return replace(problem, items=items, bins=tuple(bins))
 
 
@@ -192,23 +142,21 @@ def _homes(group: Group, problem: Problem) -> set[str]:
     return set(item.claims) if item else {name for name in problem.system.hosts if group.may_run_on(name)}
 
 
-def _current_hosts(system: System, groups: Sequence[Group], views: Mapping[str, HostView]) -> Mapping[str, str]:
+def _current_hosts(system: System, groups: Sequence[Group], seen: Mapping[str, SeenHost]) -> Mapping[str, str]:
     """Return the host of each partition that is on one, by the name that it is to have."""
     wanted = {group.name for group in groups}
     return {
         name: host
-        for host in sorted(views, reverse=True)
-        for name in renaming(views[host].present, wanted, system.moved).new.values()
+        for host in sorted(seen, reverse=True)
+        for name in renaming(seen[host].present, wanted, system.moved).new.values()
     }
 
 
-def _checked_bin(host: Host, view: HostView, *, has_deadlines: bool) -> Bin:
+def _checked_bin(seen: SeenHost, *, has_deadlines: bool) -> Bin:
     """Return the host with all that its checks bound; as `without_checks` has it, where they bound nothing."""
-    capacity = capacity_of(host, view.facts)
-    by_script, by_deadline = host.provider is ProviderKind.HYPERV, has_deadlines and host.provider is ProviderKind.LINUX
+    capacity, provider, admitted = seen.capacity, seen.host.provider, seen.facts.deadline_percent
+    by_script, by_deadline = provider is ProviderKind.HYPERV, has_deadlines and provider is ProviderKind.LINUX
     if by_script or by_deadline:
-        admitted = view.facts.deadline_percent if view.facts else None
-        processors = view.facts.logical_processors if view.facts else host.logical_processors
         percent = USUAL_DEADLINE_PERCENT if admitted is None else admitted
         capacity = CheckedCapacity(
             logical_processors=capacity.logical_processors,
@@ -216,9 +164,9 @@ def _checked_bin(host: Host, view: HostView, *, has_deadlines: bool) -> Bin:
             memory=capacity.memory,
             sharing=capacity.sharing,
             by_script=by_script,
-            deadline=percent * processors if by_deadline else None,
+            deadline=percent * seen.facts.logical_processors if by_deadline else None,
         )
-    return Bin(name=host.name, capacity=capacity, foreign_claims=view.claims)
+    return Bin(name=seen.name, capacity=capacity, foreign_claims=seen.claims)
 
 
 def _checked_claims(group: Group, problem: Problem) -> Mapping[str, Claim]:
@@ -233,17 +181,14 @@ def _checked_claims(group: Group, problem: Problem) -> Mapping[str, Claim]:
     }
     current = problem.current_hosts.get(group.name, "")
     request = problem.system.partitions.get(group.name)
-    view = problem.views.get(current, HostView())
-    is_pinned = group.name in view.pinned or (request is not None and request.protect)
-    if current in claims and is_pinned:
+    if current in claims and (problem.seen[current].is_pinned(group.name) or (request and request.protect)):
         return {current: claims[current]}
     allowed: dict[str, Claim] = {}
     for name, claim in claims.items():
-        host, view = hosts[name], problem.views.get(name, HostView())
-        partition, is_new = sizes[name], name != current
-        if is_new and (group.name in view.taken_names or cannot_be_made(partition, view.switches, view.largest_node)):
+        seen, partition = problem.seen[name], sizes[name]
+        if name != current and (group.name in seen.taken_names or cannot_be_made(partition, seen.state)):
             continue
-        if not cannot_have_reserve(partition.settings, group, host, view.facts, problem.system.policy):
+        if not cannot_have_reserve(partition.settings, group, seen, problem.system.policy):
             allowed[name] = claim
     return allowed or claims
 
@@ -290,7 +235,7 @@ def _sizes(
     group: Group,
     kinds: Mapping[str, tuple[Host, ...]],
     reservations: ReservationSource,
-    views: Mapping[str, HostView],
+    seen: Mapping[str, SeenHost],
 ) -> tuple[Mapping[str, PlacedPartition], tuple[Diagnostic, ...]]:
     """Return the group's size on each host that all its members may run on, or why it cannot be there."""
     limits = [member.hosts for member in group.members if member.hosts is not None]
@@ -305,7 +250,7 @@ def _sizes(
             causes[answer] = None
             continue
         for host in allowed:
-            sharing = views[host.name].sharing(group.name) if host.name in views else answer.sharing
+            sharing = seen[host.name].sharing(group.name)
             found[host.name] = answer if sharing is answer.sharing else replace(answer, sharing=sharing)
     return dict(sorted(found.items())), tuple(causes)
 

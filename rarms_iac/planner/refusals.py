@@ -6,9 +6,10 @@ The checks themselves come after the search and name what is wrong; they ask the
 
 from collections.abc import Collection
 
-from rarms_iac.model.host import Host, Mechanism, SchedulerType
+from rarms_iac.model.host import Mechanism, SchedulerType
 from rarms_iac.model.layout import PlacedPartition
-from rarms_iac.model.state import HostFacts, PartitionSettings
+from rarms_iac.model.seen_host import SeenHost
+from rarms_iac.model.state import HostFacts, PartitionSettings, State
 from rarms_iac.model.system import Policy
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.mechanism import cannot_have_deadline, mechanism_of
@@ -78,7 +79,7 @@ def is_larger_than_node(memory: int, largest_node: int | None) -> bool:
     return largest_node is not None and memory > largest_node
 
 
-def cannot_be_made(partition: PlacedPartition, switches: Collection[str] | None, largest_node: int | None) -> bool:
+def cannot_be_made(partition: PlacedPartition, host: State) -> bool:
     """Whether a check refuses to make a partition on a host where it is not yet.
 
     Args:
@@ -89,13 +90,11 @@ def cannot_be_made(partition: PlacedPartition, switches: Collection[str] | None,
         True: the plan could not be made.
     """
     making, settings = partition.making, partition.settings
-    has_all = takes_image(settings.generation, making.image) and has_switch(switches, making.switch)
-    return not has_all or is_larger_than_node(settings.memory, largest_node)
+    has_all = takes_image(settings.generation, making.image) and has_switch(host.switches, making.switch)
+    return not has_all or is_larger_than_node(settings.memory, host.largest_node)
 
 
-def cannot_have_reserve(
-    settings: PartitionSettings, group: Group, host: Host, facts: HostFacts | None, policy: Policy
-) -> bool:
+def cannot_have_reserve(settings: PartitionSettings, group: Group, seen: SeenHost, policy: Policy) -> bool:
     """Whether a check refuses what a partition asks of the scheduler of a host, with other partitions or without.
 
     Args:
@@ -105,9 +104,9 @@ def cannot_have_reserve(
     Returns:
         True: the plan could not be made.
     """
-    is_deadline = bool(settings.reserve) and mechanism_of(group, host)[0] is Mechanism.DEADLINE
-    if is_deadline and (cannot_have_deadline(group) or (facts is not None and facts.deadline_percent == 0)):
+    is_deadline = bool(settings.reserve) and mechanism_of(group, seen.host)[0] is Mechanism.DEADLINE
+    if is_deadline and (cannot_have_deadline(group) or seen.facts.deadline_percent == 0):
         return True
     accepted = policy.accept.get(IGNORED_RESERVES)
-    is_accepted = accepted is not None and f"host/{host.name}" in accepted.at
-    return facts is not None and ignores_reserves(facts) and asks_for_processors(settings) and not is_accepted
+    is_accepted = accepted is not None and f"host/{seen.name}" in accepted.at
+    return ignores_reserves(seen.facts) and asks_for_processors(settings) and not is_accepted

@@ -4,11 +4,13 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 from rarms_iac.model.layout import Layout, PlacedPartition
+from rarms_iac.model.seen_host import seen_hosts
+from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.model.totals import HostTotals, host_totals, totals_of
 from rarms_iac.planner.packing.first_fit import partial_first_fit
 from rarms_iac.planner.packing.values import claims_by_host
-from rarms_iac.planner.problem import HostView, Problem, problem_of, solve
+from rarms_iac.planner.problem import Problem, problem_of, solve
 from rarms_iac.planner.reservations import ReservationSource
 
 
@@ -20,38 +22,37 @@ class PlannedTotals:
     hosts: Mapping[str, HostTotals]
 
 
-def planned_totals(system: System, reservations: ReservationSource, views: Mapping[str, HostView]) -> PlannedTotals:
+def planned_totals(system: System, reservations: ReservationSource, states: Mapping[str, State]) -> PlannedTotals:
     """Place each partition once, as a plan would, and add up what each host promises.
 
     Args:
         reservations: where reservations come from; a partition whose reservation is not known does not count.
-        views: the hosts that were looked at, by name; of the others the manifest alone counts.
+        states: the hosts that were looked at, by name; of the others the manifest alone counts.
 
     Returns:
         The totals of every host of the manifest.
     """
     may_move = system.policy.max_disruption is Disruption.REMOVAL
-    partitions = _placement_of(problem_of(system, reservations, views, may_move=may_move))
-    return PlannedTotals(partitions=partitions, hosts=totals_by_host(system, partitions, views))
+    partitions = _placement_of(problem_of(system, reservations, states, may_move=may_move))
+    return PlannedTotals(partitions=partitions, hosts=totals_by_host(system, partitions, states))
 
 
 def totals_by_host(
-    system: System, partitions: Collection[PlacedPartition], views: Mapping[str, HostView]
+    system: System, partitions: Collection[PlacedPartition], states: Mapping[str, State]
 ) -> Mapping[str, HostTotals]:
     """Add up what each host of the manifest promises to the partitions that are placed there, and to others.
 
     Args:
         partitions: each once.
-        views: the hosts that were looked at, by name.
+        states: the hosts that were looked at, by name.
 
     Returns:
         By host, in the order of the names.
     """
     totals: dict[str, HostTotals] = {}
-    for name, host in sorted(system.hosts.items()):
-        view = views.get(name, HostView())
+    for name, seen in sorted(seen_hosts(system.hosts, system.application.name, states).items()):
         own = (partition.claim for partition in partitions if partition.host == name)
-        totals[name] = host_totals(host, view.facts, totals_of(own, view.claims))
+        totals[name] = host_totals(seen.host, seen.facts, totals_of(own, seen.claims))
     return totals
 
 

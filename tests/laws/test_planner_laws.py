@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 from rarms_iac.model.layout import Infeasible, Layout
 from rarms_iac.model.system import TaskCategory, TaskRequest
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.planner.problem import HostView
 from rarms_iac.planner.reservations import FixedReservations
 from rarms_iac.planner.task_classes import classes_of
 from tests.builders import a_component, a_host, a_system, a_task
 from tests.planning import PLACES
+from tests.strategies import state_with
 
 
 @given(st.lists(st.tuples(st.integers(0, 90), st.integers(1, 20)), min_size=1, max_size=6), st.integers(1, 3))
@@ -59,12 +59,13 @@ def test_threads_of_more_critical_classes_run_higher(users: list[tuple[int, str]
                 assert task_class.thread_priority > other.thread_priority
 
 
-def test_a_view_that_is_empty_is_no_view() -> None:
+def test_an_empty_host_counts_as_the_manifest_says() -> None:
     system = a_system()
+    states = {name: state_with(host) for name, host in system.hosts.items()}
 
-    assert plan_layout(system, FixedReservations(), {}, PLACES) == plan_layout(
-        system, FixedReservations(), {"onboard": HostView()}, PLACES
-    )
+    unseen = plan_layout(system, FixedReservations(), {}, PLACES)
+
+    assert unseen == plan_layout(system, FixedReservations(), states, PLACES)
 
 
 LEVEL = st.none() | st.integers(1, 8)

@@ -26,7 +26,7 @@ from rarms_iac.planner.infeasibility.rounding import describe_rounding
 from rarms_iac.planner.infeasibility.ways_out import ways_out
 from rarms_iac.planner.packing.pack import can_pack, find_packing
 from rarms_iac.planner.packing.values import Bin, Item, free_on, is_move, least_cost, least_memory
-from rarms_iac.planner.problem import HostView, Problem, problem_of
+from rarms_iac.planner.problem import Problem, problem_of
 from rarms_iac.planner.totals import hosts_without_layout
 
 _MOVES = "moves"
@@ -75,9 +75,10 @@ def moves_needed(start: Variant, budget: SearchBudget) -> Mapping[str, str]:
     Returns:
         The host that each of them would have to leave, by name; none where moving is allowed already, or does not help.
     """
-    if start.may_move or not any(view.present for view in start.views.values()):
+    application = start.system.application.name
+    if start.may_move or not any(state.of(application).partitions for state in start.states.values()):
         return {}
-    problem = problem_of(start.system, start.reservations, start.views, may_move=True)
+    problem = problem_of(start.system, start.reservations, start.states, may_move=True)
     pairs = sum(len(item.claims) for item in problem.items)
     for items, bins in ((each.items, each.bins) for each in (problem, problem.without_checks())):
         if budget.takes(_MOVES, pairs) and (host_of := find_packing(items, bins, budget.nodes)):
@@ -249,9 +250,8 @@ def _held_by_others(
 def _claims_of_others(conflict: Conflict, problem: Problem) -> Iterator[tuple[str, Claim, str]]:
     """Host, claim and name of each unmanaged machine on the hosts of a conflict."""
     for host in conflict.bins:
-        view = problem.views.get(host.name, HostView())
-        for claim, name in zip(view.claims, view.claimants, strict=True):
-            yield host.name, claim, name
+        for machine in problem.seen[host.name].claimants:
+            yield host.name, machine.claim, machine.settings.name
 
 
 def _memory_exceeds(conflict: Conflict, problem: Problem) -> str:

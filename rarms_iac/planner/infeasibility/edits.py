@@ -7,9 +7,10 @@ from functools import reduce
 from typing import Any
 
 from rarms_iac.model.layout import RelaxedLevel
+from rarms_iac.model.state import State
 from rarms_iac.model.system import System
 from rarms_iac.planner.infeasibility.budget import SearchBudget
-from rarms_iac.planner.problem import HostView, first_fit_finds_layout, problem_of
+from rarms_iac.planner.problem import first_fit_finds_layout, problem_of
 from rarms_iac.planner.reservations import ReservationSource
 
 MOST_EDITS = 8
@@ -21,7 +22,7 @@ class Variant:
     """A manifest, what was seen of its hosts, and what data logs say of it."""
 
     system: System
-    views: Mapping[str, HostView]
+    states: Mapping[str, State]
     reservations: ReservationSource
     may_move: bool  # whether partitions may leave their hosts
 
@@ -91,7 +92,7 @@ class VariantPlanner:
         if not self.budget.takes(self.part, len(self.start.system.components) * len(self.start.system.hosts)):
             return False
         after = reduce(lambda before, edit: edit.apply(before), edits, self.start)
-        problem = problem_of(after.system, after.reservations, after.views, may_move=after.may_move)
+        problem = problem_of(after.system, after.reservations, after.states, may_move=after.may_move)
         return first_fit_finds_layout(problem)
 
 

@@ -33,7 +33,7 @@ from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.infeasibility.edits import Edit, Edits, RelaxationRange, Variant
 from rarms_iac.planner.measured_together import MeasuredTogether
 from rarms_iac.planner.packing.values import free_in
-from rarms_iac.planner.problem import HostView, Problem, by_name
+from rarms_iac.planner.problem import Problem, by_name
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of
 from rarms_iac.statistics.curves import holds, tightest_threshold
 
@@ -248,15 +248,15 @@ def _grown(hosts: Sequence[str], variant: Variant, **more: int) -> Variant:
 
     What is added counts from the smaller of both, as a host's capacity does.
     """
-    views, after = dict(variant.views), {}
+    states, after = dict(variant.states), {}
     for name in hosts:
-        host, view = variant.system.hosts[name], variant.views.get(name, HostView())
-        both = [known for known in (host, view.facts) if known is not None]
+        host, state = variant.system.hosts[name], states.get(name)
+        both = [host, *([state.facts] if state else [])]
         whole = {field: added + min(getattr(known, field) for known in both) for field, added in more.items()}
         after[name] = _at_least(host, whole)
-        if view.facts is not None:
-            views[name] = replace(view, facts=_at_least(view.facts, whole))
-    return replace(variant.with_entries("hosts", after), views=views)
+        if state is not None:
+            states[name] = replace(state, facts=_at_least(state.facts, whole))
+    return replace(variant.with_entries("hosts", after), states=states)
 
 
 def _at_least(known: Known, whole: Mapping[str, int]) -> Known:
@@ -289,10 +289,10 @@ def pair_relaxations(problem: Problem, partitions: Collection[str]) -> Iterator[
 
 def _pair_relaxation(minor: Group, leader: Group, hosts: Sequence[str], problem: Problem) -> RelaxationRange:
     host = problem.system.hosts[hosts[0]]
-    view = problem.views.get(host.name, HostView())
+    seen = problem.seen[host.name]
     parts = [
         coi_as_measured(
-            group, problem.claims[group.name][host.name], problem.reservations, host, sharing=view.sharing(group.name)
+            group, problem.claims[group.name][host.name], problem.reservations, host, sharing=seen.sharing(group.name)
         )
         for group in (minor, leader)
     ]

@@ -1,31 +1,29 @@
 from dataclasses import replace
 from fractions import Fraction
 
-from rarms_iac.model.claims import ANY_THREAD
 from rarms_iac.model.host import HypervHost, ProviderKind
 from rarms_iac.model.layout import Infeasible, Layout
-from rarms_iac.model.state import Partition, RunState
+from rarms_iac.model.state import Partition, RunState, State
 from rarms_iac.model.system import CpuRequest, Disruption, RunsOn, System
 from rarms_iac.planner.layout import Planning, plan_layout
-from rarms_iac.planner.problem import HostView, host_view
 from rarms_iac.planner.reservations import FixedReservations
 from tests.builders import a_component, a_cpu, a_host, a_partition, a_system, at_most, codes, the_delivery_robot
 from tests.planning import PLACES
-from tests.strategies import MIB, Strangers, empty_state, facts_for, some_settings
+from tests.strategies import MIB, Strangers, empty_state, some_settings, state_with
 
 
-def planned(system: System, views: dict[str, HostView] | None = None, limit: Disruption | None = None) -> Planning:
-    return plan_layout(system, FixedReservations(), views or {}, PLACES, max_disruption=limit)
+def planned(system: System, states: dict[str, State] | None = None, limit: Disruption | None = None) -> Planning:
+    return plan_layout(system, FixedReservations(), states or {}, PLACES, max_disruption=limit)
 
 
-def layout(system: System, views: dict[str, HostView] | None = None, limit: Disruption | None = None) -> Layout:
-    answer = planned(system, views, limit).answer
+def layout(system: System, states: dict[str, State] | None = None, limit: Disruption | None = None) -> Layout:
+    answer = planned(system, states, limit).answer
     assert isinstance(answer, Layout), answer
     return answer
 
 
-def misfit(system: System, views: dict[str, HostView] | None = None) -> tuple[Infeasible, list[str]]:
-    found = planned(system, views)
+def misfit(system: System, states: dict[str, State] | None = None) -> tuple[Infeasible, list[str]]:
+    found = planned(system, states)
     assert isinstance(found.answer, Infeasible)
     return found.answer, [finding.code for finding in found.findings]
 
@@ -106,8 +104,8 @@ def test_what_is_kept_for_the_host_and_what_strangers_hold_is_not_promised() -> 
     host = system.hosts["onboard"]
     assert layout(system).partitions
 
-    def with_stranger(stranger: Partition) -> dict[str, HostView]:
-        return {"onboard": host_view(empty_state(host, Strangers((stranger,), ())), "robot")}
+    def with_stranger(stranger: Partition) -> dict[str, State]:
+        return {"onboard": empty_state(host, Strangers((stranger,), ()))}
 
     found = planned(system, with_stranger(holder))
     assert codes(found.findings) == ["RARMS014"]
@@ -160,18 +158,18 @@ def test_the_least_reservation_in_all_decides_where_hosts_differ() -> None:
 def test_a_partition_stays_where_it_is_unless_removal_is_allowed_and_the_gain_is_told() -> None:
     hosts = [a_host("large", logical_processors=8), a_host("small", logical_processors=2)]
     system = a_system(hosts=hosts, components=[a_component(reserve="20 %")])
-    views = {"large": HostView(facts=facts_for(hosts[0]), present={"vision": ANY_THREAD})}
+    states = {"large": state_with(hosts[0], "vision")}
 
-    assert layout(system, views).partitions[0].host == "large"
-    assert codes(planned(system, views).findings) == ["RARMS301"]
-    assert layout(system, views, Disruption.REMOVAL).partitions[0].host == "small"
+    assert layout(system, states).partitions[0].host == "large"
+    assert codes(planned(system, states).findings) == ["RARMS301"]
+    assert layout(system, states, Disruption.REMOVAL).partitions[0].host == "small"
 
 
 def test_a_host_that_is_smaller_than_the_manifest_says_is_planned_as_it_is() -> None:
     host = a_host(logical_processors=4)
-    views = {"onboard": HostView(facts=facts_for(host, logical_processors=2))}
+    states = {"onboard": state_with(host, logical_processors=2)}
 
-    found = planned(a_system(hosts=[host], components=[a_component(reserve="0.5 LP", processors=2)]), views)
+    found = planned(a_system(hosts=[host], components=[a_component(reserve="0.5 LP", processors=2)]), states)
 
     assert isinstance(found.answer, Layout)
     assert codes(found.findings) == ["RARMS126"]

@@ -9,11 +9,10 @@ from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.system import Component
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.mechanism import deadline_percent, quota_period_us
-from rarms_iac.planner.problem import HostView
 from rarms_iac.planner.reservations import FixedReservations
 from tests.builders import a_component, a_host, a_partition, a_system, at_most
 from tests.planning import PLACES
-from tests.strategies import facts_for
+from tests.strategies import state_with
 
 APT = {"mean_response_time": at_most(88), "maximum_response_time": at_most(400)}
 VISION = a_component("vision", reserve="35 %", apt=APT)
@@ -28,9 +27,9 @@ def planned(
     host: Host, components: Iterable[Component], *, together: Iterable[str] = (), percent: int | None = None
 ) -> Planning:
     partitions = [a_partition("both", components=together)] if together else []
-    views = {host.name: HostView(facts=facts_for(host, deadline_percent=percent))}
+    states = {host.name: state_with(host, deadline_percent=percent)}
     system = a_system(hosts=[host], components=components, partitions=partitions)
-    return plan_layout(system, FixedReservations(), views, PLACES)
+    return plan_layout(system, FixedReservations(), states, PLACES)
 
 
 def vision_with(mechanism: Mechanism, *, processors: int | None = None) -> PlacedPartition:

@@ -2,14 +2,13 @@
 
 from dataclasses import replace
 
-from rarms_iac.model.claims import ANY_THREAD
 from rarms_iac.model.layout import Layout, Placement
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner.layout import Planning, plan_layout
-from rarms_iac.planner.problem import HostView
 from rarms_iac.planner.reservations import FixedReservations
 from tests.builders import a_component, a_host, a_system
 from tests.planning import PLACES
+from tests.strategies import state_with
 
 SHARES = {"a": 60, "b": 50, "c": 40, "d": 30, "e": 20}
 
@@ -27,11 +26,12 @@ def planned(
     hosts: int = 3,
     max_disruption: Disruption = Disruption.REMOVAL,
 ) -> Planning:
-    views = {
-        f"host{number}": HostView(present={name: ANY_THREAD for name, at in running.items() if at == f"host{number}"})
-        for number in range(hosts)
+    system = system_of(shares, hosts)
+    states = {
+        name: state_with(host, *(partition for partition, at in running.items() if at == name))
+        for name, host in system.hosts.items()
     }
-    return plan_layout(system_of(shares, hosts), FixedReservations(), views, PLACES, max_disruption=max_disruption)
+    return plan_layout(system, FixedReservations(), states, PLACES, max_disruption=max_disruption)
 
 
 def hosts_of(planning: Planning) -> dict[str, str]:

@@ -5,18 +5,17 @@ from fractions import Fraction
 
 import pytest
 
-from rarms_iac.model.claims import ANY_THREAD
 from rarms_iac.model.layout import Infeasible, Relaxation
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.infeasibility import causes
 from rarms_iac.planner.infeasibility.budget import NODES_FOR_CHANGES, NODES_OF_A_SEARCH, SearchBudget
 from rarms_iac.planner.layout import Planning, causes_as_findings, plan_layout
-from rarms_iac.planner.problem import HostView
 from rarms_iac.planner.reservations import FixedReservations
 from rarms_iac.planner.totals import planned_totals
 from tests.builders import a_component, a_host, a_system
 from tests.planning import PLACES
+from tests.strategies import state_with
 
 
 def planned(system: System) -> Planning:
@@ -152,12 +151,12 @@ def test_where_few_partitions_must_move_only_those_are_named() -> None:
         hosts=[a_host(f"host{at}", logical_processors=2, memory="16 GiB") for at in range(3)],
         components=[a_component(name, reserve="20 %", processors=1, memory="64 MiB") for name in names],
     )
-    views = {
-        f"host{at}": HostView(present=dict.fromkeys(on, ANY_THREAD))
+    states = {
+        f"host{at}": state_with(system.hosts[f"host{at}"], *on)
         for at, on in enumerate((names[:6], names[6:9], names[9:]))
     }
 
-    planning = plan_layout(system, FixedReservations(), views, PLACES)
+    planning = plan_layout(system, FixedReservations(), states, PLACES)
 
     (finding,) = planning.findings
     moved = finding.values["would_move"]
