@@ -409,6 +409,22 @@ def _silent(scope: Scope, given: Given) -> Value:
     return EMPTY
 
 
+def _of_hyperv(call: Callable[[hyperv.Caller, Given], Value]) -> Callable[[Scope, Given], Value]:
+    return lambda scope, given: call(scope.session, given)
+
+
+def receive_job(scope: Scope, given: Given) -> Value:
+    if isinstance(given["job"], guests.Job):
+        return guests.receive(scope, given["job"])
+    return hyperv.receive_job(scope.session, given)
+
+
+def remove_job(scope: Scope, given: Given) -> Value:
+    if isinstance(given["job"], guests.Job):
+        return guests.remove_job(scope, given)
+    return hyperv.remove_job(scope.session, given)
+
+
 CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
     "test-path": test_path,
     "get-item": get_item,
@@ -445,5 +461,7 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
     "remove-pssession": guests.remove_session,
     "invoke-command": guests.invoke_command,
     "convertto-securestring": lambda scope, given: Record(Secret=text(given["string"])),
-    **hyperv.CMDLETS,
+    **{name: _of_hyperv(call) for name, call in hyperv.CMDLETS.items()},
+    "receive-job": receive_job,
+    "remove-job": remove_job,
 }

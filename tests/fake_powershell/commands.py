@@ -8,7 +8,6 @@ from fnmatch import fnmatch
 from functools import cache
 from typing import TYPE_CHECKING
 
-from tests.fake_powershell import members
 from tests.fake_powershell.dotnet import content
 from tests.fake_powershell.expressions import Expression, expression, invoke, only, run_block
 from tests.fake_powershell.scopes import Block, Body, Exit, FunctionInfo, Scope
@@ -68,9 +67,8 @@ def _invocation(node: Node) -> Body:
     parts = [part for group in elements for part in group.children if part.type != "command_argument_sep"]
     first = called.children[0]
     if first.type == "path_command_name" and first.child_count > 1:
-        target = _method(first, expression(parts.pop(0)))
-    else:
-        target = expression(first.children[0] if first.type == "path_command_name" else first)
+        raise Unsupported(text_of(node)[:80])
+    target = expression(first.children[0] if first.type == "path_command_name" else first)
     written = _with_arguments(text_of(node)[:40], parts, node.start_point.row + 1)
 
     def run(scope: Scope, out: list[Value]) -> None:
@@ -106,20 +104,6 @@ def _run_file(path: str, written: Written, scope: Scope, out: list[Value]) -> No
         scope.variables["lastexitcode"] = end.code
     finally:
         state.current = outer
-
-
-def _method(path: Node, argument: Expression) -> Expression:
-    """Members of a variable, the last of which is called with one argument: `& $x.Module.Method($y)`."""
-    start = expression(path.children[0])
-    *names, method = text_of(path.children[1]).removeprefix(".").split(".")
-
-    def read(scope: Scope) -> Value:
-        held = start(scope)
-        for name in names:
-            held = members.get(held, name)
-        return members.call(held, method, [argument(scope)])
-
-    return read
 
 
 def _written(node: Node) -> Written:
@@ -242,7 +226,7 @@ def _problem_of_call(name: str, given: tuple[str, ...], positional: int) -> str:
     called = cmdlet(name)
     assert called is not None
     problems = problems_of_call(called, given, positional=positional)
-    return problems[0].message if problems else ""
+    return problems[0] if problems else ""
 
 
 def _require_kind(scope: Scope) -> None:

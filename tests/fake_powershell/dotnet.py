@@ -140,12 +140,6 @@ class Stream(Thing):
             raise Unsupported("a flush that does not reach the disk")
         return EMPTY
 
-    def do_read(self, into: Value, offset: Value, count: Value) -> int:
-        found = self.data[self.position :][: number(count)]
-        self.position += len(found)
-        into[number(offset) : number(offset) + len(found)] = found
-        return len(found)
-
     def do_dispose(self) -> Value:
         self.host.close(self.handle)
         return EMPTY

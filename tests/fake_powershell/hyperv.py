@@ -1,15 +1,17 @@
-"""The cmdlets of the Hyper-V module, with what Hyper-V refuses (windows.md 1.2, 3, 4)."""
+"""The cmdlets of the Hyper-V module, with what Hyper-V refuses (windows.md 1.2, 3, 4).
+
+With `host.py` it is the model of the host, which knows nothing of the interpreter: in, a host and the parameters of a
+call; out, a value.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping
+from typing import Protocol
 
 from rarms_iac.providers.simulated.reserve_packing import reserves_fit
-from tests.fake_powershell import guests
 from tests.fake_powershell.host import Vm, WindowsHost
-from tests.fake_powershell.members import cast
-from tests.fake_powershell.scopes import Scope
 from tests.fake_powershell.values import (
     EMPTY,
     Enumerated,
@@ -20,11 +22,21 @@ from tests.fake_powershell.values import (
     Thing,
     Value,
     elements,
+    guid,
     number,
     text,
 )
 
 Given = Mapping[str, Value]
+
+
+class Caller(Protocol):
+    """A process on the host that calls cmdlets, with the jobs that it started and did not remove."""
+
+    host: WindowsHost
+    jobs: list[Value]
+
+
 WINDOWS_10 = 10240
 CORE, ROOT = 3, 4
 """Event data of the schedulers that are told apart."""
@@ -78,32 +90,32 @@ def refuse(says: str, command: str, error_id: str = "InvalidState") -> ScriptErr
     return ScriptError(says, error_id=f"{error_id},{where}", category="InvalidOperation")
 
 
-def _vm(scope: Scope, given: Given) -> Vm:
+def _vm(caller: Caller, given: Given) -> Vm:
     machine = given.get("vm")
     if not isinstance(machine, Machine):
         raise ScriptError("Cannot bind parameter 'VM'.", error_id="ParameterArgumentTransformationError")
-    found = scope.session.host.vms.get(str(machine.get("Id")))
+    found = caller.host.vms.get(str(machine.get("Id")))
     if found is None:
         raise ScriptError("Hyper-V was unable to find the virtual machine.", error_id="ObjectNotFound")
     return found
 
 
-def _each(read: Callable[[Vm], Value]) -> Callable[[Scope, Given], Value]:
+def _each(read: Callable[[Vm], Value]) -> Callable[[Caller, Given], Value]:
     """A cmdlet that reads one machine or several: what it gives of each, one after another."""
 
-    def read_all(scope: Scope, given: Given) -> Value:
+    def read_all(caller: Caller, given: Given) -> Value:
         machines = given.get("vm")
         if not isinstance(machines, list):
-            return read(_vm(scope, given))
+            return read(_vm(caller, given))
         if not machines:
             raise ScriptError("Cannot bind argument to parameter 'VM': it is an empty array.")
-        return [found for machine in machines for found in elements(read(_vm(scope, {"vm": machine})))]
+        return [found for machine in machines for found in elements(read(_vm(caller, {"vm": machine})))]
 
     return read_all
 
 
-def _changing(scope: Scope) -> None:
-    if not scope.session.host.elevated:
+def _changing(caller: Caller) -> None:
+    if not caller.host.elevated:
         raise ScriptError(
             "You do not have the required permission.", error_id="AccessDenied", category="PermissionDenied"
         )
@@ -114,12 +126,12 @@ def _off(vm: Vm, what: str, command: str) -> None:
         raise refuse(f"Failed to modify {what} of '{vm.name}': it is {vm.state}, not off.", command)
 
 
-def get_vm(scope: Scope, given: Given) -> Value:
-    host = scope.session.host
+def get_vm(caller: Caller, given: Given) -> Value:
+    host = caller.host
     settle(host)
     if "id" not in given:
         return [Machine(vm) for vm in host.vms.values()] if host.elevated else []
-    found = host.vms.get(str(cast("guid", given["id"], scope)))
+    found = host.vms.get(str(guid(given["id"])))
     if found is None:
         raise ScriptError(
             "Hyper-V was unable to find a virtual machine with that id.",
@@ -129,8 +141,8 @@ def get_vm(scope: Scope, given: Given) -> Value:
     return Machine(found)
 
 
-def get_host(scope: Scope, given: Given) -> Thing:
-    host = scope.session.host
+def get_host(caller: Caller, given: Given) -> Thing:
+    host = caller.host
     return Record(
         Name=host.computer,
         LogicalProcessorCount=host.logical_processors,
@@ -161,9 +173,9 @@ def get_memory(vm: Vm) -> Thing:
     return Record(VMId=Guid(vm.id), DynamicMemoryEnabled=dynamic, **{name: Long(size) for name, size in sizes.items()})
 
 
-def new_vm(scope: Scope, given: Given) -> Value:
-    _changing(scope)
-    host = scope.session.host
+def new_vm(caller: Caller, given: Given) -> Value:
+    _changing(caller)
+    host = caller.host
     name, switch = text(given["name"]), text(given.get("switchname", ""))
     generation = number(given.get("generation", 1))
     if "switchname" in given and switch not in host.switches:
@@ -192,9 +204,9 @@ def _memory_of(value: Value, command: str) -> int:
     return size
 
 
-def set_vm(scope: Scope, given: Given) -> Value:
-    _changing(scope)
-    vm = _vm(scope, given)
+def set_vm(caller: Caller, given: Given) -> Value:
+    _changing(caller)
+    vm = _vm(caller, given)
     if "automaticstopaction" in given:
         _off(vm, "the automatic stop action", "SetVM")
     names = {
@@ -203,21 +215,21 @@ def set_vm(scope: Scope, given: Given) -> Value:
         "automaticstopaction": "stop_action",
         "checkpointtype": "checkpoints",
     }
-    _set(scope, vm, "Set-VM", {names[key]: text(value) for key, value in given.items() if key != "vm"})
+    _set(caller, vm, "Set-VM", {names[key]: text(value) for key, value in given.items() if key != "vm"})
     return EMPTY
 
 
-def _set(scope: Scope, vm: Vm, command: str, values: Mapping[str, Value]) -> None:
+def _set(caller: Caller, vm: Vm, command: str, values: Mapping[str, Value]) -> None:
     def do() -> None:
         for name, value in values.items():
             setattr(vm, name, value)
 
-    scope.session.host.effect(f"{command} {vm.name} {', '.join(values)}", do)
+    caller.host.effect(f"{command} {vm.name} {', '.join(values)}", do)
 
 
-def set_processor(scope: Scope, given: Given) -> Value:
-    _changing(scope)
-    vm = _vm(scope, given)
+def set_processor(caller: Caller, given: Given) -> Value:
+    _changing(caller)
+    vm = _vm(caller, given)
     names = {"count": "processors", "reserve": "reserve", "maximum": "limit", "relativeweight": "weight"}
     wanted = {names[key]: number(value) for key, value in given.items() if key != "vm"}
     if "processors" in wanted:
@@ -230,13 +242,13 @@ def set_processor(scope: Scope, given: Given) -> Value:
     weight = wanted.get("weight", vm.weight)
     if not 0 <= reserve <= limit <= 100 or not 1 <= weight <= 10_000:
         raise refuse("Failed to modify device 'Processor'.", "SetVMProcessor", "InvalidParameter")
-    _set(scope, vm, "Set-VMProcessor", wanted)
+    _set(caller, vm, "Set-VMProcessor", wanted)
     return EMPTY
 
 
-def set_memory(scope: Scope, given: Given) -> Value:
-    _changing(scope)
-    vm, host = _vm(scope, given), scope.session.host
+def set_memory(caller: Caller, given: Given) -> Value:
+    _changing(caller)
+    vm, host = _vm(caller, given), caller.host
     size = _memory_of(given.get("startupbytes", vm.memory), "SetVMMemory")
     dynamic = given.get("dynamicmemoryenabled", vm.dynamic_memory)
     is_live = vm.state == "Running" and not vm.dynamic_memory and vm.guest_build >= WINDOWS_10
@@ -244,7 +256,7 @@ def set_memory(scope: Scope, given: Given) -> Value:
         _off(vm, "the memory", "SetVMMemory")
     if vm.state == "Running" and size > vm.memory:
         _check_memory(host, vm, size, "SetVMMemory")
-    _set(scope, vm, "Set-VMMemory", {"memory": size, "dynamic_memory": dynamic})
+    _set(caller, vm, "Set-VMMemory", {"memory": size, "dynamic_memory": dynamic})
     return EMPTY
 
 
@@ -254,9 +266,9 @@ def _check_memory(host: WindowsHost, vm: Vm, size: int, command: str) -> None:
         raise refuse(f"Not enough memory in the system to start '{vm.name}'. (0x800705AA)", command, "Unspecified")
 
 
-def start_vm(scope: Scope, given: Given) -> Value:
-    _changing(scope)
-    vm, host = _vm(scope, given), scope.session.host
+def start_vm(caller: Caller, given: Given) -> Value:
+    _changing(caller)
+    vm, host = _vm(caller, given), caller.host
     settle(host)
     if vm.state == "Running":
         return EMPTY
@@ -273,7 +285,7 @@ def start_vm(scope: Scope, given: Given) -> Value:
     if host.scheduler != ROOT and (wide or (vm.reserve and not reserves_fit(sizes, places))):
         raise refuse(f"'{vm.name}' failed to start: the reserve cannot be met.", "StartVM", "Unspecified")
     writes = vm.wrote_entry or (vm.generation == 2 and bool(vm.disks))  # as Windows, shim and grub do
-    _set(scope, vm, "Start-VM", {"state": "Running", "started_at": host.clock, "wrote_entry": writes})
+    _set(caller, vm, "Start-VM", {"state": "Running", "started_at": host.clock, "wrote_entry": writes})
     return EMPTY
 
 
@@ -282,14 +294,16 @@ def places_of(vm: Vm, *, smt: bool) -> int:
     return -(-vm.processors // 2) if smt and vm.threads_per_core != "1" else vm.processors
 
 
-def stop_vm(scope: Scope, given: Given) -> Value:
-    _changing(scope)
-    vm, host = _vm(scope, given), scope.session.host
+def stop_vm(caller: Caller, given: Given) -> Value:
+    _changing(caller)
+    vm, host = _vm(caller, given), caller.host
     settle(host)
     if vm.state == "Off":
         return EMPTY
     if given.get("turnoff"):
-        _set(scope, vm, "Stop-VM", {"state": "Off", "stopping": None, "was_cut": vm.stopping is not None or vm.was_cut})
+        _set(
+            caller, vm, "Stop-VM", {"state": "Off", "stopping": None, "was_cut": vm.stopping is not None or vm.was_cut}
+        )
         for process in host.processes:
             process.alive &= process.vm != vm.id
     elif vm.state != "Running":
@@ -305,8 +319,8 @@ def stop_vm(scope: Scope, given: Given) -> Value:
             cut = vm.was_cut or off < (vm.asked_at or host.clock) + vm.needs_ms
             asked: dict[str, Value] = {"asked_at": vm.asked_at or host.clock, "was_forced": force}
             goes = vm.obeys and (force or not vm.unsaved)
-            _set(scope, vm, "Stop-VM", asked | ({"stopping": off, "was_cut": cut} if goes else {}))
-        return StopJob(scope, failed=refuses)
+            _set(caller, vm, "Stop-VM", asked | ({"stopping": off, "was_cut": cut} if goes else {}))
+        return StopJob(caller, failed=refuses)
     return EMPTY
 
 
@@ -315,29 +329,24 @@ class StopJob(Thing):
 
     type_name = "Microsoft.HyperV.PowerShell.VMJob"
 
-    def __init__(self, scope: Scope, *, failed: bool) -> None:
+    def __init__(self, caller: Caller, *, failed: bool) -> None:
         super().__init__(State=Enumerated("Failed" if failed else "Running"))
-        scope.session.jobs.append(self)
+        caller.jobs.append(self)
 
 
-def remove_job(scope: Scope, given: Given) -> Value:
-    job = given["job"]
-    if not isinstance(job, StopJob):
-        return guests.remove_job(scope, given)
-    scope.session.jobs.remove(job)
+def remove_job(caller: Caller, given: Given) -> Value:
+    caller.jobs.remove(given["job"])
     return EMPTY
 
 
-def receive_job(scope: Scope, given: Given) -> Value:
-    if isinstance(given["job"], guests.Job):
-        return guests.receive(scope, given["job"])
+def receive_job(_: Caller, given: Given) -> Value:
     if text(given["job"].get("State")) == "Running":
         return EMPTY
     raise ScriptError("The guest refused to shut down. (0x80070015)", error_id="OperationFailed")
 
 
-def get_services(scope: Scope, given: Given) -> Value:
-    vm = _vm(scope, given)
+def get_services(caller: Caller, given: Given) -> Value:
+    vm = _vm(caller, given)
     answers = "Ok" if vm.shutdown_service and vm.state == "Running" else "NoContact"
     return [
         Record(Id=f"Microsoft:{vm.id.upper()}\\{guid}", Enabled=True, PrimaryOperationalStatus=Enumerated(answers))
@@ -345,9 +354,9 @@ def get_services(scope: Scope, given: Given) -> Value:
     ]
 
 
-def remove_vm(scope: Scope, given: Given) -> Value:
-    _changing(scope)
-    vm, host = _vm(scope, given), scope.session.host
+def remove_vm(caller: Caller, given: Given) -> Value:
+    _changing(caller)
+    vm, host = _vm(caller, given), caller.host
     if vm.state not in ("Off", "Saved"):
         raise refuse(f"'{vm.name}' is {vm.state} and cannot be removed.", "RemoveVM")
     if not given.get("force"):
@@ -364,9 +373,9 @@ def get_firmware(vm: Vm) -> Thing:
     return Record(VMId=Guid(vm.id), **known)
 
 
-def set_firmware(scope: Scope, given: Given) -> Value:
-    _changing(scope)
-    vm = _vm(scope, given)
+def set_firmware(caller: Caller, given: Given) -> Value:
+    _changing(caller)
+    vm = _vm(caller, given)
     get_firmware(vm)
     _off(vm, "the firmware", "SetVMFirmware")
     values: dict[str, Value] = {}
@@ -380,14 +389,14 @@ def set_firmware(scope: Scope, given: Given) -> Value:
         if not vm.disks:
             raise refuse("Set-VMFirmware: the device is not the machine's.", "SetVMFirmware", "InvalidParameter")
         values |= {"boots_from": "Drive", "wrote_entry": False}
-    _set(scope, vm, "Set-VMFirmware", values)
+    _set(caller, vm, "Set-VMFirmware", values)
     return EMPTY
 
 
-def move_storage(scope: Scope, given: Given) -> Value:
+def move_storage(caller: Caller, given: Given) -> Value:
     """The old folder stays, empty."""
-    _changing(scope)
-    vm, host, path = _vm(scope, given), scope.session.host, text(given["virtualmachinepath"])
+    _changing(caller)
+    vm, host, path = _vm(caller, given), caller.host, text(given["virtualmachinepath"])
     if path.lower() == vm.folder.lower():
         raise refuse("The virtual machine is there already.", "MoveVMStorage")
 
@@ -399,18 +408,18 @@ def move_storage(scope: Scope, given: Given) -> Value:
     return EMPTY
 
 
-def rename_vm(scope: Scope, given: Given) -> Value:
-    _changing(scope)
+def rename_vm(caller: Caller, given: Given) -> Value:
+    _changing(caller)
     new = text(given["newname"])
     if not 0 < len(new) <= 100:
         raise refuse("Rename-VM: the parameter is incorrect.", "RenameVM", "InvalidParameter")
-    _set(scope, _vm(scope, given), "Rename-VM", {"name": new})
+    _set(caller, _vm(caller, given), "Rename-VM", {"name": new})
     return EMPTY
 
 
-def new_vhd(scope: Scope, given: Given) -> Value:
-    _changing(scope)
-    host, path, parent = scope.session.host, text(given["path"]), text(given["parentpath"])
+def new_vhd(caller: Caller, given: Given) -> Value:
+    _changing(caller)
+    host, path, parent = caller.host, text(given["path"]), text(given["parentpath"])
     if host.file(parent) is None or not path.lower().endswith(".vhdx"):
         raise refuse(f"Failed to create the virtual hard disk: '{parent}' is not there.", "NewVHD", "ObjectNotFound")
     if host.file(path) is not None:
@@ -427,13 +436,13 @@ CHILD = b"child of "
 """Begins what the stand-in keeps as the content of a differencing disk; its parent's path follows."""
 
 
-def get_vhd(scope: Scope, given: Given) -> Value:
+def get_vhd(caller: Caller, given: Given) -> Value:
     if isinstance(given["path"], list):
-        return [get_vhd(scope, {"path": path}) for path in given["path"]]
+        return [get_vhd(caller, {"path": path}) for path in given["path"]]
     path = text(given["path"])
     if set(path) & set("*?[]`"):
         raise AssertionError(f"Get-VHD reads {path} as a pattern")
-    file = scope.session.host.file(path)
+    file = caller.host.file(path)
     if not path or file is None or file.data is None:
         raise refuse(f"Getting the virtual disk failed: '{path}' is not there.", "GetVHD", "ObjectNotFound")
     child = file.data.startswith(CHILD)
@@ -441,10 +450,10 @@ def get_vhd(scope: Scope, given: Given) -> Value:
     return Record(Path=file.path, VhdType=Enumerated("Differencing" if child else "Dynamic"), ParentPath=parent)
 
 
-def get_drives(scope: Scope, given: Given) -> Value:
+def get_drives(caller: Caller, given: Given) -> Value:
     if "vmsnapshot" in given:
         return [Record(Path=text(element)) for element in elements(given["vmsnapshot"].get("Disks"))]
-    return _each(lambda vm: [Record(VMId=Guid(vm.id), Path=disk) for disk in vm.disks])(scope, given)
+    return _each(lambda vm: [Record(VMId=Guid(vm.id), Path=disk) for disk in vm.disks])(caller, given)
 
 
 def get_snapshots(vm: Vm) -> Value:
@@ -454,32 +463,32 @@ def get_snapshots(vm: Vm) -> Value:
     ]
 
 
-def add_disk(scope: Scope, given: Given) -> Value:
-    _changing(scope)
-    vm, host, path = _vm(scope, given), scope.session.host, text(given["path"])
+def add_disk(caller: Caller, given: Given) -> Value:
+    _changing(caller)
+    vm, host, path = _vm(caller, given), caller.host, text(given["path"])
     if host.file(path) is None:
         raise refuse(f"'{path}' is not there.", "AddVMHardDiskDrive", "ObjectNotFound")
-    _set(scope, vm, "Add-VMHardDiskDrive", {"disks": [*vm.disks, path]})
+    _set(caller, vm, "Add-VMHardDiskDrive", {"disks": [*vm.disks, path]})
     return EMPTY
 
 
-def remove_adapter(scope: Scope, given: Given) -> Value:
-    _changing(scope)
-    vm = _vm(scope, given)
+def remove_adapter(caller: Caller, given: Given) -> Value:
+    _changing(caller)
+    vm = _vm(caller, given)
     if vm.generation == 1:
         _off(vm, "the network adapters", "RemoveVMNetworkAdapter")
-    _set(scope, vm, "Remove-VMNetworkAdapter", {"adapters": []})
+    _set(caller, vm, "Remove-VMNetworkAdapter", {"adapters": []})
     return EMPTY
 
 
-def update_cluster(scope: Scope, given: Given) -> Value:
-    _changing(scope)
-    vm, host = scope.session.host.vms[text(given["vmid"])], scope.session.host
+def update_cluster(caller: Caller, given: Given) -> Value:
+    _changing(caller)
+    vm, host = caller.host.vms[text(given["vmid"])], caller.host
     host.effect(f"Update-ClusterVirtualMachineConfiguration {vm.name}", lambda: setattr(vm, "cluster_knows", True))
     return EMPTY
 
 
-CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
+CMDLETS: dict[str, Callable[[Caller, Given], Value]] = {
     "get-vm": get_vm,
     "get-vmhost": get_host,
     "get-vmprocessor": _each(get_processor),
@@ -492,18 +501,16 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
     "get-vmsecurity": _each(lambda vm: Record(Shielded=vm.shielded)),
     "update-clustervirtualmachineconfiguration": update_cluster,
     "get-vmintegrationservice": get_services,
-    "receive-job": receive_job,
-    "remove-job": remove_job,
     "get-vmsnapshot": _each(get_snapshots),
-    "get-vmswitch": lambda scope, given: [Record(Name=switch) for switch in scope.session.host.switches],
-    "get-vmhostnumanode": lambda scope, given: [
+    "get-vmswitch": lambda caller, given: [Record(Name=switch) for switch in caller.host.switches],
+    "get-vmhostnumanode": lambda caller, given: [
         Record(
             NodeId=node["node"],
             MemoryAvailable=node["memory_available"],
             MemoryTotal=node["memory"],
-            ProcessorsAvailability=[0] * node.get("processors", scope.session.host.logical_processors),
+            ProcessorsAvailability=[0] * node.get("processors", caller.host.logical_processors),
         )
-        for node in scope.session.host.numa
+        for node in caller.host.numa
     ],
     "get-vmfirmware": _each(get_firmware),
     "set-vmfirmware": set_firmware,

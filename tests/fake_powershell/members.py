@@ -1,6 +1,5 @@
 """Members, elements and casts of values, as strict mode 3 has them: what is not there is an error."""
 
-import re
 from collections.abc import Callable
 
 from tests.fake_powershell.scopes import Block, Cmdlet, Reference, Scope
@@ -8,7 +7,6 @@ from tests.fake_powershell.values import (
     EMPTY,
     Char,
     Enumerated,
-    Guid,
     Record,
     ScriptError,
     Table,
@@ -17,14 +15,13 @@ from tests.fake_powershell.values import (
     Value,
     cannot_convert,
     elements,
+    guid,
     is_null,
     narrow,
-    no_method,
     no_property,
     number,
     text,
     truth,
-    type_name,
     wide,
 )
 
@@ -161,10 +158,7 @@ def call(owner: Value, name: str, arguments: list[Value]) -> Value:
         case _ if is_null(owner):
             raise ScriptError("You cannot call a method on a null-valued expression.", error_id="InvokeMethodOnNull")
         case _:
-            raise no_method(type_name(owner), name)
-
-
-_GUID = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
+            raise Unsupported(f"the method {name} of {type(owner).__name__}")
 
 
 def cast(to: str, value: Value, scope: Scope) -> Value:
@@ -189,7 +183,7 @@ def cast(to: str, value: Value, scope: Scope) -> Value:
         case "string[]":
             return [text(element) for element in elements(value)]
         case "guid":
-            return _guid(value)
+            return guid(value)
         case "scriptblock":
             return _held(value, Block, to)
         case "system.collections.idictionary":
@@ -214,14 +208,6 @@ def _character(value: Value) -> Char:
     if isinstance(value, str) and len(value) == 1:
         return Char(value)
     raise cannot_convert(value, "System.Char")
-
-
-def _guid(value: Value) -> Guid:
-    if isinstance(value, Guid):
-        return value
-    if isinstance(value, str) and _GUID.fullmatch(value.lower()):
-        return Guid(value)
-    raise cannot_convert(value, "System.Guid")
 
 
 def _held(value: Value, kind: type, to: str) -> Value:

@@ -44,8 +44,8 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
 
         return call
 
-    for name, cmdlet in hyperv.CMDLETS.items():
-        monkeypatch.setitem(cmdlets.CMDLETS, name, counting(name, cmdlet))
+    for name in (*hyperv.CMDLETS, "receive-job", "remove-job"):
+        monkeypatch.setitem(cmdlets.CMDLETS, name, counting(name, cmdlets.CMDLETS[name]))
     return counted
 
 
@@ -142,7 +142,7 @@ def test_a_host_that_is_read_for_long_says_every_ten_seconds_that_it_still_is(mo
 
     def slow(scope: Scope, given: Mapping[str, Value]) -> Value:
         scope.session.host.clock += 20_000
-        return hyperv.CMDLETS["get-vmsecurity"](scope, given)
+        return hyperv.CMDLETS["get-vmsecurity"](scope.session, given)
 
     monkeypatch.setitem(cmdlets.CMDLETS, "get-vmsecurity", slow)
     changed = Cell(a_system(PARTITIONS, reserve=8, others=8), host.copy()).plan()

@@ -1,15 +1,12 @@
 """What a real PowerShell 7.6 did with a plan on a module, row by row, as the stand-in has learnt it.
 
-The rows stand in `../shared/powershell/README.md`. The script and the module are the smallest that show them; where
-that folder is there, its own script, in both forms, does the same.
+The script and the module are the smallest that show them.
 """
 
 import pytest
 
 from tests.fake_powershell.host import READ, WRITE, Vm, WindowsHost
 from tests.fake_powershell.run import FOLDER, Ran, put, run
-from tests.fake_powershell.signing import signed
-from tests.needs import SHARED
 
 MACHINE = "00000002-5ade-4000-8000-000000000002"
 
@@ -327,25 +324,6 @@ $invoke = $m.ExportedFunctions['Invoke-All']
     assert ran(a_host(text, module=module)).lines == ("a 5", "b 6")
 
 
-@pytest.mark.needs("shared")
-def test_the_sketch_of_a_table_that_ran_under_a_real_powershell() -> None:
-    text = (SKETCH / "cell.table.ps1").read_text(encoding="ascii")
-    host = a_host(text.replace(CALL, f"$invoke = {CALL[2:-5]}\n& $invoke @run"))
-    put(host, {f"Rarms\\{file.name}": file.read_bytes() for file in (SKETCH / "Rarms").iterdir()})
-    other = MACHINE.replace("00000002", "00000001")
-    host.vms[MACHINE].weight = 100
-    host.vms[other] = Vm(id=other, name="speech", processors=1, reserve=40, weight=100)
-
-    first, second = (ran(host) for _ in range(2))
-
-    assert [event["status"] for event in first.events] == ["changed", "changed"]
-    assert {event["status"] for event in second.events} == {"unchanged"}
-    assert [(host.vms[machine].reserve, host.vms[machine].weight) for machine in (other, MACHINE)] == [
-        (30, 100),
-        (35, 200),
-    ]
-
-
 def test_row_a_new_closure_takes_a_block_out_of_the_module() -> None:
     plan = (
         "foreach ($row in @(40)) { $set = { Hyper-V\\Set-VMProcessor -VM $script:Vm -Reserve $row }\r\n"
@@ -378,29 +356,6 @@ def test_row_exit_inside_a_function_ends_the_script_with_that_code() -> None:
     assert (ended.code, ended.lines) == (42, ())
 
 
-@pytest.mark.parametrize("name", ["x.ps1", "Rarms\\Rarms.psd1", "Rarms\\Rarms.psm1"])
-def test_where_all_has_to_be_signed_each_file_has_to_be(name: str) -> None:
-    host = a_host(script(), all_signed=True)
-    files = {file: host.file(f"{FOLDER}\\{file}") for file in ("x.ps1", "Rarms\\Rarms.psd1", "Rarms\\Rarms.psm1")}
-    put(host, {file: signed(found.data) for file, found in files.items() if found and found.data and file != name})
-
-    ended = ran(host)
-
-    assert (ended.code, reserve(host)) == (1, 80)
-    assert "not digitally signed" in ended.says
-    put(host, {file: signed(found.data) for file, found in files.items() if found and found.data and file == name})
-    assert (ran(host).code, reserve(host)) == (0, 40)
-
-
-def test_row_get_file_hash_of_a_byte_that_was_edited() -> None:
-    text = "(Get-FileHash -LiteralPath 'C:\\run\\Rarms\\Rarms.psm1' -Algorithm SHA256).Hash\r\n"
-
-    (before,), (after,) = ran(a_host(text)).lines, ran(a_host(text, module=MODULE + " ")).lines
-
-    assert len(before) == 64
-    assert before != after
-
-
 OPENED = "C:\\run\\held.txt"
 
 
@@ -426,38 +381,3 @@ def test_files_are_shared_as_each_process_lets_the_others(
     host.open(OPENED, *held, here=False)
 
     assert ran(host).lines[-1] == ("done" if reads else "in use")
-
-
-SKETCH = SHARED / "powershell" / "module"
-CALL = "& $rarms.ExportedFunctions['Invoke-RarmsPlan'] @run"
-"""How the sketch calls the plan; the grammar has no place for an element behind `&`, so it goes into a variable."""
-
-
-@pytest.mark.needs("shared")
-@pytest.mark.parametrize("name", ["cell.ps1", "cell.single.ps1"])
-@WAYS
-def test_the_sketch_that_ran_under_a_real_powershell(name: str, at_prompt: bool) -> None:
-    text = (SKETCH / name).read_text(encoding="ascii")
-    host = a_host(text.replace(CALL, f"$invoke = {CALL[2:-5]}\n& $invoke @run"))
-    put(host, {f"Rarms\\{file.name}": file.read_bytes() for file in (SKETCH / "Rarms").iterdir()})
-    host.vms[MACHINE].weight = 100
-
-    shown = ran(host.copy(), what_if=True, at_prompt=at_prompt)
-    first, second = (ran(host, at_prompt=at_prompt) for _ in range(2))
-
-    assert [line.startswith("What if: ") for line in shown.lines] == [True]
-    assert [event["status"] for event in (*first.events, *second.events)] == ["changed", "unchanged"]
-    assert (first.code, second.code, host.vms[MACHINE].reserve, host.vms[MACHINE].weight) == (0, 0, 40, 200)
-
-
-@pytest.mark.needs("shared")
-def test_an_edited_byte_of_the_sketchs_module_and_a_missing_file() -> None:
-    text = (SKETCH / "cell.ps1").read_text(encoding="ascii").replace(CALL, "exit 0")
-    whole = {f"Rarms\\{file.name}": file.read_bytes() for file in (SKETCH / "Rarms").iterdir()}
-    edited, missing = a_host(text), a_host(text)
-    put(edited, {**whole, "Rarms\\Rarms.psm1": whole["Rarms\\Rarms.psm1"] + b" "})
-    put(missing, whole)
-    del missing.files[f"{FOLDER}\\Rarms\\Rarms.psm1".lower()]
-
-    assert (ran(edited).code, "is not that of rarms" in ran(edited).says) == (1, True)
-    assert (ran(missing).code, "Rarms.psm1 is missing" in ran(missing).says) == (1, True)

@@ -84,7 +84,7 @@ class Thing:
     def call(self, name: str, arguments: list[Value]) -> Value:
         method: Callable[..., Value] | None = getattr(self, f"do_{name.lower()}", None)
         if method is None:
-            raise no_method(self.type_name, name)
+            raise Unsupported(f"the method {name} of {self.type_name}")
         return method(*arguments)
 
 
@@ -217,38 +217,20 @@ def no_property(name: str) -> ScriptError:
     )
 
 
-def no_method(type_name: str, name: str) -> ScriptError:
-    says = f"Method invocation failed because [{type_name}] does not contain a method named '{name}'."
-    return ScriptError(says, error_id="MethodNotFound", category="InvalidOperation")
+_GUID = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
+
+
+def guid(value: Value) -> Guid:
+    if isinstance(value, Guid):
+        return value
+    if isinstance(value, str) and _GUID.fullmatch(value.lower()):
+        return Guid(value)
+    raise cannot_convert(value, "System.Guid")
 
 
 def type_name(value: Value) -> str:
-    match value:
-        case None | _Empty():
-            return "null"
-        case bool():
-            return "System.Boolean"
-        case Long():
-            return "System.Int64"
-        case int():
-            return "System.Int32"
-        case float():
-            return "System.Double"
-        case Char():
-            return "System.Char"
-        case str():
-            return "System.String"
-        case bytes():
-            return "System.Byte[]"
-        case list():
-            return "System.Object[]"
-        case Table():
-            name = "OrderedDictionary" if value.ordered else "Hashtable"
-            return f"System.Collections.{'Specialized.' if value.ordered else ''}{name}"
-        case Thing():
-            return value.type_name
-        case _:
-            return type(value).__name__
+    """Return what messages call its type, where this differs from Python's name."""
+    return value.type_name if isinstance(value, Thing) else type(value).__name__
 
 
 def is_null(value: Value) -> bool:

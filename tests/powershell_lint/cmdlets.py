@@ -37,7 +37,6 @@ class Parameter:
     name: str
     type: str
     sets: Mapping[str, SetMembership]
-    aliases: tuple[str, ...]
     accepted: tuple[str, ...]
     in_7: bool
 
@@ -62,14 +61,6 @@ class Cmdlet:
         return self.parameters.get(name.lower())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CallProblem:
-    """Why a call would not bind, or not mean the same everywhere."""
-
-    message: str
-    advice: str
-
-
 @cache
 def _tables() -> Mapping[str, Cmdlet]:
     text = (Path(__file__).parent / "tables/cmdlets.json").read_text(encoding="utf-8")
@@ -83,7 +74,6 @@ def _cmdlet(name: str, facts: Mapping[str, Any]) -> Cmdlet:
             name=key,
             type=fact["type"],
             sets={group: _in_set(flags) for group, flags in fact["sets"].items()},
-            aliases=tuple(fact.get("aliases", ())),
             accepted=tuple(fact.get("values", ())),
             in_7=key not in missing,
         )
@@ -110,56 +100,35 @@ def cmdlet(name: str, module: str = "") -> Cmdlet | None:
 
 def problems_of_call(
     called: Cmdlet, given: Collection[str], *, positional: int = 0, piped: bool = False
-) -> tuple[CallProblem, ...]:
-    """Why a call with these parameters would not bind in 5.1 and 7 alike; nothing where it does.
+) -> tuple[str, ...]:
+    """Return why a call with these parameters would not bind in 5.1 and 7 alike; empty where it does.
 
     `given` are the names as written, `positional` the number of values without one, `piped` whether it takes input.
     """
     spelling = [problem for name in given for problem in _spelling(called, name)]
     doubled = [name for name, count in Counter(name.lower() for name in given).items() if count > 1]
     if spelling or doubled:
-        return (*spelling, *(CallProblem(message=f"-{name} is given twice", advice="give it once") for name in doubled))
+        return (*spelling, *(f"-{name} is given twice" for name in doubled))
     own = [parameter for name in given if (parameter := called.parameter(name))]
     if positional:
-        return (CallProblem(message=f"{called.name} is given a value without a name", advice="name every parameter"),)
+        return (f"{called.name} is given a value without a name",)
     if any(_fits(called, group, own, piped) for group in _groups(called)):
         return ()
     written = ", ".join(f"-{parameter.name}" for parameter in own) or "no parameter"
-    return (
-        CallProblem(
-            message=f"{called.name} has no parameter set for {written}", advice="see the cmdlet's parameter sets"
-        ),
-    )
+    return (f"{called.name} has no parameter set for {written}",)
 
 
-def _spelling(called: Cmdlet, name: str) -> Iterable[CallProblem]:
-    parameter = called.parameter(name)
+def _spelling(called: Cmdlet, name: str) -> Iterable[str]:
+    """Yield what is wrong with a name; an alias or an abbreviation may mean another parameter in another version."""
     if name in COMMON:
         return
+    parameter = called.parameter(name)
     if parameter is None:
-        yield _unknown(called, name)
+        yield f"{called.name} has no parameter -{name}"
     elif parameter.name != name:
-        yield CallProblem(
-            message=f"-{name} is written -{parameter.name}", advice="write parameters as the cmdlet's page does"
-        )
+        yield f"-{name} is written -{parameter.name}"
     elif not parameter.in_7:
-        yield CallProblem(message=f"-{name} of {called.name} does not exist in PowerShell 7", advice="do without it")
-
-
-def _unknown(called: Cmdlet, name: str) -> CallProblem:
-    """An alias, an abbreviation or a mistake: all three may mean another parameter in another version."""
-    low = name.lower()
-    aliased = [
-        parameter.name
-        for parameter in called.parameters.values()
-        if low in {alias.lower() for alias in parameter.aliases}
-    ]
-    begun = [parameter.name for key, parameter in called.parameters.items() if key.startswith(low)]
-    if aliased:
-        return CallProblem(message=f"-{name} is an alias", advice=f"write -{aliased[0]}")
-    if begun:
-        return CallProblem(message=f"-{name} is an abbreviation", advice=f"write -{' or -'.join(sorted(begun))}")
-    return CallProblem(message=f"{called.name} has no parameter -{name}", advice="see the cmdlet's parameters")
+        yield f"-{name} of {called.name} does not exist in PowerShell 7"
 
 
 def _groups(called: Cmdlet) -> tuple[str, ...]:

@@ -196,8 +196,7 @@ def _problems_of_cmdlet(call: CommandCall, reading: bool) -> Iterator[str]:
         elif parameter is not None and value is not None and not _accepts(parameter.accepted, text_of(value)):
             yield f"-{given} of {name} does not take {text_of(value)}"
     first = call.node.parent.children[0] if call.node.parent else call.node
-    for problem in problems_of_call(facts, call.given, positional=positional, piped=first.id != call.node.id):
-        yield problem.message
+    yield from problems_of_call(facts, call.given, positional=positional, piped=first.id != call.node.id)
     if (name == "New-Item" and "Force" in call.given) or (name == "Remove-Item" and call.given.keys() & _TAKING_ALL):
         yield f"{name} takes more than one key that holds nothing"
 

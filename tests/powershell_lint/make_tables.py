@@ -3,6 +3,8 @@
 
 Kept: names, modules, parameter sets with what is mandatory, positional or taken from the pipeline, types, accepted
 values, -WhatIf, and what PowerShell 7 lacks or adds. Only what both versions have can be used, so what 7 lacks is told.
+`by-hand.json` has what the file of facts lacks, from windows-powershell-docs (docset/winserver2025-ps/FailoverClusters,
+docset/winserver2019-ps/hyper-v) and PowerShell-Docs (reference/5.1); of Move-VMStorage the set that scripts use.
 """
 
 import json
@@ -11,76 +13,6 @@ from pathlib import Path
 from typing import Any
 
 TABLES = Path(__file__).resolve().parent / "tables"
-
-
-FROM_PAGES: dict[str, dict[str, Any]] = {
-    "Export-ModuleMember": {
-        "module": "Microsoft.PowerShell.Core",
-        "should_process": False,
-        "in_7": True,
-        "not_in_7": [],
-        "parameters": {
-            "Alias": {"type": "String[]", "sets": {"__AllParameterSets": "n"}},
-            "Cmdlet": {"type": "String[]", "sets": {"__AllParameterSets": "n"}},
-            "Function": {"type": "String[]", "sets": {"__AllParameterSets": "pvn"}},
-            "Variable": {"type": "String[]", "sets": {"__AllParameterSets": "n"}},
-        },
-    },
-    "Get-Alias": {
-        "module": "Microsoft.PowerShell.Utility",
-        "should_process": False,
-        "in_7": True,
-        "not_in_7": [],
-        "parameters": {
-            "Definition": {"type": "String[]", "sets": {"Definition": ""}},
-            "Exclude": {"type": "String[]", "sets": {"Default": "", "Definition": ""}},
-            "Name": {"type": "String[]", "sets": {"Default": "pvn"}},
-            "Scope": {"type": "String", "sets": {"Default": "", "Definition": ""}},
-        },
-    },
-    "Move-VMStorage": {
-        "module": "Hyper-V",
-        "should_process": True,
-        "in_7": True,
-        "not_in_7": [],
-        "parameters": {
-            "SmartPagingFilePath": {"type": "String", "sets": {"VMMultiple": ""}},
-            "SnapshotFilePath": {"type": "String", "sets": {"VMMultiple": ""}},
-            "VM": {"type": "VirtualMachine", "sets": {"VMMultiple": "mp"}},
-            "VirtualMachinePath": {"type": "String", "sets": {"VMMultiple": ""}},
-        },
-    },
-    "New-Module": {
-        "module": "Microsoft.PowerShell.Core",
-        "should_process": False,
-        "in_7": True,
-        "not_in_7": [],
-        "parameters": {
-            "ArgumentList": {"type": "Object[]", "sets": {"Name": "", "ScriptBlock": ""}},
-            "AsCustomObject": {"type": "SwitchParameter", "sets": {"Name": "", "ScriptBlock": ""}},
-            "Cmdlet": {"type": "String[]", "sets": {"Name": "", "ScriptBlock": ""}},
-            "Function": {"type": "String[]", "sets": {"Name": "", "ScriptBlock": ""}},
-            "Name": {"type": "String", "sets": {"Name": "mpv"}},
-            "ReturnResult": {"type": "SwitchParameter", "sets": {"Name": "", "ScriptBlock": ""}},
-            "ScriptBlock": {"type": "ScriptBlock", "sets": {"Name": "mp", "ScriptBlock": "mp"}},
-        },
-    },
-    "Update-ClusterVirtualMachineConfiguration": {
-        "module": "FailoverClusters",
-        "should_process": False,
-        "in_7": True,
-        "not_in_7": [],
-        "parameters": {
-            "Cluster": {"type": "String", "sets": {"__AllParameterSets": ""}},
-            "InputObject": {"type": "PSObject", "sets": {"__AllParameterSets": "v"}},
-            "Name": {"type": "String", "sets": {"__AllParameterSets": "p"}},
-            "VMId": {"type": "Guid", "sets": {"__AllParameterSets": "n"}},
-        },
-    },
-}
-"""What the file of facts lacks: by hand from windows-powershell-docs, docset/winserver2025-ps/FailoverClusters and
-docset/winserver2019-ps/hyper-v, and from PowerShell-Docs, reference/5.1; of Move-VMStorage the set of parameters that
-scripts use."""
 
 
 def compact(facts: dict[str, Any]) -> dict[str, Any]:
@@ -115,7 +47,8 @@ def flags(given_in: dict[str, Any]) -> str:
 def main() -> None:
     source = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
     made = {name: compact(facts) for name, facts in source["cmdlets"].items()}
-    cmdlets = dict(sorted((made | FROM_PAGES).items()))
+    by_hand = json.loads((TABLES / "by-hand.json").read_text(encoding="utf-8"))
+    cmdlets = dict(sorted((made | by_hand).items()))
     lines = [f"{json.dumps(name)}: {json.dumps(facts, separators=(',', ':'))}" for name, facts in cmdlets.items()]
     text = "{\n" + ",\n".join(lines) + "\n}\n"  # one cmdlet a line: a difference shows what changed
     (TABLES / "cmdlets.json").write_text(text, encoding="utf-8", newline="\n")

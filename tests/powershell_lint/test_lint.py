@@ -132,7 +132,13 @@ def test_scripts_may_call_in_plans_what_rarms_writes_there_and_nothing_else() ->
 BAD = {
     "a parameter misspelt": "Hyper-V\\Get-VMProcessor -VN $x",
     "a parameter shortened": "Hyper-V\\Set-VMProcessor -VM $x -Reserv 5",
+    "a parameter in another case": "Hyper-V\\Set-VMProcessor -VM $x -reserve 5",
+    "an alias of a parameter": "Hyper-V\\Get-VM -VMName 'x'",
+    "a parameter given twice": "Hyper-V\\Get-VMProcessor -VM $x -VM $x",
+    "a parameter that 7 lacks": "Get-Item -LiteralPath 'x' -UseTransaction",
+    "a parameter that 5.1 lacks": "ConvertTo-Json -InputObject $x -AsArray",
     "a parameter of no set": "Hyper-V\\Get-VMProcessor -VM $x -VMName 'y'",
+    "a set without what it must have": "Hyper-V\\Set-VMProcessor -Reserve 5",
     "a value that is not accepted": "Hyper-V\\Set-VM -VM $x -CheckpointType 'Never'",
     "a value without a name": "Hyper-V\\Get-VM 'x'",
     "a switch with a value": "Hyper-V\\Remove-VM -Force 'x'",

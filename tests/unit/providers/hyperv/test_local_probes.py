@@ -12,7 +12,6 @@ from rarms_iac.providers.hyperv.parse import identity_of, to_state
 from rarms_iac.providers.hyperv.wmi_machines import QUERIES, STATES, NotRead, WmiInstance
 from tests.cases.situations import folders
 from tests.fake_powershell.observing import document_of, host_from
-from tests.needs import SHARED, require
 from tests.recorded_hosts import NAMES, document
 from tests.unit.providers.hyperv.made_windows import FACTS, MadeWindows
 
@@ -127,17 +126,3 @@ def test_a_class_that_cannot_be_read_is_no_empty_list(denied: bool) -> None:
 def test_every_property_that_is_asked_for_is_one_of_its_class() -> None:
     assert {name for name in QUERIES if name.startswith("Msvm_")} - FACTS.keys() == set()
     assert {name: sorted(FACTS[name]) for name in FACTS} == {name: sorted(QUERIES[name]) for name in FACTS}
-
-
-def test_the_facts_are_those_of_the_pages() -> None:
-    require("shared")
-    pages = json.loads((SHARED / "hyperv" / "wmi.json").read_text(encoding="utf-8"))["classes"]
-
-    assert FACTS.keys() - pages.keys() == {
-        "Msvm_EmulatedEthernetPortSettingData",
-        "Msvm_VirtualEthernetSwitch",
-        "Win32_ComputerSystem",
-    }
-    for name in FACTS.keys() & pages.keys():
-        types, known = FACTS[name], pages[name]["properties"]
-        assert {key: " ".join(known[key]["type"].split()) for key in types} == types
