@@ -148,6 +148,40 @@ def applied_delivery_robot(folder: Path) -> Path:
     return copy_files(Path(_applied().name), folder)
 
 
+def a_measured(
+    name: str = "vision",
+    *,
+    criticality: int = 30,
+    at_most: str = "50 ms",
+    until: str = "samples: 60",
+    reserve: str = "measured",
+    processors: int | None = 2,
+    simulation: str = "work: 20 ms, varies: 2 %",
+) -> str:
+    """Return the entry of a component that is started once a sample; without `processors` it has no such key."""
+    return (
+        f"  {name}:\n    criticality: {criticality}\n"
+        f"    apt: {{ mean_response_time: {{ at_most: {at_most} }} }}\n"
+        f"    run: {{ command: [{name}], until: {{ {until} }}, samples: {{ from: per_run }} }}\n"
+        f"    cpu: {{ reserve: {reserve} }}\n    memory: 512 MiB\n"
+        + (f"    processors: {processors}\n" if processors else "")
+        + f"    simulation: {{ {simulation} }}\n"
+    )
+
+
+def a_robot_of(
+    *entries: str,
+    name: str = "robot",
+    policy: str = "interference: busy-loop",
+    hosts: str = "onboard: { logical_processors: 2, memory: 4 GiB }",
+) -> str:
+    """Return a manifest's text with these entries of components on simulated hosts."""
+    return (
+        f"schema: rarms/v1\napplication: {{ name: {name} }}\npolicy: {{ {policy} }}\nhosts:\n  {hosts}\n"
+        f"components:\n{''.join(entries)}"
+    )
+
+
 CELL = """\
 schema: rarms/v1
 

@@ -3,14 +3,11 @@
 The whole of a small apply in one process; `tests/system` does the same to the command.
 """
 
-import errno
-import random
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
-from typing import NoReturn
 
 import pytest
 
@@ -22,14 +19,12 @@ from rarms_iac.applying.undo import undo
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import Partition
 from rarms_iac.model.system import System
-from rarms_iac.providers.interface import HostError, StepwiseHost
+from rarms_iac.providers.interface import StepwiseHost
 from rarms_iac.storage import disk
 from tests import builders
 from tests.contracts.benches import Bench, copy_host, forget_groups, kernel_effects_on_disk
 from tests.contracts.benches import bench_here as bench
-from tests.crashing import Crash, CrashingDisk, When, crash
-from tests.disturbing import fail
-from tests.effort import Attempt, examples, tried
+from tests.crashing import Crash, CrashingDisk, When
 
 __all__ = ["bench"]  # pytest finds fixtures by their names
 
@@ -141,49 +136,3 @@ def test_a_killed_apply_run_again_reaches_the_same_end(lab: Lab, tmp_path: Path,
             go_on(lab, lab.host(folder))
         assert lab.host(folder).observe() == end, counting.effects[at - 1]
         forget_groups(folder)
-
-
-def fail_full() -> NoReturn:
-    tried(Attempt.FAILED_CALL)
-    fail(errno.ENOSPC)
-
-
-def fail_busy() -> NoReturn:
-    tried(Attempt.FAILED_CALL)
-    fail(errno.EBUSY)
-
-
-FAULTS: list[tuple[When, Callable[[], NoReturn]]] = [
-    *((when, crash) for when in When),
-    (When.HALF, fail_full),
-    (When.BEFORE, fail_full),
-    (When.BEFORE, fail_busy),
-]
-
-
-def test_an_apply_that_two_faults_disturb_reaches_the_same_end(lab: Lab, tmp_path: Path) -> None:
-    """Any fault, and another one in the run that is to finish it: a kill, a full disk, a call that fails."""
-    start, counting = lab.settled(tmp_path / "start"), CrashingDisk(0)
-    undisturbed = tmp_path / "undisturbed"
-    copy_host(start, undisturbed)
-    with disk.use(counting):
-        assert apply_again(lab.system(SECOND), lab.host(undisturbed)).ending is RunEnding.DONE
-    end, effects = lab.host(undisturbed).observe(), len(counting.effects)
-    dice, met_twice = random.Random(effects), 0
-    for number in range(examples(12)):
-        folder = tmp_path / str(number)
-        copy_host(start, folder)
-        faults = [(dice.randint(1, effects), *dice.choice(FAULTS)) for _ in range(2)]
-        met = 0
-        for fault in faults:
-            failing = CrashingDisk(*fault)
-            with disk.use(failing), suppress(Crash, HostError):
-                apply_again(lab.system(SECOND), lab.host(folder))
-            met += len(failing.effects) >= failing.at
-        with disk.use(CrashingDisk(0)):
-            go_on(lab, lab.host(folder))
-        assert lab.host(folder).observe() == end, faults
-        forget_groups(folder)
-        met_twice += met == len(faults)
-    tried(Attempt.PAIR, met_twice)
-    assert met_twice

@@ -142,10 +142,14 @@ def test_a_preview_by_file_and_at_a_prompt_changes_nothing(case: str, at_prompt:
     put(host, scripts_of(plan) if single else files_of(plan))
     host.effects = []
 
+    before, entries = seen(host), list(host.event_log or ())
+
     ran = run(host, apply_script(plan), what_if=True, at_prompt=at_prompt)
 
     assert (ran.code, host.effects) == (0, []), ran.says
+    assert (seen(host), host.event_log) == (before, entries)
     assert {event["status"] for event in ran.events} <= {"previewed", "unchanged"}
+    assert ran.events[-1]["status"] == "previewed"
 
 
 def of_an_older_module(plan: Plan) -> tuple[Plan, Mapping[str, bytes]]:

@@ -12,7 +12,7 @@ from rarms_iac.powershell.render import render_observe
 from rarms_iac.powershell.templates import template_text
 from tests.fake_powershell.cell import apply, apply_script, files_of, scripts_of, undo, undo_script
 from tests.fake_powershell.cells import Prepared, everything, fresh
-from tests.fake_powershell.host import Entry, Killed, WindowsHost
+from tests.fake_powershell.host import Entry, WindowsHost
 from tests.fake_powershell.observing import JOURNAL, PROFILE, seen
 from tests.fake_powershell.run import Ran, put, run
 from tests.fake_powershell.signing import signed
@@ -344,26 +344,6 @@ def test_a_journal_that_never_began_is_cleared_away_by_the_next_run(after: str) 
 
     assert ran.code == (0 if after == "apply" else 3), ran.says
     assert host.file(JOURNAL + ".new") is None
-
-
-def test_a_step_of_many_values_that_is_killed_at_its_first_one_every_time_ends() -> None:
-    prepared = fresh()
-    host = prepared.copy()
-
-    def kill(changed: WindowsHost) -> None:
-        if changed.effects[-1].startswith(f"New-ItemProperty {PROFILE}"):
-            raise Killed
-
-    runs = 0
-    ran = None
-    while (ran is None or ran.code is None) and runs < 40:
-        host = host.copy(watch=kill)
-        ran = apply(host, prepared.plan)
-        runs += 1
-
-    assert ran is not None
-    assert ran.code == 0, f"still not done after {runs} runs"
-    assert runs > 3
 
 
 def test_a_value_of_another_type_is_written_again() -> None:

@@ -90,22 +90,6 @@ def test_a_second_run_calls_nothing(cell: Make) -> None:
 
 
 @cells
-def test_what_if_touches_nothing(cell: Make) -> None:
-    prepared = cell()
-    host = prepared.copy()
-    before = seen(host)
-
-    put(host, files_of(prepared.plan))
-    ran = run(host, apply_script(prepared.plan), what_if=True)
-
-    assert ran.code == 0, ran.says
-    assert host.effects == []
-    assert seen(host) == before
-    assert {event["status"] for event in ran.events} <= {"previewed", "unchanged"}
-    assert ran.events[-1]["status"] == "previewed"
-
-
-@cells
 @pytest.mark.parametrize("as_json", [True, False], ids=["for a program", "for a person"])
 def test_every_action_of_a_plan_stands_in_its_preview(cell: Make, as_json: bool) -> None:
     prepared = cell()

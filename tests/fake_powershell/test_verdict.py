@@ -53,14 +53,6 @@ def test_a_run_that_is_done_leaves_its_verdict_and_says_how_many_steps_it_change
     assert json.loads(host.event_log[-1][2]) == found
 
 
-@pytest.mark.parametrize("at", [None, 0], ids=["file", "event log"])
-def test_a_preview_and_a_test_leave_nothing(at: int | None) -> None:
-    for how in ({"what_if": True}, {"test": True}):
-        host, ran = a_run(fresh(), **how)
-        assert ran.code == 0, ran.says
-        assert host.file(RESULT) is None if at is None else host.event_log == []
-
-
 def test_a_run_that_was_cut_off_never_shows_an_earlier_verdict() -> None:
     prepared = fresh()
     calls = len(a_run(prepared)[0].effects)

@@ -12,26 +12,12 @@ import pytest
 
 from tests.fluid import without_scheduler
 from tests.measuring import the_log
+from tests.robots import a_measured, a_robot_of
 from tests.unit.cli.running import rarms
 
 pytestmark = pytest.mark.needs("git")
 
-MANIFEST = """\
-schema: rarms/v1
-application: { name: robot }
-policy: { interference: busy-loop }
-hosts:
-  onboard: { logical_processors: 2, memory: 4 GiB }
-components:
-  vision:
-    criticality: 30
-    apt: { mean_response_time: { at_most: 60 ms } }
-    run: { command: [python3, vision.py], until: { samples: 5 }, samples: { from: per_run } }
-    cpu: { reserve: measured }
-    memory: 512 MiB
-    processors: 2
-    simulation: { work: 20 ms, varies: 2 % }
-"""
+MANIFEST = a_robot_of(a_measured(at_most="60 ms", until="samples: 5"))
 LOG = Path("measurements", "onboard", "vision", "busy-loop.jsonl")
 PROGRAM = Path("vision.py")
 

@@ -96,23 +96,3 @@ def test_threads_strictly_follow_criticality_or_a_finding_says_that_they_do_not(
     assert all(
         1 <= task_class.priority <= 8 and 1 <= task_class.background_priority <= 8 for task_class in found.classes
     )
-
-
-@given(st.lists(st.integers(0, 100), min_size=1, max_size=20))
-def test_up_to_sixteen_criticalities_find_an_order_and_eight_keep_it_if_windows_raises_a_thread(
-    criticalities: list[int],
-) -> None:
-    components = [
-        a_component(f"c{at}", task=f"Class{at}", criticality=weight) for at, weight in enumerate(criticalities)
-    ]
-    found = classes_of(components, {}, "media", PLACES)
-    different = len(set(criticalities))
-    gap = 2 if different <= 8 else 1
-
-    assert ("RARMS128" in {finding.code for finding in found.findings}) == (different > 16)
-    if different <= 16:
-        for upper, lower in permutations(found.classes, 2):
-            if upper.criticality > lower.criticality:
-                assert upper.thread_priority >= lower.thread_priority + gap
-            elif upper.criticality == lower.criticality:
-                assert upper.thread_priority == lower.thread_priority

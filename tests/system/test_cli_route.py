@@ -100,18 +100,6 @@ def test_a_plan_points_at_the_line_that_asks(robot: Robot) -> None:
     assert any(f"rarms.yaml:{line})" in shown for shown in robot.run("plan", "--verbose").lines)
 
 
-def test_a_written_plan_is_shown_and_applied_once(robot: Robot) -> None:
-    plan = robot.planned()
-
-    shown = rarms("show", plan)
-    first = rarms("apply", plan)
-    second = rarms("apply", plan)
-
-    assert (shown.code, first.code, second.code) == (0, 0, 3)
-    assert "Plan: 2 to add, 0 to change, 0 to remove." in shown.lines
-    assert "error[RARMS182]" in second.err
-
-
 def test_a_failed_step_says_so_and_apply_finishes_it(robot: Robot) -> None:
     robot.fails_at("start_partition")
 
@@ -245,20 +233,6 @@ def test_a_held_host_is_refused_with_the_name_of_who_holds_it(robot: Robot) -> N
     assert "somebody@elsewhere" in answer.err
 
 
-def test_drift_tells_a_changed_host_from_a_changed_manifest(robot: Robot) -> None:
-    robot.applied()
-    still = robot.run("drift")
-    robot.edit("reserve: 30 %", "reserve: 35 %")
-    not_applied = robot.run("drift")
-    robot.another_tool_sets_a_reserve("display", 11)
-    changed = robot.run("drift")
-
-    assert (still.code, not_applied.code, changed.code) == (0, 5, 2)
-    assert "  control, 0.7 LP wanted: not applied yet" in not_applied.out
-    assert "reserve is 0.6 LP, wanted 0.7 LP" in not_applied.out
-    assert "  display, 0.4 LP wanted: changed on the host" in changed.out
-
-
 def test_drift_tells_what_another_tool_removed_from_what_rarms_took_away(robot: Robot) -> None:
     never = robot.run("drift")
     robot.applied()
@@ -346,14 +320,6 @@ def test_changes_are_an_exit_code_only_where_that_is_asked_for(robot: Robot) -> 
     assert robot.run("plan", "--detailed-exitcode").code == 0
 
 
-def test_destroy_removes_what_is_ours(robot: Robot) -> None:
-    answer = robot.applied().run("destroy", "--auto-approve")
-
-    assert answer.code == 0
-    assert answer.lines[-1] == "Plan: 0 to add, 0 to change, 2 to remove."
-    assert robot.host().observe().partitions == ()
-
-
 def test_a_snapshot_plans_without_the_host(robot: Robot) -> None:
     robot.applied()
     snapshot = robot.folder / "onboard.json"
@@ -396,16 +362,6 @@ def test_what_ssh_says_cannot_command_the_terminal(robot: Robot, monkeypatch: py
     assert "\x1b" not in answer.err
 
 
-def test_overlays_have_hosts_of_their_own(robot: Robot) -> None:
-    overlay = robot.folder / "robot-7.yaml"
-    overlay.write_text("components: { control: { memory: 256 MiB } }\n", encoding="utf-8")
-
-    assert robot.applied().run("plan", "--overlay", str(overlay)).code == 0
-    assert robot.run("apply", "--overlay", str(overlay), "--auto-approve").code == 0
-    assert robot.run("plan", "--overlay", str(overlay)).code == 0
-    assert robot.run("plan").code == 0
-
-
 def test_every_json_answer_is_as_the_schema_says(robot: Robot) -> None:
     plan = robot.planned()
     answers = [
@@ -430,9 +386,3 @@ def test_every_json_answer_is_as_the_schema_says(robot: Robot) -> None:
         "run",
         "findings",
     ]
-
-
-def test_a_missing_plan_and_a_folder_are_told(robot: Robot) -> None:
-    assert "error[RARMS001]" in rarms("apply", str(robot.folder / "missing.plan")).err
-    assert rarms("apply", str(robot.folder)).code == 1
-    assert rarms("show", str(robot.manifest)).code == 3

@@ -51,12 +51,15 @@ class Scenario:
 
 
 APPLY = ("apply", "--auto-approve")
+STOP = ("stop", "--auto-approve")
 MEASURE = ("measure", "--samples", "60")
 SCENARIOS = {
     "apply": Scenario(words=APPLY),
     "resume": Scenario(words=APPLY, killed_at=0.6),
     "undo": Scenario(words=("undo", "--auto-approve"), before=(APPLY,)),
     "destroy": Scenario(words=("destroy", "--auto-approve"), before=(APPLY,)),
+    "stop": Scenario(words=STOP, before=(APPLY,)),
+    "start": Scenario(words=("start", "--auto-approve"), before=(APPLY, STOP)),
     "release": Scenario(words=("release", "vision", "--auto-approve"), before=(APPLY,)),
     "import": Scenario(
         words=("import", "vision", "--id", "ID", "--auto-approve"),

@@ -14,33 +14,14 @@ from pathlib import Path
 import pytest
 
 from tests.needs import CHECKOUT
+from tests.robots import a_measured, a_robot_of
 
 pytestmark = pytest.mark.needs("posix")
 
-MANIFEST = """\
-schema: rarms/v1
-application: { name: robot }
-policy: { interference: busy-loop }
-hosts:
-  onboard: { logical_processors: 2, memory: 4 GiB }
-components:
-  vision:
-    criticality: 30
-    run: { command: [vision], until: { samples: 60 }, samples: { from: per_run } }
-    apt: { mean_response_time: { at_most: 50 ms } }  # the line is not too late
-    cpu: { reserve: measured }
-    memory: 512 MiB
-    processors: 2
-    simulation: { work: 20 ms, varies: 2 % }
-  speech:
-    criticality: 10
-    run: { command: [speech], until: { samples: 60 }, samples: { from: per_run } }
-    apt: { mean_response_time: { at_most: 90 ms } }
-    cpu: { reserve: measured }
-    memory: 512 MiB
-    processors: 2
-    simulation: { work: 20 ms, varies: 2 % }
-"""
+MANIFEST = a_robot_of(
+    a_measured().replace("50 ms } }", "50 ms } }  # the line is not too late"),
+    a_measured("speech", criticality=10, at_most="90 ms"),
+)
 LONGEST = 120
 """Seconds to wait for words; a machine may be busy."""
 

@@ -11,25 +11,14 @@ from tests.crashing import KILLED, CrashingDisk
 from tests.effort import LONG, Attempt, tried
 from tests.files import copy_files
 from tests.needs import CHECKOUT
+from tests.robots import a_measured, a_robot_of
 from tests.unit.cli import running
 from tests.unit.cli.running import Ran
 
-MANIFEST = """\
-schema: rarms/v1
-application: { name: robot }
-policy: { interference: busy-loop }
-hosts:
-  onboard: { logical_processors: 2, memory: 4 GiB }
-components:
-  vision:
-    criticality: 30
-    apt: { mean_response_time: { at_most: 50 ms } }
-    run: { command: [vision], until: { samples: 20 }, samples: { from: per_run } }
-    cpu: { reserve: 45 % }
-    memory: 512 MiB
-    simulation: { work: 20 ms, varies: 2 % }
-  speech: { criticality: 5, memory: 512 MiB, cpu: { reserve: 20 % } }
-"""
+MANIFEST = a_robot_of(
+    a_measured(until="samples: 20", reserve="45 %", processors=None),
+    "  speech: { criticality: 5, memory: 512 MiB, cpu: { reserve: 20 % } }\n",
+)
 MEASURE = ("measure", "vision", "--from", "50%", "--to", "50%", "--stop-partitions")
 NEXT = (MEASURE, ("start", "--auto-approve"), ("apply", "--auto-approve"))
 TRIED = 5

@@ -529,25 +529,6 @@ def test_a_second_tab_and_a_terminal_beside_it_show_the_same(browser: "WebDriver
     assert applied == [True, True]
 
 
-def test_an_apply_that_was_killed_is_finished_and_the_page_says_so(browser: "WebDriver", tmp_path: Path) -> None:
-    rarms(tmp_path, "init")
-    name = json.loads(rarms(tmp_path, "status", "--json"))["application"]
-    words = [sys.executable, "-m", "tests.crashing", "70", "before", "apply", "--auto-approve"]
-    words += ["-f", str(tmp_path)]
-    assert subprocess.run(words, cwd=CHECKOUT, capture_output=True).returncode == 137
-    with studio(tmp_path) as served:
-        opens(browser, served)
-        assert "finishes the run" in shown(browser, "next")
-        types(browser, "finish-application", name)
-        assert waits_for_end(browser, "rarms apply") == "ended."
-        waits_for(browser, "return !document.getElementById('finish')")
-        assert "running" in shown(browser, "hosts")
-
-        types(browser, "undo-application", name)
-        assert waits_for_end(browser, "rarms undo") == "ended."
-        waits_for(browser, "return document.getElementById('history').textContent.includes('undone')")
-
-
 def test_a_killed_server_is_told_and_another_one_goes_on(browser: "WebDriver", slow: Path) -> None:
     with studio(slow) as served:
         opens(browser, served)

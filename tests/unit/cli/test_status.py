@@ -76,19 +76,13 @@ def test_rarms_alone_without_a_manifest_says_how_to_begin() -> None:
     assert "`rarms init` writes one" in answer.err
 
 
-def test_the_status_lists_what_is_not_measured_and_a_host_that_cannot_be_read() -> None:
+def test_status_lists_what_is_not_measured() -> None:
     Path("rarms.yaml").write_text(MANIFEST + MEASURED, encoding="utf-8")
+
     unmeasured = rarms("status")
-    Path(".rarms/hosts").mkdir(parents=True)
-    Path(".rarms/hosts/onboard.json").write_text("no host", encoding="utf-8")
-    damaged = rarms("status")
 
     assert "Not measured: planner" in unmeasured.out
     assert "Next: `rarms measure`" in unmeasured.out
-    assert damaged.code == 1
-    assert "Host onboard could not be looked at:" in damaged.out
-    assert "Unknown: onboard could not be looked at." in damaged.out
-    assert "Nothing is left to do" not in damaged.out
 
 
 def test_a_damaged_host_of_an_applied_manifest_is_unknown_and_nothing_is_next() -> None:
@@ -98,6 +92,7 @@ def test_a_damaged_host_of_an_applied_manifest_is_unknown_and_nothing_is_next() 
     answer = rarms("status")
 
     assert answer.code == 1
+    assert "Host onboard could not be looked at:" in answer.out
     assert answer.lines[-1] == "Unknown: onboard could not be looked at."
     assert json.loads(rarms("status", "--json").out)["unknown"] == ["onboard"]
 
@@ -188,20 +183,6 @@ def test_drift_compares_a_manifest_whose_findings_are_accepted() -> None:
     assert "not compared" not in drift.out
 
 
-def test_a_proof_of_a_partition_that_another_tool_changed_is_outdated() -> None:
-    (alone, _, _) = MANIFEST.partition("  vision:")
-    Path("rarms.yaml").write_text(alone + MEASURED, encoding="utf-8")
-    for command in (["measure"], ["apply", "--auto-approve"], ["prove", "--load-host"]):
-        assert rarms(*command).code == 0
-    proven = rarms("status")
-    assert rarms("simulate", "change", "planner", "--reserve", "1").code == 0
-    changed = rarms("status")
-
-    assert "1 of 1 threshold held" in proven.out
-    assert "0 of 1 threshold held" in changed.out
-    assert "planner is outdated: its partition was changed on onboard by another tool after 20" in changed.out
-
-
 def test_an_undo_outdates_the_proofs_of_what_it_took_back_and_of_nothing_before() -> None:
     small = MANIFEST.partition("  vision:")[0] + MEASURED
     Path("rarms.yaml").write_text(small, encoding="utf-8")
@@ -220,28 +201,6 @@ def test_an_undo_outdates_the_proofs_of_what_it_took_back_and_of_nothing_before(
     assert f"planner is outdated: its layout on onboard was undone at {undone}." in " ".join(taken_back.out.split())
     page = rarms("report", "-o", "-")
     assert f"outdated: its layout on onboard was undone at {undone}" in page.out
-
-
-def test_a_proof_of_a_partition_that_is_not_there_any_more_is_outdated() -> None:
-    Path("rarms.yaml").write_text(MANIFEST.partition("  vision:")[0] + MEASURED, encoding="utf-8")
-    for command in (["measure"], ["apply", "--auto-approve"], ["prove", "--load-host"], ["destroy", "--auto-approve"]):
-        assert rarms(*command).code == 0
-
-    removed = rarms("status")
-
-    assert "0 of 1 threshold held" in removed.out
-    assert "planner is outdated: its layout on onboard was changed at 20" in removed.out
-    assert "Next: `rarms plan` shows what is not applied yet." in removed.out
-
-
-def test_what_was_stopped_is_left_to_do_although_all_is_applied() -> None:
-    for command in (["apply", "--auto-approve"], ["stop", "vision", "--auto-approve"]):
-        assert rarms(*command).code == 0
-
-    answer = rarms("status")
-
-    assert "Next: `rarms start vision` starts what was stopped." in answer.out
-    assert "Nothing is left to do" not in answer.out
 
 
 def test_what_is_started_by_hand_is_started_before_it_is_proven() -> None:

@@ -9,24 +9,15 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.storage.shipped import shipped
+from tests.robots import a_measured, a_robot_of
 from tests.unit.cli.running import rarms
 
-MANIFEST = """\
-schema: rarms/v1
-application: { name: drone }
-hosts:
-  onboard: { logical_processors: 2, memory: 4 GiB, keep_for_host: { processor: 10 % } }
-components:
-  vision:
-    criticality: 30
-    apt: { mean_response_time: { at_most: 50 ms } }
-    run: { command: [vision], until: { samples: 60 }, samples: { from: per_run } }
-    cpu: { reserve: measured }
-    memory: 512 MiB
-    processors: 1
-    simulation: { work: 13 ms, varies: 2 % }
-  speech: { criticality: 1, memory: 256 MiB, cpu: { reserve: 20 % }, processors: 2 }
-"""
+MANIFEST = a_robot_of(
+    a_measured(processors=1, simulation="work: 13 ms, varies: 2 %"),
+    "  speech: { criticality: 1, memory: 256 MiB, cpu: { reserve: 20 % }, processors: 2 }\n",
+    name="drone",
+    hosts="onboard: { logical_processors: 2, memory: 4 GiB, keep_for_host: { processor: 10 % } }",
+)
 
 NOUNS = (
     "its VPs",

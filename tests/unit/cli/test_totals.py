@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.fluid import without_scheduler
+from tests.robots import a_measured
 from tests.unit.cli.running import rarms
 
 HEAD = "schema: rarms/v1\napplication: { name: robot }\n"
@@ -31,16 +32,7 @@ hosts:
     memory: 4 GiB
     simulated: { smt: true }
 """
-VISION = """\
-components:
-  vision:
-    criticality: 30
-    apt: { mean_response_time: { at_most: 50 ms } }
-    run: { command: [vision], until: { samples: 60 }, samples: { from: per_run } }
-    cpu: { reserve: measured }
-    memory: 512 MiB
-    simulation: { work: 20 ms, varies: 2 % }
-"""
+VISION = "components:\n" + a_measured(processors=None)
 SPEECH = "  speech: { criticality: 1, memory: 256 MiB, cpu: { reserve: 0.5 LP }, processors: 1 }\n"
 AT_HOME = SPEECH.replace("speech:", "audio:").replace("processors: 1", "processors: 1, hosts: [onboard]")
 BY_HAND = "partitions:\n  speech: { components: [speech], start: manual }\n"

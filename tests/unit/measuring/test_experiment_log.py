@@ -13,36 +13,16 @@ from rarms_iac.storage.datalog.log import DataLog
 from tests.crashing import Crash, CrashingDisk
 from tests.fluid import without_scheduler
 from tests.measuring import the_log as measured_log
+from tests.robots import a_measured, a_robot_of
 from tests.unit.cli.running import Ran, rarms
 
-MANIFEST = """\
-schema: rarms/v1
-
-application: { name: robot }
-policy: { interference: busy-loop }
-
-hosts:
-  left: { logical_processors: 2, memory: 4 GiB, platform: robot }
-  right: { logical_processors: 2, memory: 4 GiB, platform: robot }
-
-components:
-  vision:
-    criticality: 30
-    apt: { mean_response_time: { at_most: 50 ms } }
-    run: { command: [vision], until: { samples: 5 }, samples: { from: per_run } }
-    cpu: { reserve: measured }
-    memory: 512 MiB
-    processors: 2
-    simulation: { work: 20 ms, varies: 2 % }
-  speech:
-    criticality: 20
-    apt: { mean_response_time: { at_most: 90 ms } }
-    run: { command: [speech], until: { samples: 5 }, samples: { from: per_run } }
-    cpu: { reserve: measured }
-    memory: 512 MiB
-    processors: 2
-    simulation: { work: 20 ms, varies: 2 % }
-"""
+MANIFEST = a_robot_of(
+    a_measured("vision", until="samples: 5"),
+    a_measured("speech", criticality=20, at_most="90 ms", until="samples: 5"),
+    hosts="\n  ".join(
+        f"{name}: {{ logical_processors: 2, memory: 4 GiB, platform: robot }}" for name in ("left", "right")
+    ),
+)
 SWEPT = ("measure", "--from", "60%", "--to", "70%", "--host", "left")
 ONCE = [(60, 1), (70, 1)]
 TWICE = [*ONCE, (60, 2), (70, 2)]

@@ -18,31 +18,10 @@ from rarms_iac.storage.datalog.decisions import Chosen, Proven, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
 from rarms_iac.storage.lock import hold
 from tests.builders import a_host, at_most
+from tests.robots import a_measured, a_robot_of
 from tests.unit.cli.running import Ran, rarms
 
-MANIFEST = """\
-schema: rarms/v1
-
-application: { name: robot }
-policy: { interference: busy-loop }
-
-hosts:
-  onboard: { logical_processors: 2, memory: 4 GiB }
-
-components:
-  vision:
-    criticality: 30
-    apt:
-      mean_response_time: { at_most: 50 ms }
-    run: { command: [vision], until: { samples: 60 }, samples: { from: per_run } }
-    cpu: { reserve: measured }
-    memory: 512 MiB
-    processors: 2
-    simulation: { work: 20 ms, varies: 2 % }
-
-interference:
-  light: { kind: busy_loop, threads: 1 }
-"""
+MANIFEST = a_robot_of(a_measured()) + "\ninterference:\n  light: { kind: busy_loop, threads: 1 }\n"
 
 
 @pytest.fixture
@@ -79,7 +58,7 @@ def test_a_stop_on_one_of_several_robots_leaves_all_else_out(here: Path, monkeyp
     vision = MANIFEST.partition("  vision:")[2].partition("\ninterference:")[0]
     more = f"  speech:{vision}  hearing:{vision}\npartitions:\n  talk: {{ components: [hearing, speech] }}\n"
     spare = "  spare: { logical_processors: 2, memory: 4 GiB }\n"
-    text = MANIFEST.replace("\ncomponents:", f"{spare}\ncomponents:")
+    text = MANIFEST.replace("components:", f"{spare}components:")
     write(here, text.replace("\ninterference:", f"{more}\ninterference:"))
 
     def stopped_there(
@@ -273,7 +252,7 @@ def test_what_cannot_be_run_or_searched_is_told_with_its_line(here: Path) -> Non
 
     write(
         here,
-        MANIFEST.replace("    apt:\n      mean_response_time: { at_most: 50 ms }\n", "").replace("measured", "5 %"),
+        MANIFEST.replace("    apt: { mean_response_time: { at_most: 50 ms } }\n", "").replace("measured", "5 %"),
     )
     assert refused(rarms("measure", "vision")) == (4, "RARMS016")
     everything = rarms("measure")

@@ -21,36 +21,17 @@ from rarms_iac.storage.datalog.decisions import Proven, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
 from tests.builders import a_component, a_host
 from tests.measured import a_series, noisy
+from tests.robots import a_measured, a_robot_of
 from tests.unit.cli.running import Ran, rarms
 
-MANIFEST = """\
-schema: rarms/v1
-
-application: { name: robot }
-policy: { interference: busy-loop }
-
-hosts:
-  onboard: { logical_processors: 2, memory: 4 GiB, keep_for_host: { processor: 10 % } }
-
-components:
-  vision:
-    criticality: 30
-    apt:
-      mean_response_time: { at_most: 70 ms }
-    run: { command: [vision], until: { samples: 60 }, samples: { from: per_run } }
-    cpu: { reserve: 40 % }
-    memory: 512 MiB
-    simulation: { work: 20 ms, varies: 10 % }
-  speech:
-    criticality: 20
-    apt:
-      maximum_response_time: { at_most: 200 ms }
-      throughput: { at_least: 0.5 /s }
-    run: { command: [speech], until: { samples: 60 }, samples: { from: per_run } }
-    cpu: { reserve: 20 % }
-    memory: 512 MiB
-    simulation: { work: 30 ms, blocked: 20 ms, varies: 5 % }
-"""
+SPEECH_APT = "maximum_response_time: { at_most: 200 ms }, throughput: { at_least: 0.5 /s }"
+MANIFEST = a_robot_of(
+    a_measured(at_most="70 ms", reserve="40 %", processors=None, simulation="work: 20 ms, varies: 10 %"),
+    a_measured(
+        "speech", criticality=20, reserve="20 %", processors=None, simulation="work: 30 ms, blocked: 20 ms, varies: 5 %"
+    ).replace("mean_response_time: { at_most: 50 ms }", SPEECH_APT),
+    hosts="onboard: { logical_processors: 2, memory: 4 GiB, keep_for_host: { processor: 10 % } }",
+)
 
 
 @pytest.fixture
@@ -406,10 +387,8 @@ def test_hosts_that_are_not_asked_for_are_not_missed_and_are_named(here: Path) -
 
 
 def test_without_a_threshold_nothing_is_said_to_be_met(here: Path) -> None:
-    change(here, "    apt:\n      mean_response_time: { at_most: 70 ms }\n", "")
-    change(
-        here, "    apt:\n      maximum_response_time: { at_most: 200 ms }\n      throughput: { at_least: 0.5 /s }\n", ""
-    )
+    change(here, "    apt: { mean_response_time: { at_most: 70 ms } }\n", "")
+    change(here, f"    apt: {{ {SPEECH_APT} }}\n", "")
     assert rarms("apply", "--auto-approve").code in (0, 2)
     ran = prove()
 

@@ -11,25 +11,13 @@ import pytest
 from rarms_iac.measuring import measure
 from rarms_iac.model.state import StoppedBy
 from rarms_iac.storage.snapshot_file import read_snapshot
+from tests.robots import a_measured, a_robot_of
 from tests.unit.cli.running import rarms
 
-MANIFEST = """\
-schema: rarms/v1
-application: { name: robot }
-policy: { interference: busy-loop }
-hosts:
-  onboard: { logical_processors: 2, memory: 4 GiB }
-components:
-  vision:
-    criticality: 30
-    apt: { mean_response_time: { at_most: 50 ms } }
-    run: { command: [vision], until: { samples: 20 }, timeout: 2 s, samples: { from: per_run } }
-    cpu: { reserve: 45 % }
-    memory: 512 MiB
-    processors: 2
-    simulation: { work: 20 ms, varies: 2 % }
-  speech: { criticality: 5, memory: 512 MiB, cpu: { reserve: 20 % } }
-"""
+MANIFEST = a_robot_of(
+    a_measured(until="samples: 20", reserve="45 %").replace("samples: { from", "timeout: 2 s, samples: { from"),
+    "  speech: { criticality: 5, memory: 512 MiB, cpu: { reserve: 20 % } }\n",
+)
 SWEEP = ("measure", "vision", "--from", "50%", "--to", "60%")
 
 

@@ -299,20 +299,6 @@ def test_asked_first_it_measures_only_what_was_said_yes_to(here: Path) -> None:
     assert json.loads(yes.out)["run"]["ending"] == "successful"
 
 
-def test_without_a_terminal_no_user_can_be_asked(here: Path) -> None:
-    ran = rarms("tune", "--interactive")
-
-    assert ran.code == 64
-    assert "--interactive" in ran.err
-
-
-def test_repeating_belongs_to_the_papers_procedure(here: Path) -> None:
-    ran = rarms("tune", "--repeat")
-
-    assert ran.code == 64
-    assert "--strategy paper" in ran.err
-
-
 @pytest.fixture
 def applied(here: Path) -> Path:
     """The manifest on a host where its partitions run, with less than they need."""

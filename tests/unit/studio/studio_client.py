@@ -14,41 +14,16 @@ from urllib.parse import urlsplit
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.studio.page import StudioSettings
 from rarms_iac.studio.server import serve
+from tests.robots import a_measured, a_robot_of
 
 LONGEST = 60.0
 
-TIGHT = """\
-schema: rarms/v1
-application: { name: tight }
-hosts:
-  onboard: { logical_processors: 2, memory: 4 GiB }
-components:
-  vision:
-    criticality: 30
-    run: { command: [vision], until: { samples: 60 }, samples: { from: per_run } }
-    apt: { mean_response_time: { at_most: 24 ms } }
-    cpu: { reserve: measured }
-    memory: 512 MiB
-    processors: 1
-    simulation: { work: 20 ms, varies: 2 % }
-  speech:
-    criticality: 10
-    run: { command: [speech], until: { samples: 60 }, samples: { from: per_run } }
-    apt: { mean_response_time: { at_most: 27 ms } }
-    cpu: { reserve: measured }
-    memory: 512 MiB
-    processors: 1
-    simulation: { work: 20 ms, varies: 2 % }
-  talk:
-    criticality: 5
-    run: { command: [talk], until: { samples: 60 }, samples: { from: per_run } }
-    apt: { mean_response_time: { at_most: 30 ms } }
-    cpu: { reserve: measured }
-    memory: 512 MiB
-    processors: 1
-    simulation: { work: 20 ms, varies: 2 % }
-policy: { interference: [busy-loop] }
-"""
+TIGHT = a_robot_of(
+    a_measured("vision", criticality=30, at_most="24 ms", processors=1),
+    a_measured("speech", criticality=10, at_most="27 ms", processors=1),
+    a_measured("talk", criticality=5, at_most="30 ms", processors=1),
+    name="tight",
+)
 """Three components that do not fit together at these levels."""
 
 
