@@ -16,7 +16,7 @@ def outcome(seed: int, family: tuple[str, ...], ending: str, *, tails: bool = Fa
     return Outcome(seed=seed, family="+".join(family), ending=ending, tails=tails, reserved_lp=float(len(family)))
 
 
-def test_a_third_of_the_layouts_has_a_short_period_and_both_halves_have_pairs() -> None:
+def test_a_third_of_layouts_has_a_short_period() -> None:
     drawn = [draw(seed) for seed in range(80)]
 
     assert sum(has_short_period(each.seed) for each in drawn) >= 80 / 3
@@ -25,7 +25,7 @@ def test_a_third_of_the_layouts_has_a_short_period_and_both_halves_have_pairs() 
         assert any(each.logical_processors == 1 and len(each.components) == 2 for each in half)
 
 
-def test_families_are_compared_on_what_all_of_them_plan() -> None:
+def test_families_are_compared_on_common_plans() -> None:
     rows = comparison(
         {
             BUSY: [outcome(0, BUSY, "missed"), outcome(2, BUSY, "missed", tails=True), outcome(4, BUSY, "missed")],
@@ -42,7 +42,7 @@ def test_families_are_compared_on_what_all_of_them_plan() -> None:
     assert rows[-1].at_most == pytest.approx(1 / 3)
 
 
-def test_unseen_layouts_that_miss_are_held_against_the_limit_without_those_with_tails() -> None:
+def test_unseen_misses_without_tails_face_the_limit() -> None:
     missed = [outcome(seed, BUSY, "missed", tails=seed < 10) for seed in range(1, 21, 2)]
 
     by_name = {row.name: row for row in figures(missed, "unseen")}

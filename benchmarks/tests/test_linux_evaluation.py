@@ -54,7 +54,7 @@ def test_an_index_is_what_the_jobs_showed(index: str, value: float) -> None:
     assert value_of(index, SERIES) == value
 
 
-def test_where_no_job_answered_a_response_time_is_endless_and_an_unknown_index_is_refused() -> None:
+def test_no_answers_make_time_endless() -> None:
     silent = replace(SERIES, samples=SERIES.samples[-1:])
 
     assert value_of("mean_response_time", silent) == value_of("p95_response_time", silent) == inf
@@ -94,7 +94,7 @@ def evaluated(path: Path) -> tuple[Log, Mapping[str, Component]]:
     return log, components
 
 
-def test_every_experiment_is_done_once_and_an_evaluation_goes_on_where_it_was_ended(tmp_path: Path) -> None:
+def test_experiments_run_once_and_resume(tmp_path: Path) -> None:
     log, components = evaluated(tmp_path / "log.jsonl")
     lines = (tmp_path / "log.jsonl").read_text(encoding="utf-8").splitlines()
     (tmp_path / "log.jsonl").write_text("\n".join(lines[:20]) + "\n", encoding="utf-8")
@@ -106,7 +106,7 @@ def test_every_experiment_is_done_once_and_an_evaluation_goes_on_where_it_was_en
     assert next_experiment(again, components, 2) == list(log.records)[20]
 
 
-def test_what_is_needed_is_halved_down_to_a_point_and_rules_give_whole_per_cent(tmp_path: Path) -> None:
+def test_halving_and_rules_give_whole_percent(tmp_path: Path) -> None:
     log, components = evaluated(tmp_path / "log.jsonl")
 
     assert bracket(log, components[FDP]) == (21, 22)
@@ -119,7 +119,7 @@ def test_what_is_needed_is_halved_down_to_a_point_and_rules_give_whole_per_cent(
     }
 
 
-def test_the_page_adds_up_what_each_rule_missed_and_reserved_too_much() -> None:
+def test_page_sums_what_rules_missed() -> None:
     found = [
         Findings(
             component=replace(COMPONENT, name=name),

@@ -29,7 +29,7 @@ FOUND = Answer(
 )
 
 
-def test_the_draw_has_all_kinds_of_components_and_every_manifest_is_valid(tmp_path: Path) -> None:
+def test_draw_has_all_kinds_and_valid_manifests(tmp_path: Path) -> None:
     drawn = [draw(seed) for seed in range(COMPONENTS)]
 
     assert {each.logical_processors for each in drawn} == set(range(1, 9))
@@ -44,7 +44,7 @@ def test_the_draw_has_all_kinds_of_components_and_every_manifest_is_valid(tmp_pa
         assert rarms.load(str(tmp_path / "rarms.yaml")).system.components[each.name].apt.keys() == {each.index}
 
 
-def test_what_is_printed_counts_components_apart_whose_budget_is_too_short() -> None:
+def test_short_budgets_are_counted_apart() -> None:
     found = [
         FOUND,
         replace(FOUND, component="c1", reserve=39, is_wrong=True),
@@ -64,7 +64,7 @@ def test_what_is_printed_counts_components_apart_whose_budget_is_too_short() -> 
     assert by_name["  of 400 such components"] == pytest.approx(4)
 
 
-def test_a_component_is_measured_from_its_draw_to_its_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_component_is_measured_from_draw_to_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     short = Drawn(
         name="c0",
         logical_processors=2,

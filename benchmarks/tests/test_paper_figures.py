@@ -38,18 +38,18 @@ def test_figure_1_falls_up_to_70_per_cent(curve: dict[int, float]) -> None:
     assert all(before > after for before, after in pairwise(falling))
 
 
-def test_figure_1_ends_at_88_ms_from_70_per_cent_on(curve: dict[int, float]) -> None:
+def test_figure_1_ends_at_88_ms(curve: dict[int, float]) -> None:
     assert all(curve[cr] == pytest.approx(88, rel=0.05) for cr in (70, 80, 90, 100))
 
 
-def test_the_paper_s_walk_for_100_ms_ends_at_70_and_the_least_reserve_lies_near_62(curve: dict[int, float]) -> None:
+def test_papers_walk_for_100_ms_ends_at_70(curve: dict[int, float]) -> None:
     finer = figure_1(examples(60), SEEDS, reserves=range(60, 66))
 
     assert min(cr for cr, ms in curve.items() if ms <= 100) == 70
     assert min(cr for cr, ms in finer.items() if ms <= 100) in range(61, 64)
 
 
-def test_figure_3_task_classes_do_not_change_up_to_full_utilisation(three: list[Loaded]) -> None:
+def test_figure_3_task_classes_do_not_change(three: list[Loaded]) -> None:
     free = three[0]
 
     assert three[-1].utilisation > 99
@@ -71,7 +71,7 @@ def loss_of_vsp(loaded: Loaded, free: Loaded) -> float:
 
 
 @pytest.mark.parametrize("loss", [loss_of_ppp, loss_of_vsp])
-def test_figure_3_ordinary_threads_hold_below_70_per_cent_and_degrade_above(
+def test_figure_3_ordinary_threads_degrade_above_70(
     three: list[Loaded], loss: Callable[[Loaded, Loaded], float]
 ) -> None:
     free, *rest = three
@@ -91,7 +91,7 @@ def test_figure_4_without_browsers_all_reserves_do() -> None:
     assert all(88 <= line[0] <= 100 for line in free.values())
 
 
-def test_figure_4_is_highest_at_one_or_two_browsers(four: dict[tuple[int, int], dict[int, float]]) -> None:
+def test_figure_4_peaks_at_few_browsers(four: dict[tuple[int, int], dict[int, float]]) -> None:
     for line in four.values():
         highest = max(line.values())
         assert highest in (line[1], line[2])
@@ -104,7 +104,7 @@ def test_figure_4_falls_again_at_ten_browsers(four: dict[tuple[int, int], dict[i
         assert line[10] < 0.9 * max(line.values())
 
 
-def test_a_chart_names_its_lines_and_the_same_numbers_give_the_same_bytes() -> None:
+def test_chart_names_lines_and_is_deterministic() -> None:
     chart = Chart(title="A & B", across="x", up="y", lines={"one": [(0, 0), (1, 5)]}, span=(0, 1), most=10)
 
     assert draw(chart) == draw(chart)

@@ -13,7 +13,7 @@ def searched(each: int) -> list[Result]:
     return [result for task in tasks for result in results(task)]
 
 
-def test_answers_are_certified_and_right_with_fewer_settings_than_halving() -> None:
+def test_answers_are_certified_with_few_settings() -> None:
     found = searched(examples(2))
     guided = [result for result in found if result.strategy == DEFAULT]
     halved = [result for result in found if result.strategy == HALVED]
@@ -24,7 +24,7 @@ def test_answers_are_certified_and_right_with_fewer_settings_than_halving() -> N
     assert fmean(result.samples for result in guided) < 1.1 * fmean(result.samples for result in halved)
 
 
-def test_every_shape_has_a_least_reservation_and_never_rises() -> None:
+def test_every_shape_has_least_reservation_and_never_rises() -> None:
     for shape in SHAPES:
         truth = component(shape, 3, 0.05)
         assert 2 <= truth.least() <= 100

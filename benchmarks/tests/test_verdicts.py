@@ -35,7 +35,7 @@ UNLIKELY = 0.01
 @pytest.mark.parametrize("distance", [NEAR, FAR])
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("kind", KINDS)
-def test_verdicts_are_wrong_no_more_often_than_they_declare(kind: str, way: str, distance: float) -> None:
+def test_verdicts_are_wrong_within_declared_error(kind: str, way: str, distance: float) -> None:
     """Of series at their thresholds, and of verdicts further away from them."""
     tries = examples(20)
     given, false = wrong(kind, tries, WAYS[way], distance)
@@ -44,13 +44,13 @@ def test_verdicts_are_wrong_no_more_often_than_they_declare(kind: str, way: str,
 
 
 @pytest.mark.parametrize("longest", [True, False])
-def test_beyond_an_extreme_are_no_more_jobs_than_granted(longest: bool) -> None:
+def test_beyond_extreme_are_no_more_jobs_than_granted(longest: bool) -> None:
     tries = examples(20)
 
     assert as_likely(too_much_beyond(tries, longest=longest), tries, ERROR) > UNLIKELY
 
 
-def test_with_two_modes_verdicts_are_not_given_before_slow_jobs_may_have_been_seen() -> None:
+def test_two_modes_need_slow_jobs_seen() -> None:
     """2 % of jobs take twice as long: in 45 % of runs the first 40 show none of them."""
     series, apt = effort("two modes", 2)
     samples, _ = sequential_in(series, apt, RUN)
@@ -67,7 +67,7 @@ def test_a_clear_setting_ends_early_with_any_data(data: str) -> None:
     assert samples <= 160
 
 
-def test_every_index_that_is_judged_by_bounds_has_a_kind() -> None:
+def test_every_bounded_index_has_a_kind() -> None:
     extremes = {"maximum_response_time", "minimum_response_time"}
 
     assert {kind.partition(" ")[0] for kind in KINDS} == ({*INDEXES} - extremes) | {"p95_response_time"}
@@ -78,7 +78,7 @@ def test_a_kind_has_cases_of_both_sides(kind: str) -> None:
     assert {case(kind, seed).met for seed in range(20)} == {True, False}
 
 
-def test_at_shorter_lengths_about_as_many_are_named_as_is_told() -> None:
+def test_shorter_lengths_name_as_many() -> None:
     """docs/measuring.md has the table: of 1,000 samples one in ten is not named."""
     tries = examples(8)
     missed, verdicts = zip(*(unsteady_shares(shape, tries, 1000) for shape in SHAPES), strict=True)
@@ -88,7 +88,7 @@ def test_at_shorter_lengths_about_as_many_are_named_as_is_told() -> None:
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_a_series_without_a_steady_state_is_named_and_gets_no_verdict(shape: str) -> None:
+def test_unsteady_series_gets_no_verdict(shape: str) -> None:
     """A random walk is the hardest: what it moves by hardly shows in its neighbours."""
     tries = examples(20)
     found = [judge(series_of(unsteady(shape, seed)), APT, RUN) for seed in range(tries)]

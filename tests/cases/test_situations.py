@@ -27,7 +27,7 @@ def test_a_situation_says_why_it_is_there(folder: Path) -> None:
 
 
 @situations
-def test_what_lies_beside_a_situation_is_what_rarms_makes_of_it(folder: Path) -> None:
+def test_golden_files_are_what_rarms_makes(folder: Path) -> None:
     lies, fresh = outputs(folder), made(folder).files
 
     assert sorted(lies) == sorted(fresh)
@@ -55,7 +55,7 @@ def test_plan_file_makes_its_plan_again(folder: Path) -> None:
         if not single or folder.name in WITH_SCRIPTS
     ],
 )
-def test_the_scripts_of_a_situation_do_what_its_plan_says_and_take_it_back(folder: Path, single: bool) -> None:
+def test_scripts_do_what_plan_says_and_undo(folder: Path, single: bool) -> None:
     plan, host = made(folder).plan, stand_in(folder)
     if plan is None or not plan.hosts[0].steps:
         return

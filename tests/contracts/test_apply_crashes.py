@@ -96,7 +96,7 @@ def as_left(host: StepwiseHost) -> list[Partition]:
     return [replace(partition, id="", mark=None) for partition in host.observe().partitions]
 
 
-def test_applied_twice_changes_nothing_and_undo_brings_all_back_but_the_serial(lab: Lab, tmp_path: Path) -> None:
+def test_second_apply_is_empty_and_undo_restores(lab: Lab, tmp_path: Path) -> None:
     host = lab.host(lab.settled(tmp_path / "host"))
     before = as_left(host)
 
@@ -118,7 +118,7 @@ def go_on(lab: Lab, host: StepwiseHost) -> None:
 
 
 @pytest.mark.parametrize("when", [When.HALF, When.AFTER])  # before an effect is after the one before it
-def test_a_killed_apply_run_again_reaches_the_same_end(lab: Lab, tmp_path: Path, when: When) -> None:
+def test_killed_apply_run_again_reaches_same_end(lab: Lab, tmp_path: Path, when: When) -> None:
     undisturbed = lab.settled(tmp_path / "undisturbed")
     counting = CrashingDisk(0)
     with disk.use(counting):

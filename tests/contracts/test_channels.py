@@ -77,7 +77,7 @@ def channel(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[CommandC
         yield opened
 
 
-def test_the_whole_input_arrives_as_it_was_sent_and_then_ends(channel: CommandChannel) -> None:
+def test_whole_input_arrives_and_ends(channel: CommandChannel) -> None:
     data = bytes(range(256)) * 2_000 + b"without an end"
 
     answer = channel.run("sha256sum", data, SILENCE_S)
@@ -85,7 +85,7 @@ def test_the_whole_input_arrives_as_it_was_sent_and_then_ends(channel: CommandCh
     assert (answer.code, answer.output.split()[0]) == (0, hashlib.sha256(data).hexdigest())
 
 
-def test_a_command_without_input_does_not_wait_for_any(channel: CommandChannel) -> None:
+def test_command_without_input_does_not_wait_for_any(channel: CommandChannel) -> None:
     assert channel.run("cat; echo ended", b"", SILENCE_S).output.strip() == "ended"
 
 
@@ -95,7 +95,7 @@ def test_exit_code_output_and_error_come_back_apart(channel: CommandChannel) -> 
     assert (answer.code, answer.output, answer.error.strip()) == (3, "one\ntwo\n", "wrong")
 
 
-def test_nothing_of_a_command_is_left_for_the_next(channel: CommandChannel) -> None:
+def test_nothing_of_command_is_left_for_next(channel: CommandChannel) -> None:
     channel.run("cd /; PLANT=9; export PLANT", b"", SILENCE_S)
 
     answer = channel.run('echo "${PLANT-none}"; [ "$PWD" = / ] && echo changed', b"", SILENCE_S)
@@ -103,7 +103,7 @@ def test_nothing_of_a_command_is_left_for_the_next(channel: CommandChannel) -> N
     assert answer.output.split() == ["none"]
 
 
-def test_a_host_out_of_reach_is_told_and_ran_nothing() -> None:
+def test_unreachable_host_is_told_and_ran_nothing() -> None:
     require("ssh")
     by_itself = ssh_channel("onboard", Connect(ssh="ann@127.0.0.1", port=1))
     assert by_itself.run("true", b"", SILENCE_S).code == SSH_FAILED

@@ -132,7 +132,7 @@ def refusal_of(host: StepwiseHost, operation: Operation) -> str:
 # What is seen
 
 
-def test_a_fresh_host_is_an_empty_machine_and_looking_makes_nothing(room: Room) -> None:
+def test_fresh_host_is_empty_and_looking_changes_nothing(room: Room) -> None:
     state = room.host().observe()
 
     assert (state.partitions, dict(state.serials)) == ((), {})
@@ -154,7 +154,7 @@ def test_looking_changes_nothing(room: Room) -> None:
     assert files(room.folder) == before
 
 
-def test_a_fresh_windows_has_the_shipped_classes_with_their_types(windows: Room) -> None:
+def test_fresh_windows_has_shipped_classes_with_their_types(windows: Room) -> None:
     assert [task.name for task in windows.host().observe().tasks] == [
         "Audio",
         "Capture",
@@ -228,7 +228,7 @@ def test_readings_are_those_of_the_observed_state(room: Room) -> None:
     assert host.read(VISION, SCOPE)["reserve"] == 40
 
 
-def test_readings_of_task_classes_are_those_of_the_observed_state(windows: Room) -> None:
+def test_task_class_readings_equal_observed_state(windows: Room) -> None:
     host = windows.host()
     do(host, *making())
     do(host, WriteTaskClass(task="MotionControl", inside="vision", values=VALUES))
@@ -272,7 +272,7 @@ def test_readings_of_task_classes_are_those_of_the_observed_state(windows: Room)
     ],
     ids=lambda value: value.kind if hasattr(value, "kind") else "",
 )
-def test_an_operation_does_what_it_says_and_nothing_else(
+def test_operation_does_what_it_says_and_nothing_else(
     room: Room, operation: Operation, expected: Mapping[str, bool | int | str]
 ) -> None:
     room.furnish(*making(), *making("speech"))
@@ -306,7 +306,7 @@ def test_what_only_a_virtual_machine_has_is_set(
     assert windows.host().read(VISION, SCOPE) == {**before, **expected}
 
 
-def test_a_disk_stays_when_its_machine_goes_and_is_deleted_when_no_machine_has_it(windows: Room) -> None:
+def test_disk_outlives_machine_until_nobody_has_it(windows: Room) -> None:
     host = windows.host()
     do(
         host,
@@ -330,7 +330,7 @@ def test_a_disk_stays_when_its_machine_goes_and_is_deleted_when_no_machine_has_i
         do(host, removal)
 
 
-def test_a_task_class_is_written_recorded_forgotten_and_removed(windows: Room) -> None:
+def test_task_class_is_written_recorded_forgotten_and_removed(windows: Room) -> None:
     host = windows.host()
     before = host.observe()
     address = Address(task="MotionControl")
@@ -356,7 +356,7 @@ def _responsiveness(percent: int) -> WriteTaskClass:
     return WriteTaskClass(task=SYSTEM_RESPONSIVENESS, inside="", values={SYSTEM_RESPONSIVENESS: value})
 
 
-def test_the_responsiveness_is_written_recorded_forgotten_and_taken_away(windows: Room) -> None:
+def test_responsiveness_is_written_recorded_forgotten_and_taken_away(windows: Room) -> None:
     host = windows.host()
     before = host.observe()
     address, twenty = Address(responsiveness=True), RegistryValue(kind=ValueKind.DWORD, data=20)
@@ -386,7 +386,7 @@ def test_the_responsiveness_is_written_recorded_forgotten_and_taken_away(windows
     assert host.observe() == before
 
 
-def test_a_shipped_class_that_is_written_keeps_its_key(windows: Room) -> None:
+def test_shipped_class_that_is_written_keeps_its_key(windows: Room) -> None:
     host = windows.host()
 
     do(host, WriteTaskClass(task="pro audio", inside="", values=VALUES))
@@ -408,7 +408,7 @@ def test_each_guest_has_its_own_classes(windows: Room) -> None:
 # Which machine a name stands for
 
 
-def test_a_machine_of_the_same_name_is_neither_seen_as_ours_nor_touched(room: Room) -> None:
+def test_unmarked_namesake_is_not_ours(room: Room) -> None:
     room.furnish(*making(), EraseMark(partition="vision"))
     host = room.host()
     (stranger,) = host.observe().partitions
@@ -424,7 +424,7 @@ def test_a_machine_of_the_same_name_is_neither_seen_as_ours_nor_touched(room: Ro
     assert host.read(VISION, SCOPE)["reserve"] == 40
 
 
-def test_an_id_reaches_a_machine_that_is_not_ours(room: Room) -> None:
+def test_id_reaches_machine_that_is_not_ours(room: Room) -> None:
     room.furnish(*making(), EraseMark(partition="vision"))
     host = room.host()
     (stranger,) = host.observe().partitions
@@ -436,7 +436,7 @@ def test_an_id_reaches_a_machine_that_is_not_ours(room: Room) -> None:
     assert host.read(replace(VISION, machine=stranger.id), SCOPE)["mark"] == ""
 
 
-def test_two_machines_under_one_mark_are_of_no_partition(room: Room) -> None:
+def test_two_machines_with_one_mark_count_for_none(room: Room) -> None:
     room.furnish(*making("vision"), *making("speech"))
     host = room.host()
     speech = next(partition for partition in host.observe().partitions if partition.settings.name == "speech")
@@ -450,7 +450,7 @@ def test_two_machines_under_one_mark_are_of_no_partition(room: Room) -> None:
     assert re.search("no (machine|control group) is managed", refusal_of(host, start()))
 
 
-def test_a_plan_knows_its_own_pending_machine_and_no_other(room: Room) -> None:
+def test_plan_knows_only_its_own_pending_machine(room: Room) -> None:
     host = room.host()
     do(host, creation())
     other = replace(SCOPE, plan="ffffffffffff")
@@ -460,7 +460,7 @@ def test_a_plan_knows_its_own_pending_machine_and_no_other(room: Room) -> None:
     assert re.search("there is a partition vision already", refusal_of(host, creation()))
 
 
-def test_a_marked_and_a_pending_machine_are_one_too_many(room: Room) -> None:
+def test_marked_and_pending_machine_are_one_too_many(room: Room) -> None:
     room.furnish(*making())
     host = room.host()
     host.execute(creation("speech"), SCOPE)
@@ -527,7 +527,7 @@ def test_the_memory_of_a_running_static_machine(windows: Room, described: dict[s
         assert re.search("its memory can only change while it is off", refusal_of(host, operation))
 
 
-def test_a_running_machine_does_not_grow_beyond_the_host(room: Room) -> None:
+def test_running_machine_does_not_grow_beyond_host(room: Room) -> None:
     room.furnish(*making(), start())
     host = room.host()
 
@@ -600,7 +600,7 @@ def test_the_record_of_another_application_stays(windows: Room) -> None:
     )
 
 
-def test_too_much_reserve_is_only_noticed_at_the_start(room: Room) -> None:
+def test_too_much_reserve_is_only_noticed_at_start(room: Room) -> None:
     room.furnish(*making("vision", reserve=60), *making("speech", reserve=50), start("vision"))
     host = room.host()
 
@@ -622,7 +622,7 @@ def test_reserves_are_placed_whole_onto_processors(windows: Room) -> None:
     assert re.search("does not fit", refusal_of(host, start("c")))
 
 
-def test_more_processors_than_there_are_start_without_a_reserve_only(room: Room) -> None:
+def test_too_many_processors_start_only_without_reserve(room: Room) -> None:
     room.furnish(*making(processors=3, reserve=1))
     host = room.host()
 
@@ -633,14 +633,14 @@ def test_more_processors_than_there_are_start_without_a_reserve_only(room: Room)
     do(host, SetCpu(partition="vision", reserve=0, limit=100, weight=100), start())
 
 
-def test_memory_that_is_not_there_is_noticed_at_the_start(room: Room) -> None:
+def test_missing_memory_is_noticed_at_start(room: Room) -> None:
     room.furnish(*making("vision", memory=3072 * MIB), *making("speech", memory=1026 * MIB), start("vision"))
     host = room.host()
 
     assert re.search("speech needs 1.002 GiB, and of 4 GiB 1 GiB are free", refusal_of(host, start("speech")))
 
 
-def test_under_the_root_scheduler_reserves_are_stored_without_effect(windows: Room) -> None:
+def test_under_root_scheduler_reserves_are_stored_without_effect(windows: Room) -> None:
     host = windows.host(scheduler=SchedulerType.ROOT)
     do(host, *making("vision", reserve=100), *making("speech", reserve=100), start("vision"), start("speech"))
 
@@ -690,7 +690,7 @@ def test_a_fault_fails_after_doing(windows: Room) -> None:
     assert host.read(VISION, SCOPE)["running"] is True
 
 
-def test_a_fault_strikes_only_where_it_is_asked_to(windows: Room) -> None:
+def test_fault_strikes_only_where_it_is_asked_to(windows: Room) -> None:
     host = windows.host(**fault(FaultEffect.REFUSE, at="partition/speech"))
     do(host, *making("vision"), *making("speech"), start("vision"))
 
@@ -733,7 +733,7 @@ def test_a_journal_reads_back_as_written(room: Room) -> None:
     assert not closed.unfinished
 
 
-def test_a_run_raises_the_serial_in_the_write_that_starts_it(room: Room) -> None:
+def test_run_raises_serial_in_write_that_starts_it(room: Room) -> None:
     host = room.host()
     host.start_run(a_run(host.observe()))
     host.start_run(a_run(host.observe(), serial=2))
@@ -778,7 +778,7 @@ def test_neither_running_nor_off_is_not_off(tmp_path: Path, state: RunState) -> 
 
 
 @pytest.mark.parametrize("state", [RunState.PAUSED, RunState.SAVED])
-def test_a_paused_or_saved_machine_can_be_started_and_stopped(tmp_path: Path, state: RunState) -> None:
+def test_paused_or_saved_machine_starts_and_stops(tmp_path: Path, state: RunState) -> None:
     host = simulated(tmp_path)
     do(host, *making())
     (machine,) = host.load().machines.values()
@@ -810,7 +810,7 @@ def test_a_damaged_journal_is_said_to_be_damaged(tmp_path: Path) -> None:
         host.observe()
 
 
-def test_a_run_is_under_way_until_it_is_closed(tmp_path: Path) -> None:
+def test_run_is_under_way_until_it_is_closed(tmp_path: Path) -> None:
     host = simulated(tmp_path)
     assert host.unfinished() is None
 

@@ -83,9 +83,7 @@ def test_a_value_that_another_tool_wrote_is_seen(
     assert host.read(VISION, SCOPE) == before
 
 
-def test_after_a_restart_of_the_machine_every_partition_is_off_and_starts_again(
-    host: LinuxHostProvider, tmp_path: Path
-) -> None:
+def test_after_reboot_partitions_are_off_and_start(host: LinuxHostProvider, tmp_path: Path) -> None:
     groups_of(tmp_path).remove("vision")
     restarted = open_linux(builders.a_host(), tmp_path, boot="another start")
 
@@ -98,9 +96,7 @@ def test_after_a_restart_of_the_machine_every_partition_is_off_and_starts_again(
     assert restarted.read(VISION, SCOPE)["reserve"] == 40
 
 
-def test_a_group_that_another_tool_made_is_unmanaged_until_it_is_taken_over(
-    host: LinuxHostProvider, tmp_path: Path
-) -> None:
+def test_foreign_group_is_unmanaged_until_imported(host: LinuxHostProvider, tmp_path: Path) -> None:
     groups_of(tmp_path).make("logging")
     logging = next(found for found in host.observe().partitions if found.settings.name == "logging")
     assert (logging.mark, logging.settings.running) == (None, True)
@@ -114,9 +110,7 @@ def test_a_group_that_another_tool_made_is_unmanaged_until_it_is_taken_over(
     assert taken.settings == logging.settings
 
 
-def test_memory_that_the_kernel_cannot_take_back_is_refused_and_all_stays(
-    host: LinuxHostProvider, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_memory_the_kernel_keeps_is_refused(host: LinuxHostProvider, monkeypatch: pytest.MonkeyPatch) -> None:
     before = host.read(VISION, SCOPE)
     real, failing = type(host.tree).write, [True]
 
@@ -149,14 +143,12 @@ def test_what_others_may_write_is_not_believed(host: LinuxHostProvider, tmp_path
         host.observe()
 
 
-def test_the_folder_is_for_root_alone_once_the_host_is_held(host: LinuxHostProvider, tmp_path: Path) -> None:
+def test_held_host_has_folder_for_root_alone(host: LinuxHostProvider, tmp_path: Path) -> None:
     with host.lock("ann@lab"):
         assert (tmp_path / "rarms").stat().st_mode & 0o777 == 0o700
 
 
-def test_a_folder_that_others_could_fill_is_refused_before_it_is_closed(
-    host: LinuxHostProvider, tmp_path: Path
-) -> None:
+def test_folder_open_to_others_is_refused(host: LinuxHostProvider, tmp_path: Path) -> None:
     (tmp_path / "rarms").chmod(0o777)
 
     for _ in "12":
@@ -164,7 +156,7 @@ def test_a_folder_that_others_could_fill_is_refused_before_it_is_closed(
             pass
 
 
-def test_the_kernels_refusal_to_remove_a_leftover_is_told_as_such(
+def test_refused_removal_of_leftover_is_told(
     host: LinuxHostProvider, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (file,) = (tmp_path / "rarms").glob("*.json")
@@ -181,7 +173,7 @@ def test_the_kernels_refusal_to_remove_a_leftover_is_told_as_such(
 
 
 @pytest.mark.needs("control-groups")
-def test_a_slice_that_rarms_did_not_make_is_refused(tmp_path: Path) -> None:
+def test_slice_that_rarms_did_not_make_is_refused(tmp_path: Path) -> None:
     for _ in opened_bench("linux"):
         groups_of(tmp_path).make("services")
         before = groups_of(tmp_path).read("")
@@ -197,7 +189,7 @@ def test_a_slice_that_rarms_did_not_make_is_refused(tmp_path: Path) -> None:
         assert groups_of(tmp_path).read("") == before
 
 
-def test_what_the_machine_lacks_is_named_before_anything_is_changed(tmp_path: Path) -> None:
+def test_what_the_machine_lacks_is_named_first(tmp_path: Path) -> None:
     described = builders.a_host(provider=ProviderKind.LINUX, settings=LinuxHost(control_groups="v2"))
     if isinstance(find_tree("rarms", "v2"), GroupTree):
         pytest.skip("needs control-groups: this machine lacks nothing of version 2")
@@ -206,7 +198,7 @@ def test_what_the_machine_lacks_is_named_before_anything_is_changed(tmp_path: Pa
         LinuxHostProvider(described, tmp_path).observe()
 
 
-def test_a_definition_that_was_never_written_is_read_or_refused(host: LinuxHostProvider, tmp_path: Path) -> None:
+def test_unwritten_definition_is_read_or_refused(host: LinuxHostProvider, tmp_path: Path) -> None:
     (file,) = (tmp_path / "rarms").glob("*.json")
     document = json.loads(file.read_bytes())
     for path in paths_in(document):
@@ -252,7 +244,7 @@ def test_odd_kernel_files_are_the_hosts_failure(
 
 
 @pytest.mark.parametrize("place", IRREGULAR_FILES)
-def test_what_is_no_file_in_a_definitions_place_is_refused(
+def test_definition_that_is_no_file_is_refused(
     host: LinuxHostProvider, tmp_path: Path, place: Callable[[Path], None]
 ) -> None:
     (file,) = (tmp_path / "rarms").glob("*.json")
@@ -264,7 +256,7 @@ def test_what_is_no_file_in_a_definitions_place_is_refused(
 
 
 @pytest.mark.needs("root")
-def test_a_state_folder_that_another_user_owns_is_refused_and_nothing_is_made_in_it(tmp_path: Path) -> None:
+def test_state_folder_of_another_user_is_refused(tmp_path: Path) -> None:
     os.chown(tmp_path, 65534, 65534)
     host = open_linux(builders.a_host(), tmp_path)
 
@@ -275,7 +267,7 @@ def test_a_state_folder_that_another_user_owns_is_refused_and_nothing_is_made_in
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_made_on_a_host_does_not_follow_the_umask(tmp_path: Path) -> None:
+def test_host_files_ignore_the_umask(tmp_path: Path) -> None:
     before = os.umask(0)
     try:
         for _ in opened_bench("linux"):

@@ -106,7 +106,7 @@ def seen(host: MeasuringHost, work: Work) -> list[tuple[str, Sample]]:
         return list(running.samples())
 
 
-def test_every_component_shows_its_samples_until_all_have_enough(host: MeasuringHost) -> None:
+def test_every_component_gets_enough_samples(host: MeasuringHost) -> None:
     work = some_work(EYES, EARS, eyes=SampleCount(samples=30), ears=SampleCount(samples=12))
     with ready(host):
         names = [name for name, _ in seen(host, work)]
@@ -116,7 +116,7 @@ def test_every_component_shows_its_samples_until_all_have_enough(host: Measuring
     assert names.count("eyes") == 30 or names.count("ears") == 12
 
 
-def test_samples_come_in_the_order_in_which_jobs_end(host: MeasuringHost) -> None:
+def test_samples_come_in_order_in_which_jobs_end(host: MeasuringHost) -> None:
     with ready(host):
         samples = seen(host, some_work(EYES, EARS, eyes=SampleCount(samples=30)))
 
@@ -126,7 +126,7 @@ def test_samples_come_in_the_order_in_which_jobs_end(host: MeasuringHost) -> Non
         assert ends == sorted(ends)
 
 
-def test_a_time_is_run_to_its_end_and_clock_and_consumption_only_grow(host: MeasuringHost) -> None:
+def test_fixed_time_runs_to_its_end(host: MeasuringHost) -> None:
     clock, consumed = [0.0], [0.0]
     with ready(host), host.run(some_work(EYES, eyes=Elapsed(time=milliseconds("500 ms")))) as running:
         for name, _ in running.samples():
@@ -139,7 +139,7 @@ def test_a_time_is_run_to_its_end_and_clock_and_consumption_only_grow(host: Meas
     assert 0 < consumed[-1] <= 2 * clock[-1]
 
 
-def test_what_counts_begins_when_it_is_said_and_lasts_as_long_as_it_must(host: MeasuringHost) -> None:
+def test_counting_begins_on_request_and_lasts(host: MeasuringHost) -> None:
     work = replace(some_work(EYES, eyes=SampleCount(samples=10)), least_ms=5 * host.scheduler_memory_ms)
     began = 0.0
     with ready(host), host.run(work) as running:
@@ -152,9 +152,7 @@ def test_what_counts_begins_when_it_is_said_and_lasts_as_long_as_it_must(host: M
 
 
 @pytest.mark.parametrize(("load", "begins_anew"), [("busy-loop", True), ("bursts-20", False)])
-def test_a_load_that_never_pauses_begins_anew_while_components_run_on(
-    load: str, begins_anew: bool, host: MeasuringHost
-) -> None:
+def test_steady_load_restarts_while_components_run(load: str, begins_anew: bool, host: MeasuringHost) -> None:
     work = some_work(EYES, load=LOADS_WITHOUT_ENTRY[load], eyes=SampleCount(samples=40))
     with ready(host), host.run(work) as running:
         samples = running.samples()
@@ -191,7 +189,7 @@ def test_more_reserve_is_never_slower(host: MeasuringHost) -> None:
 
 
 @pytest.mark.parametrize("load", ["bursts-20", "bursts-100-half"])
-def test_beside_bursts_who_asks_for_more_gets_what_they_leave(host: MeasuringHost, load: str) -> None:
+def test_beside_bursts_components_get_the_rest(host: MeasuringHost, load: str) -> None:
     """P1 reserves 20 %: beside bursts of P2's own 80 % it has hardly more, beside half of the time about half."""
     greedy = a_component("eyes", run=program(0.004, processes=2), simulation=a_simulation(work="4 ms", threads=2))
     work = some_work(greedy, load=LOADS_WITHOUT_ENTRY[load], eyes=Elapsed(time=milliseconds("3000 ms")))
@@ -203,9 +201,7 @@ def test_beside_bursts_who_asks_for_more_gets_what_they_leave(host: MeasuringHos
 
 
 @pytest.mark.parametrize(("reserve", "threads"), [(10, 1), (10, 2), (60, 1), (60, 2)])
-def test_a_component_that_asks_for_more_in_p1_gets_exactly_cr_on_each_processor_that_it_uses(
-    tmp_path: Path, reserve: int, threads: int
-) -> None:
+def test_p1_gets_exactly_cr_on_each_processor(tmp_path: Path, reserve: int, threads: int) -> None:
     host = simulated(tmp_path)
     greedy = a_component("eyes", simulation=a_simulation(work="4 ms", threads=threads))
     with ready(host, reserve), host.run(some_work(greedy, eyes=Elapsed(time=milliseconds("10000 ms")))) as running:
@@ -218,7 +214,7 @@ def test_a_component_that_asks_for_more_in_p1_gets_exactly_cr_on_each_processor_
 @pytest.mark.needs("control-groups")
 @pytest.mark.alone
 @pytest.mark.parametrize("reserve", [10, 60])
-def test_real_processes_share_a_machine_as_p1_and_p2_reserve_it(tmp_path: Path, reserve: int) -> None:
+def test_real_processes_share_as_p1_and_p2_reserve(tmp_path: Path, reserve: int) -> None:
     """Of what both got: others use this machine, too. Tried three times, as a setting is."""
     host, shares = linux(tmp_path), [0.0]
     greedy = a_component("eyes", run=program(0.004, processes=2))
@@ -238,7 +234,7 @@ def test_real_processes_share_a_machine_as_p1_and_p2_reserve_it(tmp_path: Path, 
 
 @pytest.mark.needs("control-groups")
 @pytest.mark.alone
-def test_nothing_of_real_work_stays_and_each_process_ran_in_its_group(tmp_path: Path) -> None:
+def test_real_work_leaves_nothing_and_ran_in_groups(tmp_path: Path) -> None:
     host, groups = linux(tmp_path), groups_of(tmp_path)
     with ready(host):
         both_run = some_work(EYES, EARS, eyes=SampleCount(samples=5), ears=SampleCount(samples=1))
@@ -290,7 +286,7 @@ with ready(host), host.run(some_work(EYES, eyes=SampleCount(samples=1_000_000)))
 
 @pytest.mark.needs("control-groups")
 @pytest.mark.alone
-def test_nothing_runs_on_where_rarms_is_killed_and_the_next_run_removes_p1_and_p2(tmp_path: Path) -> None:
+def test_killed_measurement_leaves_nothing_running(tmp_path: Path) -> None:
     groups, words = groups_of(tmp_path), [sys.executable, "-c", KILLED, str(tmp_path), slice_of(tmp_path)]
     with subprocess.Popen(words, cwd=CHECKOUT, stdout=subprocess.PIPE) as other:
         assert other.stdout is not None
@@ -312,7 +308,7 @@ def test_nothing_runs_on_where_rarms_is_killed_and_the_next_run_removes_p1_and_p
 
 @pytest.mark.needs("control-groups")
 @pytest.mark.alone
-def test_a_component_that_cannot_start_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
+def test_component_that_cannot_start_leaves_nothing(tmp_path: Path) -> None:
     host = linux(tmp_path)
     missing = a_component("eyes", run=a_run(command=("no-such-program",)))
     with ready(host), pytest.raises(HostRefused, match="no program"), host.run(some_work(missing)):
@@ -333,7 +329,7 @@ def test_what_does_not_run_cannot_be_worked_in(host: MeasuringHost) -> None:
         raise AssertionError("there is no P1")
 
 
-def test_the_same_work_with_the_same_seed_shows_the_same_samples_on_a_simulated_host(tmp_path: Path) -> None:
+def test_equal_seeds_give_equal_samples(tmp_path: Path) -> None:
     def run(seed: int) -> list[tuple[str, Sample]]:
         host = SimulatedMeasuringHost(a_host(), tmp_path / "onboard.json", SchedulerSimulation)
         with ready(host):
@@ -352,7 +348,7 @@ def test_a_simulated_component_needs_a_demand(tmp_path: Path) -> None:
         raise AssertionError("it has no demand")
 
 
-def test_a_simulated_job_that_takes_longer_than_its_timeout_is_a_failed_sample(tmp_path: Path) -> None:
+def test_simulated_job_beyond_timeout_fails(tmp_path: Path) -> None:
     slow = a_component("slow", run=a_run(timeout="10 ms"), simulation=a_simulation(work="50 ms"))
     host = SimulatedMeasuringHost(a_host(), tmp_path / "onboard.json", SchedulerSimulation)
     with ready(host):

@@ -58,9 +58,7 @@ def counted_run(calls: Calls, host: WindowsHost, plan: Plan) -> tuple[int, int]:
 
 
 @pytest.mark.parametrize("count", [1, PARTITIONS])
-def test_a_creation_takes_four_calls_a_step_and_another_run_lists_the_machines_twice_at_most(
-    count: int, calls: Calls
-) -> None:
+def test_creation_takes_four_calls_a_step(count: int, calls: Calls) -> None:
     host = a_windows()
     plan = Cell(a_system(count), host.copy()).plan()
 
@@ -85,7 +83,7 @@ def test_a_changed_reserve_takes_four_calls_a_step(calls: Calls) -> None:
     assert (looked, calls["get-vmsecurity"]) == (3, 0)
 
 
-def test_two_reserves_that_change_places_take_four_calls_a_step(calls: Calls) -> None:
+def test_swapped_reserves_take_four_calls_a_step(calls: Calls) -> None:
     def halves(first: int) -> System:
         shares = {"first": first, "second": 90 - first}
         return a_cell_system(*(a_component(name, reserve=f"{share} %", processors=4) for name, share in shares.items()))
@@ -115,7 +113,7 @@ def test_a_removal_takes_five_calls_a_step(calls: Calls) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 30])
-def test_looking_takes_twelve_calls_at_most_for_any_number_of_machines(count: int, calls: Calls) -> None:
+def test_observing_takes_at_most_twelve_calls(count: int, calls: Calls) -> None:
     host = a_windows(*(a_stranger(f"m{number}", number, disks=[IMAGE]) for number in range(count)))
 
     document_of(host)
@@ -124,7 +122,7 @@ def test_looking_takes_twelve_calls_at_most_for_any_number_of_machines(count: in
     assert len(document_of(host)["virtual_disks"]["value"]) == count
 
 
-def test_a_machine_that_cannot_be_read_hides_none_of_the_others(calls: Calls) -> None:
+def test_unreadable_machine_hides_no_others(calls: Calls) -> None:
     host = a_windows(*(a_stranger(f"m{number}", number) for number in range(5)))
     host.refusals["Get-VMMemory m3"] = ("InvalidState,GetVMMemory", "InvalidOperation", "it is busy")
 
@@ -135,7 +133,7 @@ def test_a_machine_that_cannot_be_read_hides_none_of_the_others(calls: Calls) ->
     assert calls["get-vmprocessor"] == 1
 
 
-def test_a_host_that_is_read_for_long_says_every_ten_seconds_that_it_still_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_long_reading_reports_every_ten_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
     host = a_windows()
     plan = Cell(a_system(PARTITIONS), host.copy()).plan()
     apply(host, plan)
@@ -171,7 +169,7 @@ def from_an_image(count: int) -> System:
     [(a_system(10), 140, 120), (from_an_image(10), 165, 155), (from_an_image(1), 110, 110)],
     ids=["ten", "ten from an image", "one from an image"],
 )
-def test_what_is_made_and_its_undo_are_few_lines_that_do_it(system: System, apply_lines: int, undo_lines: int) -> None:
+def test_apply_and_undo_scripts_are_few_lines(system: System, apply_lines: int, undo_lines: int) -> None:
     host = a_windows()
     plan = Cell(system, host.copy()).plan()
     scripts = scripts_of(plan)
@@ -186,7 +184,7 @@ def test_what_is_made_and_its_undo_are_few_lines_that_do_it(system: System, appl
     assert scripts[undo_script(plan)].count(b"\n") <= undo_lines
 
 
-def test_a_changed_reserve_is_80_lines_and_nine_more_alike_are_50_more() -> None:
+def test_changed_reserve_takes_80_lines() -> None:
     host = a_windows()
     apply(host, Cell(a_system(10), host.copy()).plan())
     single, ten = (Cell(a_system(10, 8, others), host.copy()).plan() for others in (5, 6))
@@ -197,7 +195,7 @@ def test_a_changed_reserve_is_80_lines_and_nine_more_alike_are_50_more() -> None
     assert (max(counts[:2]), max(counts[2:])) <= (80, 130)
 
 
-def test_a_number_more_in_the_manifest_changes_eleven_lines_of_a_script_and_two_a_row_at_most() -> None:
+def test_one_number_changes_few_script_lines() -> None:
     before, after = (lines_of(a_system(PARTITIONS, reserve=reserve)) for reserve in (6, 7))
 
     assert len(after) == len(before)

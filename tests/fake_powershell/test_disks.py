@@ -20,7 +20,7 @@ def disk_of(host: WindowsHost) -> str:
     return path
 
 
-def test_a_disk_goes_with_its_machine_where_that_was_asked_for_and_its_image_stays() -> None:
+def test_disk_is_deleted_with_machine_on_request() -> None:
     prepared = removal()
     host = prepared.copy()
     path = disk_of(host)
@@ -34,7 +34,7 @@ def test_a_disk_goes_with_its_machine_where_that_was_asked_for_and_its_image_sta
     assert prepared.cell.on(host).plan(purpose=Purpose.DESTROY, remove_disks=True).hosts[0].steps == ()
 
 
-def test_without_being_asked_for_it_stays_and_is_told_by_its_path() -> None:
+def test_disk_stays_unasked_and_is_told() -> None:
     cell = removal().cell
     host = cell.host.copy()
     plan = cell.plan(purpose=Purpose.DESTROY)
@@ -87,7 +87,7 @@ MOVES: list[Callable[[WindowsHost], None]] = [
 
 
 @pytest.mark.parametrize("move", MOVES, ids=lambda move: move.__name__.strip("_"))
-def test_a_disk_that_is_no_longer_as_the_plan_knew_it_is_not_deleted(move: Callable[[WindowsHost], None]) -> None:
+def test_changed_disk_is_not_deleted(move: Callable[[WindowsHost], None]) -> None:
     prepared = removal()
     host = prepared.copy()
     path = disk_of(host)
@@ -99,7 +99,7 @@ def test_a_disk_that_is_no_longer_as_the_plan_knew_it_is_not_deleted(move: Calla
     assert host.file(path) is not None
 
 
-def test_a_disk_whose_name_is_a_pattern_ends_the_search_for_children_in_plain_words() -> None:
+def test_disk_named_like_a_pattern_is_refused() -> None:
     prepared = removal()
     host = prepared.copy()
     path = disk_of(host)
@@ -119,7 +119,7 @@ SEEN = [move for move in MOVES if move not in (_a_checkpoint_of_another, _anothe
 
 
 @pytest.mark.parametrize("move", SEEN, ids=lambda move: move.__name__.strip("_"))
-def test_the_next_plan_leaves_such_a_disk_and_says_so(move: Callable[[WindowsHost], None]) -> None:
+def test_next_plan_leaves_such_disk_and_says_so(move: Callable[[WindowsHost], None]) -> None:
     prepared = removal()
     host = prepared.copy()
     path = disk_of(host)
@@ -138,7 +138,7 @@ def below(host: WindowsHost, folder: str = "D:\\vms\\") -> set[str]:
     return {re.sub("-[0-9a-f]{12}", "", file.path) for file in host.files.values() if file.path.startswith(folder)}
 
 
-def test_machine_and_disk_lie_in_one_folder_of_the_final_name_and_an_undo_leaves_none() -> None:
+def test_undo_leaves_no_partition_folder() -> None:
     prepared = fresh()
     whole = prepared.effects()
     made: set[str] = set()
@@ -157,7 +157,7 @@ def test_machine_and_disk_lie_in_one_folder_of_the_final_name_and_an_undo_leaves
 
 
 @pytest.mark.parametrize("content", [CHILD + b"D:\\images\\other.vhdx", b"everything of its own"])
-def test_a_file_of_another_kind_is_not_taken_for_the_disk_that_is_to_be_made(content: bytes) -> None:
+def test_foreign_file_is_not_taken_for_the_disk(content: bytes) -> None:
     prepared = fresh()
     host = prepared.copy()
     path = f"D:\\vms\\planning\\planning-{prepared.plan.id}.vhdx"
@@ -170,7 +170,7 @@ def test_a_file_of_another_kind_is_not_taken_for_the_disk_that_is_to_be_made(con
     assert not any(path in vm.disks for vm in host.vms.values())
 
 
-def test_a_child_that_a_killed_run_made_is_taken_in_any_case_of_its_parents_path() -> None:
+def test_child_disk_matches_parent_in_any_case() -> None:
     prepared = fresh()
     made = prepared.effect("New-VHD")
     host = prepared.after_a_run(kill_after=made)

@@ -63,7 +63,7 @@ def statuses(ran: Ran) -> list[str]:
 
 
 @pytest.mark.parametrize("windows_powershell", [True, False], ids=["5.1", "7"])
-def test_the_classes_are_written_and_what_was_there_is_kept(windows_powershell: bool) -> None:
+def test_classes_are_written_and_old_values_kept(windows_powershell: bool) -> None:
     guest = a_guest()
     before = classes(guest)
 
@@ -79,7 +79,7 @@ def test_the_classes_are_written_and_what_was_there_is_kept(windows_powershell: 
     assert "Latency Sensitive" not in after["Games"].values
 
 
-def test_a_second_run_finds_all_as_wanted_and_the_undo_brings_back_what_was_there() -> None:
+def test_second_run_is_unchanged_and_undo_restores() -> None:
     guest = a_guest()
     before = classes(guest)
     assert run(guest, SCRIPT).code == 0
@@ -92,7 +92,7 @@ def test_a_second_run_finds_all_as_wanted_and_the_undo_brings_back_what_was_ther
     assert (undone.code, classes(guest)) == (0, before), undone.says
 
 
-def test_values_that_an_earlier_run_wrote_do_not_become_what_was_there_before() -> None:
+def test_earlier_run_does_not_become_the_original() -> None:
     guest = a_guest()
     before = classes(guest)
     assert run(guest, SCRIPT).code == 0
@@ -107,7 +107,7 @@ def test_values_that_an_earlier_run_wrote_do_not_become_what_was_there_before() 
     assert record.before == before["Games"].values
 
 
-def test_a_class_that_is_another_tools_is_left_alone() -> None:
+def test_class_that_is_another_tools_is_left_alone() -> None:
     guest = a_guest()
     guest.add_key(f"{PROFILE}\\Tasks\\MotionControl").values["priority"] = Entry(name="Priority", kind="DWord", data=3)
 
@@ -118,7 +118,7 @@ def test_a_class_that_is_another_tools_is_left_alone() -> None:
     assert classes(guest)["MotionControl"].values == {"Priority": RegistryValue(kind=ValueKind.DWORD, data=3)}
 
 
-def test_the_script_does_not_run_on_the_host_itself() -> None:
+def test_script_does_not_run_on_host_itself() -> None:
     (part,) = the_plan().hosts
     host = a_windows(computer=part.facts.computer_name)
     put(host, the_scripts())
@@ -130,7 +130,7 @@ def test_the_script_does_not_run_on_the_host_itself() -> None:
 
 
 @pytest.mark.parametrize("script", [SCRIPT, UNDO])
-def test_the_script_does_not_run_in_the_guest_of_another_machine(script: str) -> None:
+def test_script_refuses_guest_of_another_machine(script: str) -> None:
     guest = a_guest("speech")
     before = classes(guest)
 
@@ -141,7 +141,7 @@ def test_the_script_does_not_run_in_the_guest_of_another_machine(script: str) ->
     assert classes(guest) == before
 
 
-def test_a_machine_that_is_there_is_known_by_its_id_and_a_namesake_elsewhere_is_not_it() -> None:
+def test_existing_machine_is_known_by_id() -> None:
     cell = Cell(the_system(), a_windows())
     host = cell.host.copy()
     assert apply(host, the_plan()).code == 0
@@ -162,7 +162,7 @@ def test_a_machine_that_is_there_is_known_by_its_id_and_a_namesake_elsewhere_is_
     ("name", "kind"),
     [*((name, "DWord") for name in ("a*", "PSObject", "psbase", "", "(Default)")), ("Extra", "MultiString")],
 )
-def test_a_class_that_holds_a_name_which_could_not_come_back_is_not_ours_to_take(name: str, kind: str) -> None:
+def test_class_with_unrestorable_name_is_not_taken(name: str, kind: str) -> None:
     guest = a_guest()
     values = guest.add_key(f"{PROFILE}\\Tasks\\Games").values
     values[name.lower()] = Entry(name=name, kind=kind, data="a b" if kind == "MultiString" else 1)
@@ -176,7 +176,7 @@ def test_a_class_that_holds_a_name_which_could_not_come_back_is_not_ours_to_take
 
 
 @pytest.mark.parametrize("script", [SCRIPT, UNDO])
-def test_a_class_of_ours_that_got_a_value_of_its_key_is_refused_before_anything_is_written(script: str) -> None:
+def test_class_with_default_value_is_refused_first(script: str) -> None:
     guest = a_guest()
     assert run(guest, SCRIPT).code == 0
     for task in ("Games", "MotionControl"):
@@ -191,7 +191,7 @@ def test_a_class_of_ours_that_got_a_value_of_its_key_is_refused_before_anything_
     assert classes(guest) == before
 
 
-def test_a_powershell_of_32_bits_is_refused_because_it_sees_another_registry() -> None:
+def test_powershell_of_32_bits_is_refused() -> None:
     guest = a_guest()
     guest.bits = 32
     before = classes(guest)

@@ -87,7 +87,7 @@ def test_strict_mode_and_strict_binding_stop_a_script(says: str) -> None:
 @pytest.mark.parametrize(
     "says", ["Out -W 1", "Out 1", "Invoke-Expression -Command 'x'", "Get-VM", "$x = @{ a = 1; A = 2 }", "1..3"]
 )
-def test_what_the_twin_does_not_know_is_told_and_never_guessed(says: str) -> None:
+def test_unsupported_is_told_and_never_guessed(says: str) -> None:
     with pytest.raises(Unsupported):
         told(says)
 

@@ -40,7 +40,7 @@ def live(host: WindowsHost | None, before: str = "", after: str = "", signatures
     return LiveHypervHost(a_host("onboard"), FakePowerShellTransport(host, before, after), signatures)
 
 
-def test_what_is_written_down_is_what_the_script_printed() -> None:
+def test_what_is_written_down_is_what_script_printed() -> None:
     host = everything().copy()
 
     data = live(host, before="Windows PowerShell").recorded()
@@ -51,7 +51,7 @@ def test_what_is_written_down_is_what_the_script_printed() -> None:
 
 
 @pytest.mark.parametrize(("build", "edition"), [("14393", "Desktop"), ("26100", "Core")], ids=["2016", "2025"])
-def test_windows_powershell_looks_where_7_does_not_load_hyperv_itself(build: str, edition: str) -> None:
+def test_windows_powershell_looks_on_server_2016(build: str, edition: str) -> None:
     host = everything().copy(powershell={"version": "7.4.6", "edition": "Core"}, loads_hyperv=build == "26100")
     host.add_key(WINDOWS).values["currentbuildnumber"] = Entry(name="CurrentBuildNumber", kind="String", data=build)
     there = live(host)
@@ -62,7 +62,7 @@ def test_windows_powershell_looks_where_7_does_not_load_hyperv_itself(build: str
     assert state.partitions == live(everything().copy()).observe().partitions
 
 
-def test_a_snapshot_of_a_live_host_says_all_that_the_host_itself_says() -> None:
+def test_snapshot_says_what_the_live_host_says() -> None:
     host = everything().after_a_run(kill_after=25)
     there = live(host)
 
@@ -75,7 +75,7 @@ def test_a_snapshot_of_a_live_host_says_all_that_the_host_itself_says() -> None:
     assert seen.unfinished == there.unfinished() is not None
 
 
-def test_a_host_that_constrains_the_language_of_scripts_says_so() -> None:
+def test_host_that_constrains_language_of_scripts_says_so() -> None:
     host = fresh().copy(language="ConstrainedLanguage")
 
     with pytest.raises(HostFailed, match="runs in ConstrainedLanguage here, by AppLocker or App Control"):
@@ -118,7 +118,7 @@ class Heard:
         return False
 
 
-def test_where_a_policy_wants_signatures_what_a_reviewer_signed_is_what_runs(tmp_path: Path) -> None:
+def test_signed_copy_is_what_runs(tmp_path: Path) -> None:
     prepared = fresh()
     host = prepared.copy(all_signed=True)
     (part,) = prepared.plan.hosts
@@ -145,7 +145,7 @@ def test_where_a_policy_wants_signatures_what_a_reviewer_signed_is_what_runs(tmp
     assert there.observe().partitions == before.partitions
 
 
-def test_a_signed_run_that_is_killed_is_finished_by_the_signed_text_in_its_journal(tmp_path: Path) -> None:
+def test_killed_signed_run_is_finished_from_journal(tmp_path: Path) -> None:
     prepared = everything()
     own = apply_job(prepared.plan.id, prepared.plan.hosts[0]).script
     (tmp_path / "Rarms").mkdir()
@@ -171,7 +171,7 @@ def test_a_signed_run_that_is_killed_is_finished_by_the_signed_text_in_its_journ
 
 
 @pytest.mark.parametrize("changed", ["another text", "another line behind it", "no signature"])
-def test_a_signed_file_that_says_anything_else_is_not_what_runs(tmp_path: Path, changed: str) -> None:
+def test_signed_file_with_other_text_does_not_run(tmp_path: Path, changed: str) -> None:
     prepared = fresh()
     host = prepared.copy()
     script = apply_job(prepared.plan.id, prepared.plan.hosts[0]).script
@@ -190,7 +190,7 @@ def test_a_signed_file_that_says_anything_else_is_not_what_runs(tmp_path: Path, 
 KEY = b"0123456789abcdef"
 
 
-def test_a_run_of_a_plan_that_was_signed_with_a_key_is_known_by_its_journal(tmp_path: Path) -> None:
+def test_run_of_keyed_plan_is_known_by_journal(tmp_path: Path) -> None:
     prepared = fresh()
     plan = sign_plan(prepared.plan, KEY)
     host = prepared.copy(kill_after=20)
@@ -229,9 +229,7 @@ READING_JOURNAL = "Get-Content"
         ("Get-VMSnapshot backup", 'machine "backup"'),
     ],
 )
-def test_what_could_not_be_read_is_not_empty_live_or_in_a_snapshot(
-    command: str, subject: str, error: tuple[str, str, str]
-) -> None:
+def test_unread_is_not_empty(command: str, subject: str, error: tuple[str, str, str]) -> None:
     host = everything().copy()
     host.refusals[command] = error
 
@@ -247,7 +245,7 @@ def test_what_could_not_be_read_is_not_empty_live_or_in_a_snapshot(
     assert read_script_output(live(everything().copy()).recorded(), "onboard").unread is None  # type: ignore[union-attr]
 
 
-def test_a_journal_in_a_folder_that_may_not_be_listed_is_not_an_absent_one() -> None:
+def test_unlistable_journal_is_not_absent() -> None:
     host = everything().copy(elevated=False)
     there = live(host)
 
@@ -269,7 +267,7 @@ def test_looking_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize("ask", ["observe", "examined", "recorded"])
-def test_a_host_out_of_reach_or_one_that_says_something_else_is_told(ask: str) -> None:
+def test_unreachable_or_garbled_host_is_told(ask: str) -> None:
     with pytest.raises(HostFailed, match="nobody answers"):
         getattr(live(None), ask)()
     with pytest.raises(HostFailed, match="cannot be read"):

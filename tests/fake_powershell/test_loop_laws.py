@@ -82,7 +82,7 @@ def possible(cell: Cell) -> Plan:
 
 @FEW
 @given(laid_out(), st.data())
-def test_a_change_of_mind_is_run_and_then_there_is_nothing_to_do(cell: Cell, data: st.DataObject) -> None:
+def test_changed_wish_is_applied_and_stays(cell: Cell, data: st.DataObject) -> None:
     first, host = possible(cell), cell.host.copy(watch=within)
     before = strangers_of(host)
     assert apply(host, first).code == 0

@@ -115,7 +115,7 @@ def test_lines_are_read_as_the_manifest_says(measured: Measured) -> None:
     assert all(sample.response_ms == pytest.approx(40, rel=0.05) for sample in series.samples)
 
 
-def test_what_cannot_be_removed_is_told_and_removed_the_next_time(measured: Measured) -> None:
+def test_leftover_is_told_and_removed_next_time(measured: Measured) -> None:
     host = a_measurable_windows()
 
     def keep_machines(changed: WindowsHost) -> None:
@@ -135,9 +135,7 @@ def test_what_cannot_be_removed_is_told_and_removed_the_next_time(measured: Meas
     assert leftovers(host) == []
 
 
-def test_of_settings_that_ssh_brings_as_one_text_the_newest_counts(
-    measured: Measured, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_newest_of_merged_settings_counts(measured: Measured, monkeypatch: pytest.MonkeyPatch) -> None:
     send = Conversation.send
     monkeypatch.setattr(Conversation, "send", lambda talk, text: send(talk, f"1 rest.{text}" if "." in text else text))
 
@@ -146,7 +144,7 @@ def test_of_settings_that_ssh_brings_as_one_text_the_newest_counts(
     assert [setting.reserve for setting in result.settings] == [40, 50]
 
 
-def test_a_job_that_closes_its_output_and_stays_is_late(measured: Measured) -> None:
+def test_job_that_closes_output_and_stays_is_late(measured: Measured) -> None:
     host = a_measurable_windows(vision=Program(work_ms=20, stays=True))
     short = MANIFEST.replace("samples: 60 }", "samples: 3 }, timeout: 1 s, failures: 9")
 
@@ -156,7 +154,7 @@ def test_a_job_that_closes_its_output_and_stays_is_late(measured: Measured) -> N
     assert leftovers(host) == []
 
 
-def test_a_session_that_cannot_be_removed_does_not_keep_the_test_partitions(measured: Measured) -> None:
+def test_broken_session_does_not_keep_test_partitions(measured: Measured) -> None:
     host = a_measurable_windows()
     host.refusals["Remove-PSSession"] = ("Unspecified", "NotSpecified", "The session is broken.")
 
@@ -167,9 +165,7 @@ def test_a_session_that_cannot_be_removed_does_not_keep_the_test_partitions(meas
     assert leftovers(host) == []
 
 
-def test_a_script_that_waits_for_the_host_may_be_silent_as_long(
-    measured: Measured, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_waiting_script_may_be_silent_as_long(measured: Measured, monkeypatch: pytest.MonkeyPatch) -> None:
     allowed: list[float] = []
     next_line = Conversation.next_line
 
@@ -185,7 +181,7 @@ def test_a_script_that_waits_for_the_host_may_be_silent_as_long(
     assert min(filter(None, allowed)) == 120  # once it is held
 
 
-def test_counters_that_are_slow_to_read_do_not_pile_up(measured: Measured, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slow_counters_do_not_pile_up(measured: Measured, monkeypatch: pytest.MonkeyPatch) -> None:
     counters, next_line = guests.counters, Conversation.next_line
     behind: list[int] = []
 
@@ -212,7 +208,7 @@ def test_counters_that_are_slow_to_read_do_not_pile_up(measured: Measured, monke
     ("source", "ticks"),
     [("", 330_000), ("samples: { from: json_lines, response_time: { field: took, unit: ms } }, ", 0)],
 )
-def test_only_a_process_a_job_is_started_by_its_period(
+def test_only_process_job_is_started_by_its_period(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, source: str, ticks: int
 ) -> None:
     (tmp_path / "rarms.yaml").write_text(
@@ -236,7 +232,7 @@ def test_what_a_guest_prints_besides_is_passed_over() -> None:
 
 
 @pytest.mark.parametrize("step", [1, 9, 14, 20, 28, 31])
-def test_what_a_killed_measurement_left_the_next_one_removes(measured: Measured, step: int) -> None:
+def test_what_killed_measurement_left_next_one_removes(measured: Measured, step: int) -> None:
     host = a_measurable_windows()
     host.kill_before = step
 
@@ -249,7 +245,7 @@ def test_what_a_killed_measurement_left_the_next_one_removes(measured: Measured,
     assert leftovers(host) == []
 
 
-def test_the_guard_in_a_guest_ends_what_a_dead_session_started(measured: Measured) -> None:
+def test_guard_in_guest_ends_what_dead_session_started(measured: Measured) -> None:
     host = a_measurable_windows()
 
     def kill_while_it_runs(changed: WindowsHost) -> None:
@@ -298,7 +294,7 @@ def test_what_windows_refuses_is_told_and_nothing_stays(
     ],
     ids=["-WhatIf", "-Abandon", "too short", "too long"],
 )
-def test_a_script_run_by_hand_makes_nothing_and_says_so(
+def test_script_by_hand_makes_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: dict[str, int], code: int, words: str
 ) -> None:
     host = a_measurable_windows()
@@ -337,7 +333,7 @@ COUNTS = Program(work_ms=500, line="calibrated")
 """`bursts.ps1` on the fake: it writes its line when it has counted, and goes on."""
 
 
-def test_components_begin_when_bursts_have_counted_what_a_processor_does(measured: Measured) -> None:
+def test_components_begin_after_bursts_have_calibrated(measured: Measured) -> None:
     host = a_measurable_windows(powershell=COUNTS)
 
     (result,) = measured(host, BURSTS, reserves=(40,)).experiments
@@ -349,7 +345,7 @@ def test_components_begin_when_bursts_have_counted_what_a_processor_does(measure
     assert setting.series[0].samples
 
 
-def test_bursts_in_a_guest_are_told_what_their_partition_reserves(measured: Measured) -> None:
+def test_bursts_know_what_their_partition_reserves(measured: Measured) -> None:
     host = a_measurable_windows(powershell=COUNTS)
 
     (result,) = measured(host, BURSTS, reserves=(40, 70)).experiments

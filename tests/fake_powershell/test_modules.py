@@ -159,7 +159,7 @@ def test_row_confirm_asks_once(module: str, answer: str, left: int) -> None:
     assert (asked.prompts, asked.code, reserve(host)) == (1, 0, left)
 
 
-def test_row_without_the_modules_own_preference_the_cmdlet_asks_again() -> None:
+def test_row_without_modules_own_preference_cmdlet_asks_again() -> None:
     host = a_host(script(), module=MODULE.replace("$ConfirmPreference = 'None'", "$ConfirmPreference = 'Low'"))
 
     assert ran(host, answers="YY").prompts == 2
@@ -191,7 +191,7 @@ def test_row_a_callers_low_preference_without_a_console(module: str) -> None:
 
 @FORMS
 @WAYS
-def test_row_preferences_and_defaults_of_the_caller_have_no_effect(module: str, at_prompt: bool) -> None:
+def test_row_callers_preferences_have_no_effect(module: str, at_prompt: bool) -> None:
     host = a_host(
         script(module),
         profile="$ErrorActionPreference = 'SilentlyContinue'\r\nSet-StrictMode -Off",
@@ -203,7 +203,7 @@ def test_row_preferences_and_defaults_of_the_caller_have_no_effect(module: str, 
 
 
 @FORMS
-def test_row_functions_of_the_caller_called_like_the_modules_own(module: str) -> None:
+def test_row_functions_of_caller_called_like_modules_own(module: str) -> None:
     host = a_host(script(module), profile="function Test-Wanted { $false }\r\nfunction Show-Line { 'hidden' }")
 
     assert (ran(host).lines, reserve(host)) == (("changed",), 40)
@@ -211,7 +211,7 @@ def test_row_functions_of_the_caller_called_like_the_modules_own(module: str) ->
 
 @FORMS
 @WAYS
-def test_row_aliases_of_the_caller_come_before_a_modules_functions(module: str, at_prompt: bool) -> None:
+def test_row_aliases_of_caller_come_before_modules_functions(module: str, at_prompt: bool) -> None:
     profile = "function Yes { $true }"
     host = a_host(script(module), profile=profile, aliases={"test-wanted": "Yes"})
     unguarded = MODULE.replace("if ($aliases.Count)", "if ($false)")
@@ -235,7 +235,7 @@ def test_row_another_version_loaded_before() -> None:
     assert ran(host).lines == ("changed",)
 
 
-def test_what_was_imported_stays_until_it_is_imported_with_force() -> None:
+def test_import_without_force_keeps_the_old_module() -> None:
     twice = "$a = Import-Module -Name 'C:\\run\\Rarms\\Rarms.psd1'{} -PassThru\r\n"
     text = f"Set-StrictMode -Version 3.0\r\n{twice.format('')}$a.ExportedFunctions.Clear()\r\n"
     host = a_host(text + twice.format("") + "$a.ExportedFunctions.Count\r\n")
@@ -253,7 +253,7 @@ def test_only_what_the_manifest_names_is_exported() -> None:
 
 
 @pytest.mark.parametrize("at_prompt", [False, True], ids=["-File", "&"])
-def test_row_a_modules_own_should_process_sees_what_if_of_a_file_alone(at_prompt: bool) -> None:
+def test_row_module_sees_what_if_of_file_alone(at_prompt: bool) -> None:
     """`-File x.ps1 -WhatIf` runs in the global scope, which the module sees; `.\\x.ps1 -WhatIf` does not."""
     module = (
         "function Invoke-Own {\r\n[CmdletBinding(SupportsShouldProcess)]\r\nparam()\r\n"
@@ -281,7 +281,7 @@ def test_row_strict_mode_is_the_modules_own() -> None:
     assert ran(a_host(text, module=module), at_prompt=True).lines == ("lenient", "strict")
 
 
-def test_row_a_block_that_runs_later_does_not_see_a_loops_variable() -> None:
+def test_row_late_block_sees_no_loop_variable() -> None:
     plan = "foreach ($row in @('40')) { Add-Set -Set { Hyper-V\\Set-VMProcessor -VM $script:Vm -Reserve $row } }"
 
     ended = ran(a_host(script(plan=plan)))
@@ -289,7 +289,7 @@ def test_row_a_block_that_runs_later_does_not_see_a_loops_variable() -> None:
     assert ended.lines == ("The variable '$row' cannot be retrieved because it has not been set.",)
 
 
-def test_row_a_variable_of_the_module_that_is_set_before_the_call_reaches_a_block_that_runs_later() -> None:
+def test_row_module_variable_reaches_late_block() -> None:
     module = """
 function Add-Set {
     param($Row, [scriptblock] $Set)
@@ -324,7 +324,7 @@ $invoke = $m.ExportedFunctions['Invoke-All']
     assert ran(a_host(text, module=module)).lines == ("a 5", "b 6")
 
 
-def test_row_a_new_closure_takes_a_block_out_of_the_module() -> None:
+def test_row_new_closure_takes_block_out_of_module() -> None:
     plan = (
         "foreach ($row in @(40)) { $set = { Hyper-V\\Set-VMProcessor -VM $script:Vm -Reserve $row }\r\n"
         "Add-Set -Set ($set.GetNewClosure()) }"
@@ -345,7 +345,7 @@ def test_row_the_command_path_is_the_modules() -> None:
     assert ran(a_host(text, module=module)).lines == (f"{FOLDER}\\Rarms\\Rarms.psm1", f"{FOLDER}\\x.ps1")
 
 
-def test_row_exit_inside_a_function_ends_the_script_with_that_code() -> None:
+def test_row_exit_in_function_ends_the_script() -> None:
     module = "function Stop-All { exit 42 }\r\n"
     text = (
         "$m = Import-Module -Name 'C:\\run\\Rarms\\Rarms.psm1' -PassThru\r\n"
@@ -372,7 +372,7 @@ OPENED = "C:\\run\\held.txt"
         ("[System.IO.FileStream]::new('{}', 'OpenOrCreate', 'Write', 'Read').Dispose()", (READ, READ), False),
     ],
 )
-def test_files_are_shared_as_each_process_lets_the_others(
+def test_files_are_shared_as_each_process_lets_others(
     statement: str, held: tuple[frozenset[str], frozenset[str]], reads: bool
 ) -> None:
     text = f"try {{ {statement.format(OPENED)}\r\n'done' }} catch [System.IO.IOException] {{ 'in use' }}\r\n"

@@ -13,7 +13,7 @@ def again(host: WindowsHost, plan: Prepared) -> Ran:
     return run(host, apply_script(plan.plan))
 
 
-def test_what_a_late_step_finds_moved_keeps_the_first_from_being_done() -> None:
+def test_late_moved_step_stops_the_first() -> None:
     prepared = everything()
     host = prepared.copy()
     key = host.key(GAMES)
@@ -29,7 +29,7 @@ def test_what_a_late_step_finds_moved_keeps_the_first_from_being_done() -> None:
     assert "begun" not in {event["status"] for event in ran.events}
 
 
-def test_what_a_killed_run_did_and_another_tool_changed_since_is_refused_before_it_goes_on() -> None:
+def test_change_after_kill_is_refused_before_finishing() -> None:
     prepared = everything()
     host = prepared.after_a_run(kill_before=len(prepared.effects()) - 1)
     host.machine("vision").weight = 77
@@ -61,7 +61,7 @@ def test_a_run_whose_last_look_disagrees_stays_unfinished() -> None:
     assert undo(host, prepared.plan).code in (0, 3)
 
 
-def test_two_marks_in_the_notes_of_one_machine_count_for_no_partition() -> None:
+def test_two_marks_count_for_no_partition() -> None:
     prepared = everything()
     host = prepared.copy()
     vm = host.machine("vision")
@@ -75,7 +75,7 @@ def test_two_marks_in_the_notes_of_one_machine_count_for_no_partition() -> None:
     ] == [None]
 
 
-def test_a_value_in_another_case_is_the_same_value() -> None:
+def test_value_in_another_case_is_same_value() -> None:
     prepared = everything()
     host = prepared.copy()
     key = host.key(GAMES)

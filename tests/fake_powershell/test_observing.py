@@ -28,7 +28,7 @@ def _told(probe: Any) -> Any:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_recorded_host_comes_out_as_it_went_in(name: str) -> None:
+def test_recorded_host_comes_out_as_it_went_in(name: str) -> None:
     recorded = document(name)
     seen = document_of(host_from(recorded))
 

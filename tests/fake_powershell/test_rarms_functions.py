@@ -40,7 +40,7 @@ def host(prepared: Prepared) -> WindowsHost:
     return prepared.furnished()
 
 
-def test_a_plan_is_done_and_tested_by_the_path_of_its_script(prepared: Prepared, host: WindowsHost) -> None:
+def test_plan_runs_and_tests_by_script_path(prepared: Prepared, host: WindowsHost) -> None:
     path = f"-Path '{FOLDER}\\{apply_script(prepared.plan)}'"
     before: list[Value] = []
     after: list[Value] = []
@@ -57,7 +57,7 @@ def test_a_plan_is_done_and_tested_by_the_path_of_its_script(prepared: Prepared,
         assert any(str(thing.get("Address")).startswith("partition/") for thing in given if isinstance(thing, Thing))
 
 
-def test_a_script_that_takes_something_away_asks_also_by_its_path(prepared: Prepared, host: WindowsHost) -> None:
+def test_destructive_script_asks_by_its_path_too(prepared: Prepared, host: WindowsHost) -> None:
     """The module's own preference is that nothing is asked; a script that its function calls does not see that."""
     assert apply(host, prepared.plan).code == 0
     removal = prepared.cell.on(host).plan(purpose=Purpose.DESTROY)
@@ -70,13 +70,13 @@ def test_a_script_that_takes_something_away_asks_also_by_its_path(prepared: Prep
     assert seen(host) == before
 
 
-def test_a_path_or_what_a_script_hands_over_must_be_given(host: WindowsHost) -> None:
+def test_path_must_be_given(host: WindowsHost) -> None:
     for name in ("Invoke-RarmsPlan", "Test-RarmsPlan"):
         assert "give -Path: the script of a plan" in at_prompt(host, name).says
 
 
 @pytest.mark.parametrize("data", [render_observe(), signed(render_observe())], ids=["as made", "signed"])
-def test_a_computer_is_observed_by_the_script_in_the_folder_of_the_module(host: WindowsHost, data: bytes) -> None:
+def test_module_folder_script_observes_the_computer(host: WindowsHost, data: bytes) -> None:
     put(host, {"Rarms/observe.ps1": data})
 
     ran = at_prompt(host, "Get-RarmsObservation")
@@ -104,7 +104,7 @@ def test_no_other_script_observes_for_the_module(host: WindowsHost, files: dict[
     assert says in ran.says
 
 
-def test_the_runs_of_a_computer_are_told_in_their_order(prepared: Prepared, host: WindowsHost) -> None:
+def test_runs_of_computer_are_told_in_their_order(prepared: Prepared, host: WindowsHost) -> None:
     none: list[Value] = []
     runs: list[Value] = []
     assert at_prompt(host, "Get-RarmsRun", none).code == 0
@@ -122,9 +122,7 @@ def test_the_runs_of_a_computer_are_told_in_their_order(prepared: Prepared, host
 
 @pytest.mark.parametrize("single", [False, True], ids=["module", "single file"])
 @pytest.mark.parametrize("finished", [True, False], ids=["done", "killed"])
-def test_the_last_run_is_taken_back_by_the_undo_script_that_the_computer_holds(
-    prepared: Prepared, single: bool, finished: bool
-) -> None:
+def test_undo_uses_the_script_in_the_journal(prepared: Prepared, single: bool, finished: bool) -> None:
     plan = in_one_file(prepared.plan) if single else prepared.plan
     host = prepared.copy() if finished else prepared.copy(kill_after=20)
     assert apply(host, plan).code == (0 if finished else None)
@@ -140,7 +138,7 @@ def test_the_last_run_is_taken_back_by_the_undo_script_that_the_computer_holds(
     assert [path for path in host.files if "\\undo" in path and FOLDER.lower() not in path] == [], "nothing stays"
 
 
-def test_an_undo_that_was_cut_off_is_gone_on_with(prepared: Prepared) -> None:
+def test_interrupted_undo_goes_on(prepared: Prepared) -> None:
     host = prepared.after_a_run()
     host = host.copy(kill_after=4)
     assert undo(host, prepared.plan).code is None
@@ -152,7 +150,7 @@ def test_an_undo_that_was_cut_off_is_gone_on_with(prepared: Prepared) -> None:
     assert seen(host) == seen(prepared.copy())
 
 
-def test_an_undo_is_previewed_and_where_there_is_none_that_is_said(prepared: Prepared, host: WindowsHost) -> None:
+def test_undo_is_previewed_or_nothing_to_undo(prepared: Prepared, host: WindowsHost) -> None:
     assert "there is nothing to take back" in at_prompt(host, "Undo-RarmsRun").says
     assert apply(host, prepared.plan).code == 0
     before = seen(host)
@@ -165,7 +163,7 @@ def test_an_undo_is_previewed_and_where_there_is_none_that_is_said(prepared: Pre
     assert "there is nothing to take back" in at_prompt(host, "Undo-RarmsRun").says
 
 
-def test_an_unfinished_run_is_among_them_without_a_closing(prepared: Prepared) -> None:
+def test_unfinished_run_is_among_them_without_closing(prepared: Prepared) -> None:
     runs: list[Value] = []
 
     assert at_prompt(prepared.after_a_run(kill_after=20), "Get-RarmsRun", runs).code == 0
@@ -195,9 +193,7 @@ def test_closing_a_run_is_asked_for(prepared: Prepared) -> None:
     assert (ran.code, "no console answers here" in ran.says) == (1, True), ran.says
 
 
-def test_a_run_is_asked_to_end_before_its_next_step_and_goes_on_when_it_is_run_again(
-    prepared: Prepared, host: WindowsHost
-) -> None:
+def test_asked_run_stops_and_can_go_on(prepared: Prepared, host: WindowsHost) -> None:
     script = apply_script(prepared.plan)
 
     assert at_prompt(host, f"Stop-RarmsRun -Path '{FOLDER}\\{script}'").code == 0

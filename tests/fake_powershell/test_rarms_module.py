@@ -26,7 +26,7 @@ MODULE = f"{MODULE_FOLDER}/Rarms.psm1"
 
 @pytest.mark.parametrize("single", [False, True], ids=["module", "single file"])
 @pytest.mark.parametrize("name", ["Test-Wanted", "Initialize-Run", "Compare-Reading", "Write-Failure"])
-def test_an_alias_of_the_caller_is_named_before_the_plan_is_read(name: str, single: bool) -> None:
+def test_callers_alias_is_named_first(name: str, single: bool) -> None:
     prepared = fresh()
     plan = in_one_file(prepared.plan) if single else prepared.plan
     host = prepared.copy(aliases={name.lower(): "Write-Output"})
@@ -68,7 +68,7 @@ def changed(name: str, change: Callable[[bytes], bytes]) -> Callable[[Mapping[st
         "all signed",
     ],
 )
-def test_no_other_module_than_the_one_that_the_script_names_is_imported(
+def test_only_the_named_module_is_imported(
     change: Callable[[Mapping[str, bytes]], Mapping[str, bytes]], code: int
 ) -> None:
     prepared = fresh()
@@ -84,7 +84,7 @@ def test_no_other_module_than_the_one_that_the_script_names_is_imported(
 
 
 @pytest.mark.parametrize("what", ["nothing", "script", "module", "undo"])
-def test_where_a_policy_wants_signatures_both_script_and_module_need_one(what: str) -> None:
+def test_signature_policy_needs_script_and_module_signed(what: str) -> None:
     prepared = fresh()
     host = prepared.copy(all_signed=True)
     unsigned = {"script": apply_script(prepared.plan), "module": MODULE}.get(what, "")
@@ -111,7 +111,7 @@ def state_of(host: WindowsHost, plan: Plan) -> list[tuple[Value, Value, Value]]:
     return [(thing.get("Address"), thing.get("InDesiredState"), thing.get("Disruption")) for thing in things]
 
 
-def test_test_tells_of_each_step_whether_it_is_as_wanted_and_writes_nothing() -> None:
+def test_test_reports_each_step_and_writes_nothing() -> None:
     made = fresh()
     host = made.furnished()
 
@@ -131,7 +131,7 @@ def test_test_tells_of_each_step_whether_it_is_as_wanted_and_writes_nothing() ->
 @pytest.mark.parametrize("single", [False, True], ids=["module", "single file"])
 @pytest.mark.parametrize("at_prompt", [False, True], ids=["-File", "at a prompt"])
 @pytest.mark.parametrize("case", ["creation", "removal", "everything"])
-def test_a_preview_by_file_and_at_a_prompt_changes_nothing(case: str, at_prompt: bool, single: bool) -> None:
+def test_preview_by_file_and_at_prompt_changes_nothing(case: str, at_prompt: bool, single: bool) -> None:
     """`.\\x.ps1 -WhatIf` at a prompt reaches no module by itself; the script hands its preference over."""
     prepared = everything() if case == "everything" else fresh()
     host, plan = prepared.copy(), prepared.plan
@@ -162,7 +162,7 @@ def of_an_older_module(plan: Plan) -> tuple[Plan, Mapping[str, bytes]]:
     return replace(plan, hosts=(replace(part, scripts=scripts),)), files
 
 
-def test_a_run_that_was_killed_is_finished_by_its_own_module_after_an_upgrade() -> None:
+def test_killed_run_is_finished_by_its_own_module() -> None:
     prepared = everything()
     plan, module = of_an_older_module(prepared.plan)
     undo = next(name for name in scripts_of(plan) if ".undo." in name and ".guest." not in name)
@@ -193,7 +193,7 @@ def test_a_run_that_was_killed_is_finished_by_its_own_module_after_an_upgrade() 
     assert host.file(f"{FOLDER}\\Rarms\\Rarms.psm1").data == module[MODULE]  # type: ignore[union-attr]
 
 
-def test_a_module_is_kept_with_the_scripts_in_the_journal_and_not_where_the_script_holds_it() -> None:
+def test_journal_keeps_module_unless_script_holds_it() -> None:
     prepared = fresh()
     for plan, kept in ((prepared.plan, dict(shipped_module())), (in_one_file(prepared.plan), {})):
         host = prepared.copy()
@@ -203,7 +203,7 @@ def test_a_module_is_kept_with_the_scripts_in_the_journal_and_not_where_the_scri
         assert run_kept.started.module == kept
 
 
-def test_a_script_without_its_folder_says_where_it_belongs() -> None:
+def test_script_without_its_folder_says_where_it_belongs() -> None:
     prepared = fresh()
     host = prepared.copy()
     put(host, scripts_of(prepared.plan))

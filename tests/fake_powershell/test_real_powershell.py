@@ -33,7 +33,7 @@ def actions(prepared: Prepared, address: str) -> list[str]:
 
 
 @pytest.mark.parametrize(("cell", "name"), [(fresh, "planning"), (everything, "speech")], ids=["creation", "stop"])
-def test_a_declined_step_leaves_out_all_that_builds_on_it_and_records_none(cell, name: str) -> None:  # type: ignore[no-untyped-def]
+def test_declined_step_skips_what_builds_on_it(cell, name: str) -> None:  # type: ignore[no-untyped-def]
     prepared = cell()
     address = f"partition/{name}"
     undisturbed = prepared.copy()
@@ -79,7 +79,7 @@ def given_since(host: WindowsHost, what: str) -> None:
 
 
 @pytest.mark.parametrize("what", ["disk", "name", "checkpoint"])
-def test_an_undo_does_not_remove_a_machine_with_what_another_tool_gave_it_since(what: str) -> None:
+def test_undo_keeps_machine_that_others_changed(what: str) -> None:
     prepared = fresh()
     host = prepared.after_a_run()
     given_since(host, what)
@@ -93,7 +93,7 @@ def test_an_undo_does_not_remove_a_machine_with_what_another_tool_gave_it_since(
 
 
 @pytest.mark.parametrize("what", ["disk", "name", "checkpoint"])
-def test_a_removal_refuses_a_machine_with_what_the_plan_did_not_see(what: str) -> None:
+def test_removal_refuses_machine_that_others_changed(what: str) -> None:
     made = fresh()
     host = made.after_a_run()
     removal = made.cell.on(host).plan(purpose=Purpose.DESTROY)
@@ -106,7 +106,7 @@ def test_a_removal_refuses_a_machine_with_what_the_plan_did_not_see(what: str) -
     assert seen(host) == before
 
 
-def test_what_a_profile_gives_to_every_call_does_not_reach_into_a_run() -> None:
+def test_profile_defaults_do_not_reach_a_run() -> None:
     prepared = everything()
     plain = prepared.copy()
     apply(plain, prepared.plan)
@@ -120,7 +120,7 @@ def test_what_a_profile_gives_to_every_call_does_not_reach_into_a_run() -> None:
     assert "no" in apply(failing, prepared.plan).says
 
 
-def test_a_profile_does_not_reach_into_what_a_host_looks_like() -> None:
+def test_profile_does_not_reach_observing() -> None:
     host = everything().copy(refusals={"Get-VM": ("AccessDenied", "PermissionDenied", "may not")})
     hidden = host.copy(defaults={"*:ErrorAction": "SilentlyContinue"})
     for machine in (host, hidden):
@@ -144,7 +144,7 @@ def test_observe_pins_a_preference_before_it_calls_anything(name: str) -> None:
     assert f"\r\n${name} = " in text.partition("Set-StrictMode")[0]
 
 
-def test_ctrl_c_while_a_guest_shuts_down_ends_with_0_and_leaves_the_run_open() -> None:
+def test_ctrl_c_leaves_the_run_open() -> None:
     prepared = everything()
     host = prepared.copy(interrupt=True)
 
@@ -160,7 +160,7 @@ def test_ctrl_c_while_a_guest_shuts_down_ends_with_0_and_leaves_the_run_open() -
 
 
 @pytest.mark.parametrize("at_prompt", [False, True], ids=["-File", "at a prompt"])
-def test_a_profile_that_makes_every_run_a_preview_is_told_by_the_last_event(at_prompt: bool) -> None:
+def test_profile_preview_is_told_by_last_event(at_prompt: bool) -> None:
     """PowerShell gives such a default to a script's own -WhatIf, so that the exit code is that of a preview."""
     prepared = fresh()
     host = prepared.furnished(defaults={"*:WhatIf": True})
@@ -188,7 +188,7 @@ def test_no_other_line_stands_between_the_events() -> None:
     assert b"not with -Verbose" in files_of(prepared.plan)[apply_script(prepared.plan)]
 
 
-def test_a_preview_for_a_program_is_json_and_takes_no_lock() -> None:
+def test_preview_as_json_takes_no_lock() -> None:
     prepared = fresh()
     host = prepared.furnished(lock="held")
 
@@ -200,7 +200,7 @@ def test_a_preview_for_a_program_is_json_and_takes_no_lock() -> None:
     assert sum(line.startswith("What if: ") for line in spoken.lines) > 3
 
 
-def test_a_failure_names_its_step_its_cmdlet_and_its_error() -> None:
+def test_failure_names_step_cmdlet_and_error() -> None:
     prepared = fresh()
     at = prepared.effect("Set-VMMemory")
     host = prepared.copy(fail_at=at)
@@ -212,7 +212,7 @@ def test_a_failure_names_its_step_its_cmdlet_and_its_error() -> None:
     assert "Set-VMMemory Unspecified" in failed["detail"]
 
 
-def test_a_reading_that_fails_names_the_step_it_was_read_for() -> None:
+def test_failed_reading_names_its_step() -> None:
     prepared = everything()
     host = prepared.copy(refusals={"Get-VMProcessor": ("InvalidState,GetVMCpu", "InvalidOperation", "it is busy")})
 
@@ -223,7 +223,7 @@ def test_a_reading_that_fails_names_the_step_it_was_read_for() -> None:
 
 
 @pytest.mark.parametrize("seconds", [-5, 3_000_000])
-def test_a_wait_that_makes_no_sense_is_refused_in_our_own_words(seconds: int) -> None:
+def test_impossible_wait_is_refused(seconds: int) -> None:
     prepared = fresh()
     host = prepared.furnished()
 
@@ -234,7 +234,7 @@ def test_a_wait_that_makes_no_sense_is_refused_in_our_own_words(seconds: int) ->
     assert [effect for effect in host.effects if not effect.endswith(".result.json")] == []
 
 
-def test_confirm_without_a_console_is_refused_in_our_own_words() -> None:
+def test_confirm_without_console_is_refused() -> None:
     prepared = fresh()
     host = prepared.furnished()
 
@@ -292,7 +292,7 @@ def test_line_ends_that_git_changed_are_called_so() -> None:
     assert (ran.code, "has other line ends than it was made with" in ran.says) == (1, True), ran.says
 
 
-def test_a_missing_undo_script_is_named_in_our_own_words() -> None:
+def test_missing_undo_script_is_named() -> None:
     prepared = fresh()
     host = prepared.furnished()
     del host.files[PENDING_FOLDER + undo_script(prepared.plan)]
@@ -314,7 +314,7 @@ def test_a_missing_undo_script_is_named_in_our_own_words() -> None:
     ],
     ids=["signed", "edited", "a line behind", "a line ahead", "code in the block"],
 )
-def test_an_undo_script_may_be_signed_and_nothing_else(change: Callable[[bytes], bytes], code: int) -> None:
+def test_undo_script_may_be_signed_and_nothing_else(change: Callable[[bytes], bytes], code: int) -> None:
     prepared = fresh()
     host = prepared.furnished()
     name = undo_script(prepared.plan)
@@ -332,7 +332,7 @@ def test_an_undo_script_may_be_signed_and_nothing_else(change: Callable[[bytes],
 
 
 @pytest.mark.parametrize("after", ["apply", "undo", "undo of another"])
-def test_a_journal_that_never_began_is_cleared_away_by_the_next_run(after: str) -> None:
+def test_journal_that_never_began_is_cleared(after: str) -> None:
     prepared = fresh()
     at = next(
         at for at, effect in enumerate(prepared.effects()) if effect.startswith("write") and "jsonl.new" in effect
@@ -361,7 +361,7 @@ def test_a_value_of_another_type_is_written_again() -> None:
 
 
 @pytest.mark.parametrize("task", ["Games", "Localization"])
-def test_a_class_that_got_a_value_of_its_key_is_refused_before_anything_is_written(task: str) -> None:
+def test_class_with_default_value_is_refused_beforehand(task: str) -> None:
     prepared = everything()
     for done in (False, True):
         host = prepared.copy()

@@ -43,7 +43,7 @@ def as_before(before: Entry | None) -> tuple[str, int | str] | None:
 
 
 @befores
-def test_it_is_set_and_set_otherwise_and_brought_back_when_the_line_goes(before: Entry | None) -> None:
+def test_responsiveness_is_set_changed_and_restored(before: Entry | None) -> None:
     host = a_host(before)
 
     for percent in (10, 90):
@@ -66,7 +66,7 @@ def test_it_is_set_and_set_otherwise_and_brought_back_when_the_line_goes(before:
     assert wanting(host, None).plan().hosts[0].steps == ()
 
 
-def test_a_script_refuses_where_it_was_changed_since_the_plan() -> None:
+def test_script_refuses_where_it_was_changed_since_plan() -> None:
     host = a_host(BEFORE["as Windows has it"])
     plan = wanting(host, 10).plan()
     host.add_key(PROFILE).values[SYSTEM_RESPONSIVENESS.lower()].data = 50

@@ -54,7 +54,7 @@ def again(host: WindowsHost, plan: Prepared) -> Ran:
 
 
 @pytest.mark.parametrize(("cell", "tables"), [(alike, 2), (alike_changed, 1)], ids=["alike", "alike changed"])
-def test_machines_alike_are_made_started_changed_and_taken_back_in_rows(cell: Make, tables: int) -> None:
+def test_alike_machines_are_handled_in_rows(cell: Make, tables: int) -> None:
     scripts = scripts_of(cell().plan).values()
 
     assert [script.count(b"foreach ($row in $rows)") for script in scripts] == [tables, tables]
@@ -62,7 +62,7 @@ def test_machines_alike_are_made_started_changed_and_taken_back_in_rows(cell: Ma
 
 @cells
 @pytest.mark.parametrize("windows_powershell", [True, False], ids=["5.1", "7"])
-def test_after_a_run_the_next_plan_has_nothing_to_do_on_the_host_itself(cell: Make, windows_powershell: bool) -> None:
+def test_after_a_run_the_next_plan_is_empty(cell: Make, windows_powershell: bool) -> None:
     prepared = cell()
     host = prepared.copy()
 
@@ -91,7 +91,7 @@ def test_a_second_run_calls_nothing(cell: Make) -> None:
 
 @cells
 @pytest.mark.parametrize("as_json", [True, False], ids=["for a program", "for a person"])
-def test_every_action_of_a_plan_stands_in_its_preview(cell: Make, as_json: bool) -> None:
+def test_every_action_of_plan_stands_in_its_preview(cell: Make, as_json: bool) -> None:
     prepared = cell()
     scripts = files_of(prepared.plan)
     host = prepared.copy()
@@ -104,7 +104,7 @@ def test_every_action_of_a_plan_stands_in_its_preview(cell: Make, as_json: bool)
         assert any(step.action in line and step.address in line for line in shown), f"{step.action}\n{ran.says}"
 
 
-def test_a_preview_begins_with_what_is_stopped_removed_and_deleted() -> None:
+def test_preview_begins_with_losses() -> None:
     made = fresh()
     host = made.after_a_run()
     removal = made.cell.on(host).plan(purpose=Purpose.DESTROY, remove_disks=True)
@@ -143,7 +143,7 @@ def is_of_steps(effect: str) -> bool:
 
 @pytest.mark.parametrize("cell", [*KINDS.values(), removal], ids=[*KINDS, "removal"])
 @pytest.mark.parametrize("fault", ["kill_after", "fail_at", "torn"])  # before an effect is after the one before it
-def test_a_run_that_was_killed_or_failed_anywhere_is_finished_by_the_next(cell: Make, fault: str) -> None:
+def test_killed_or_failed_run_is_finished(cell: Make, fault: str) -> None:
     prepared = cell()
     undisturbed = prepared.copy()
     apply(undisturbed, prepared.plan)
@@ -170,7 +170,7 @@ KEPT = {FOLDER.lower(), JOURNAL.lower(), JOURNAL.lower() + ".old"}
 
 @with_rows
 @pytest.mark.parametrize("fault", ["kill_after", "fail_at"])
-def test_undo_brings_back_what_was_observed_from_each_point_that_the_run_got_to(cell: Make, fault: str) -> None:
+def test_undo_restores_from_every_point(cell: Make, fault: str) -> None:
     prepared = cell()
     for number in [*numbers(prepared, fault, 2), 10**9]:
         host = prepared.copy(**{fault: number})
@@ -192,7 +192,7 @@ def test_undo_brings_back_what_was_observed_from_each_point_that_the_run_got_to(
 
 
 @with_rows
-def test_an_undo_that_was_killed_anywhere_is_finished_by_the_next(cell: Make) -> None:
+def test_killed_undo_is_finished(cell: Make) -> None:
     prepared = cell()
     done = prepared.copy()
     apply(done, prepared.plan)
@@ -225,7 +225,7 @@ MOVES: dict[str, tuple[str, Callable[[Vm], object]]] = {
 
 
 @pytest.mark.parametrize("move", MOVES)
-def test_a_host_that_another_tool_moved_is_not_touched_by_the_step_that_it_concerns(move: str) -> None:
+def test_moved_host_is_not_touched(move: str) -> None:
     prepared = everything()
     host = prepared.copy()
     name, change = MOVES[move]
@@ -242,7 +242,7 @@ def test_a_host_that_another_tool_moved_is_not_touched_by_the_step_that_it_conce
     assert seen(host) == before
 
 
-def test_a_task_class_that_another_tool_moved_is_not_touched() -> None:
+def test_moved_task_class_is_not_touched() -> None:
     prepared = everything()
     host = prepared.copy()
     games = host.registry[f"{PROFILE}\\Tasks\\Games".lower()]
@@ -269,7 +269,7 @@ def test_a_task_class_that_another_tool_moved_is_not_touched() -> None:
     ],
     ids=["another computer", "processors", "root", "locked", "no rights", "32 bits", "7 on 2016", "module"],
 )
-def test_a_host_that_is_not_the_plans_is_not_touched_at_all(facts: dict[str, object], code: int, says: str) -> None:
+def test_wrong_host_is_not_touched(facts: dict[str, object], code: int, says: str) -> None:
     prepared = fresh()
     host = prepared.copy(**facts)
     before = host.copy(elevated=True)
@@ -290,7 +290,7 @@ def test_a_host_that_is_not_the_plans_is_not_touched_at_all(facts: dict[str, obj
     ],
     ids=["it fits", "processors", "memory"],
 )
-def test_where_no_machine_may_lie_on_two_nodes_none_is_larger_than_one(node: dict[str, int], code: int) -> None:
+def test_machine_larger_than_a_node_is_refused(node: dict[str, int], code: int) -> None:
     prepared = fresh()
     nodes = [{"node": number, "memory_available": 1, **node} for number in range(2)]
     host = prepared.copy(numa_spanning=False, numa=nodes)
@@ -304,7 +304,7 @@ def test_where_no_machine_may_lie_on_two_nodes_none_is_larger_than_one(node: dic
 
 
 @pytest.mark.parametrize("way", [apply, undo], ids=["apply", "undo"])
-def test_another_windows_of_the_same_name_is_not_the_plans_host(way: Callable[[WindowsHost, Plan], Ran]) -> None:
+def test_reinstalled_windows_is_not_the_plans_host(way: Callable[[WindowsHost, Plan], Ran]) -> None:
     cell = fresh().cell
     host = cell.host.copy()
     named = host.add_key(CRYPTOGRAPHY).values
@@ -335,7 +335,7 @@ def test_a_script_is_run_as_a_file_alone() -> None:
     assert "allow this script by its signer" in constrained.says
 
 
-def test_a_server_without_the_schedulers_event_is_changed_as_the_plan_said() -> None:
+def test_server_without_scheduler_event_follows_plan() -> None:
     prepared = fresh()
 
     ran = apply(prepared.copy(scheduler=None), prepared.plan)
@@ -343,7 +343,7 @@ def test_a_server_without_the_schedulers_event_is_changed_as_the_plan_said() -> 
     assert (ran.code, ran.events[-1]["status"]) == (0, "done"), ran.says
 
 
-def test_a_client_without_the_schedulers_event_counts_as_root() -> None:
+def test_client_without_schedulers_event_counts_as_root() -> None:
     prepared = fresh()
     host = prepared.copy(scheduler=None)
     entry = host.registry["hklm:\\software\\microsoft\\windows nt\\currentversion"].values["installationtype"]
@@ -369,7 +369,7 @@ def test_what_a_dead_process_held_is_free() -> None:
 
 
 @pytest.mark.parametrize(("frees_s", "code"), [(20, 0), (60, 3)])
-def test_another_run_is_waited_for_as_long_as_that_is_wanted_and_named(frees_s: int, code: int) -> None:
+def test_waiting_for_another_run_is_limited(frees_s: int, code: int) -> None:
     prepared = fresh()
     host = prepared.copy(lock="held")
     host.write_file(FOLDER, None)
@@ -389,7 +389,7 @@ def test_another_run_is_waited_for_as_long_as_that_is_wanted_and_named(frees_s: 
     assert ("it is held by engineer@DESK, process 9" in ran.says) is (code == 3)
 
 
-def test_the_folder_is_protected_before_anything_in_it_is_opened() -> None:
+def test_folder_is_protected_before_opening_anything() -> None:
     prepared = fresh()
     whole = calls(prepared)
 
@@ -421,7 +421,7 @@ def test_past_runs_say_which_robot_they_were_for() -> None:
     assert [(run["run"], run["robot"]) for run in started["history"]] == [("apply", "robot-7")]
 
 
-def test_another_plan_waits_until_the_unfinished_one_is_finished() -> None:
+def test_another_plan_waits_until_unfinished_one_is_finished() -> None:
     prepared = everything()
     host = prepared.after_a_run(kill_after=25)
     other = fresh()
@@ -463,7 +463,7 @@ def test_a_link_that_leads_elsewhere_is_not_followed(path: str) -> None:
 
 
 @pytest.mark.parametrize("last", [0, 1], ids=["verdict", "owner"])
-def test_a_run_is_done_where_its_verdict_cannot_be_written_or_the_owners_name_not_taken_away(last: int) -> None:
+def test_unwritable_verdict_does_not_fail_the_run(last: int) -> None:
     prepared = fresh()
     host = prepared.copy(fail_at=len(calls(prepared)) + last)
 
@@ -473,7 +473,7 @@ def test_a_run_is_done_where_its_verdict_cannot_be_written_or_the_owners_name_no
     assert host.lock == ""
 
 
-def test_a_damaged_record_stops_the_run_before_anything_is_touched() -> None:
+def test_damaged_record_stops_run_before_anything_is_touched() -> None:
     prepared = everything()
     host = prepared.copy()
     host.write_file(JOURNAL, host.data(JOURNAL).replace(b'"status":"begun"', b'"status":"bogun"', 1))
@@ -503,7 +503,7 @@ def as_utf_16(data: bytes) -> bytes:
     ids=["byte order mark", "UTF-16", "cut in its only line", "hello", "nothing", "a blank in its last line"],
 )
 @pytest.mark.parametrize("way", [apply, undo], ids=["apply", "undo"])
-def test_a_journal_that_an_editor_or_a_cut_damaged_is_neither_believed_nor_written_over(
+def test_damaged_journal_is_neither_believed_nor_overwritten(
     edit: Callable[[bytes], bytes], way: Callable[[WindowsHost, Plan], Ran]
 ) -> None:
     prepared = fresh()
@@ -520,7 +520,7 @@ def test_a_journal_that_an_editor_or_a_cut_damaged_is_neither_believed_nor_writt
 
 
 @pytest.mark.parametrize("facts", [{"scheduler": 4}, {"logical_processors": 2}], ids=["root", "processors"])
-def test_an_undo_gives_back_on_a_host_that_can_promise_nothing(facts: dict[str, object]) -> None:
+def test_undo_works_on_host_that_can_promise_nothing(facts: dict[str, object]) -> None:
     prepared = fresh()
     host = prepared.after_a_run()
     host = host.copy(**facts)
@@ -531,7 +531,7 @@ def test_an_undo_gives_back_on_a_host_that_can_promise_nothing(facts: dict[str, 
     assert seen(host) == seen(prepared.copy(**facts))
 
 
-def test_an_undo_gives_back_what_a_stranger_left_no_room_for() -> None:
+def test_undo_works_beside_greedy_stranger() -> None:
     prepared = alike_changed()
     host = prepared.after_a_run()
     greedy = a_stranger("greedy", 9, processors=4, reserve=96)
@@ -544,7 +544,7 @@ def test_an_undo_gives_back_what_a_stranger_left_no_room_for() -> None:
     assert b"-Fits" not in scripts_of(prepared.plan)[undo_script(prepared.plan)]
 
 
-def test_after_a_kill_a_refusal_names_what_others_changed_alone() -> None:
+def test_after_kill_refusal_names_what_others_changed_alone() -> None:
     prepared = fresh()
     at = prepared.effect("Rename-VM")
     host = prepared.after_a_run(kill_before=at)
@@ -568,7 +568,7 @@ def test_a_machine_that_is_gone_is_called_gone() -> None:
     assert ran.events[-1]["detail"] == "it is gone from this host: make a new plan"
 
 
-def test_a_record_is_written_on_where_a_killed_run_stopped() -> None:
+def test_record_is_written_on_where_killed_run_stopped() -> None:
     """Killed after the first value of a record, the next run writes the second one alone."""
     prepared = fresh()
     at = next(at for at, effect in enumerate(calls(prepared)) if effect.endswith("before") and RECORDS in effect)
@@ -585,7 +585,7 @@ def test_a_record_is_written_on_where_a_killed_run_stopped() -> None:
 
 @cells
 @pytest.mark.parametrize("effects", [9, 12])
-def test_a_run_that_is_killed_again_and_again_at_the_same_call_ends(cell: Make, effects: int) -> None:
+def test_repeatedly_killed_run_ends(cell: Make, effects: int) -> None:
     prepared = cell()
     host = prepared.copy(kill_after=effects)
     apply(host, prepared.plan)
@@ -625,7 +625,7 @@ SHADOWED_RUNS: dict[str, tuple[Callable[[], tuple[WindowsHost, Plan]], Callable[
 
 
 @pytest.mark.parametrize("kind", SHADOWED_RUNS)
-def test_a_profiles_own_functions_change_nothing_of_what_a_run_does(kind: str) -> None:
+def test_profile_functions_change_nothing(kind: str) -> None:
     make, do = SHADOWED_RUNS[kind]
     host, plan = make()
     undisturbed = host.copy()
@@ -646,7 +646,7 @@ LOOKALIKES = [
 
 
 @pytest.mark.parametrize("name", LOOKALIKES)
-def test_another_tools_machine_is_never_taken_for_the_half_made_one(name: str) -> None:
+def test_lookalike_is_not_taken_for_pending_machine(name: str) -> None:
     prepared = fresh()
     host = prepared.copy(kill_after=20)
     lookalike = a_stranger(name.format(prepared.plan.id), 7, state="Off", start_action="Nothing")
@@ -662,7 +662,7 @@ def test_another_tools_machine_is_never_taken_for_the_half_made_one(name: str) -
 
 
 @pytest.mark.parametrize("killed", [None, 20], ids=["before the first run", "before the run that finishes"])
-def test_a_machine_that_takes_the_wanted_name_stops_the_run_and_gets_no_namesake(killed: int | None) -> None:
+def test_machine_with_wanted_name_stops_the_run(killed: int | None) -> None:
     prepared = fresh()
     host = prepared.copy(kill_after=killed)
     namesake = a_stranger("planning", 7, state="Off", start_action="Nothing")
@@ -679,7 +679,7 @@ def test_a_machine_that_takes_the_wanted_name_stops_the_run_and_gets_no_namesake
     assert [vm.name for vm in host.vms.values()].count("planning") == 1
 
 
-def test_a_process_without_programdata_keeps_its_journal_in_the_same_place() -> None:
+def test_journal_has_its_place_without_programdata() -> None:
     prepared = fresh()
     host = prepared.copy(environment={"os": "Windows_NT"})
 
@@ -690,7 +690,7 @@ def test_a_process_without_programdata_keeps_its_journal_in_the_same_place() -> 
     assert prepared.cell.on(host).plan().hosts[0].steps == ()
 
 
-def test_two_machines_that_both_look_half_made_stop_the_run() -> None:
+def test_two_pending_lookalikes_stop_the_run() -> None:
     prepared = fresh()
     host = prepared.after_a_run(kill_before=prepared.effect("Set-VM "))
     other = a_stranger(f"planning.rarms-{prepared.plan.id}", 7, state="Off")
@@ -703,7 +703,7 @@ def test_two_machines_that_both_look_half_made_stop_the_run() -> None:
     assert len(host.vms) == 4
 
 
-def test_a_stranger_that_takes_the_room_stops_the_start_and_not_the_host() -> None:
+def test_missing_room_stops_the_start() -> None:
     prepared = everything()
     host = prepared.copy()
     greedy = a_stranger("greedy", 9, processors=4, reserve=60)
@@ -720,7 +720,7 @@ def test_a_stranger_that_takes_the_room_stops_the_start_and_not_the_host() -> No
     assert finished.code == 0, finished.says
 
 
-def test_what_the_host_does_not_take_ends_with_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_refused_setting_ends_with_advice(monkeypatch: pytest.MonkeyPatch) -> None:
     prepared = alike_changed()
     monkeypatch.setitem(cmdlets.CMDLETS, "set-vmprocessor", lambda *_: None)
 
@@ -730,7 +730,7 @@ def test_what_the_host_does_not_take_ends_with_what_to_do(monkeypatch: pytest.Mo
     assert "set, but the host still shows another reserve: see what refuses or sets it there, then run this" in ran.says
 
 
-def test_a_machine_with_an_image_boots_from_its_disk_and_linux_with_its_own_template() -> None:
+def test_image_boots_from_disk_with_secure_boot_template() -> None:
     image = "D:\\images\\Debian-12.vhdx"
     host = a_windows()
     host.write_file(image, b"an image")
@@ -752,7 +752,7 @@ def test_a_machine_with_an_image_boots_from_its_disk_and_linux_with_its_own_temp
     assert [step.operation.kind for step in written] == ["write_mark"]
 
 
-def test_a_machine_without_smt_that_came_after_the_plan_takes_whole_cores_from_it() -> None:
+def test_later_machine_without_smt_takes_whole_cores() -> None:
     host = a_windows(scheduler=3, processors=[{"name": "a processor", "cores": 2, "logical": 4}])
     system = a_cell_system(a_component("vision", reserve="1.2 LP", processors=2))
     plan = Cell(system, host).plan()
@@ -770,7 +770,7 @@ def test_a_machine_without_smt_that_came_after_the_plan_takes_whole_cores_from_i
 
 
 @pytest.mark.parametrize(("scheduler", "code"), [(2, 0), (3, 1)])
-def test_the_stand_in_starts_no_machine_that_finds_no_core_of_its_own(scheduler: int, code: int) -> None:
+def test_stand_in_needs_a_core_for_each_machine(scheduler: int, code: int) -> None:
     """Issue 16, point 2: a core never runs two machines, so that a fourth of 95 % has no room on three cores."""
     host = a_windows(scheduler=scheduler, processors=[{"name": "a processor", "cores": 3, "logical": 6}])
     host.logical_processors = 6
@@ -783,7 +783,7 @@ def test_the_stand_in_starts_no_machine_that_finds_no_core_of_its_own(scheduler:
     assert run(host, "s.ps1").code == code
 
 
-def test_a_guest_that_does_not_shut_down_is_turned_off_after_the_grace() -> None:
+def test_stubborn_guest_is_turned_off_after_grace() -> None:
     prepared = everything()
     host = prepared.copy()
     for vm in host.vms.values():
@@ -797,7 +797,7 @@ def test_a_guest_that_does_not_shut_down_is_turned_off_after_the_grace() -> None
 
 
 @pytest.mark.parametrize("way", ["what_if", "declined"])
-def test_an_unfinished_run_stays_open_where_closing_it_is_not_wanted(way: str) -> None:
+def test_unwanted_closing_keeps_the_run_open(way: str) -> None:
     prepared = fresh()
     host = prepared.after_a_run(kill_after=20)
     before = seen(host)
@@ -827,7 +827,7 @@ def test_events_are_ascii_json_in_order() -> None:
     assert ran.events[-1]["status"] == "done"
 
 
-def test_a_guest_that_writes_a_boot_entry_of_its_own_is_no_reason_against_done() -> None:
+def test_guests_own_boot_entry_is_accepted() -> None:
     """Its firmware tries that entry first from then on: the order is compared once, while the machine is off."""
     prepared = fresh()
     host = prepared.copy()
@@ -841,7 +841,7 @@ def test_a_guest_that_writes_a_boot_entry_of_its_own_is_no_reason_against_done()
 
 
 @pytest.mark.parametrize(("busy_s", "code"), [(240, 0), (400, 1)])
-def test_a_guest_that_restarts_is_waited_for_at_the_last_look(busy_s: int, code: int) -> None:
+def test_restarting_guest_is_waited_for_at_end(busy_s: int, code: int) -> None:
     prepared = everything()
     host = prepared.copy()
     last = prepared.effect("Start-VM") + 1

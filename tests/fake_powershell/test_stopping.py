@@ -49,7 +49,7 @@ def the_machine(host: WindowsHost) -> Vm:
 
 
 @pytest.mark.parametrize("grace_s", [0, 7, 300])
-def test_a_guest_has_the_grace_of_the_manifest_and_the_script_says_so(grace_s: int) -> None:
+def test_guest_has_the_grace_of_the_manifest(grace_s: int) -> None:
     host = running()
     the_machine(host).obeys = False
     begun = host.clock
@@ -79,7 +79,7 @@ class Patient(FakePowerShellTransport):
         return FakePowerShellTransport.run(self, script, arguments, silence_s, listener)
 
 
-def test_a_script_may_say_nothing_for_as_long_as_it_waits_for_a_guest() -> None:
+def test_script_may_be_silent_while_guest_stops() -> None:
     plan = cell(2, running(), 300).plan()
     waits = WaitLimits(lock_ms=5_000, silence_ms=60_000)
 
@@ -122,7 +122,7 @@ def test_guest_is_asked_then_forced_then_cut(
         assert (words in ran.says) is (name in guest)
 
 
-def test_a_guest_that_cannot_be_asked_is_turned_off_at_once_and_the_plan_says_so() -> None:
+def test_deaf_guest_is_turned_off_at_once() -> None:
     host = running()
     the_machine(host).shutdown_service = False
     begun = host.clock
@@ -136,7 +136,7 @@ def test_a_guest_that_cannot_be_asked_is_turned_off_at_once_and_the_plan_says_so
     assert host.clock - begun < 15_000
 
 
-def test_a_guest_that_starts_meanwhile_is_asked_as_soon_as_it_can_be() -> None:
+def test_starting_guest_is_asked_when_it_can() -> None:
     host = running()
     plan = cell(2, host, 120).plan()
     machine = the_machine(host)
@@ -151,7 +151,7 @@ def test_a_guest_that_starts_meanwhile_is_asked_as_soon_as_it_can_be() -> None:
 
 
 @pytest.mark.parametrize("state", OTHER_STATES)
-def test_a_machine_that_left_its_state_since_the_plan_is_moved_and_not_stopped(state: str) -> None:
+def test_machine_in_another_state_is_not_stopped(state: str) -> None:
     host = running()
     plan = cell(2, host).plan()
     the_machine(host).state = state
@@ -175,7 +175,7 @@ def test_so_is_one_that_was_off(state: str) -> None:
     assert (the_machine(host).state, the_machine(host).processors) == (state, 1)
 
 
-def test_a_paused_machine_is_turned_off_at_once_before_it_is_removed() -> None:
+def test_paused_machine_is_turned_off_before_removal() -> None:
     host = running()
     the_machine(host).state = "Paused"
     begun = host.clock
@@ -187,7 +187,7 @@ def test_a_paused_machine_is_turned_off_at_once_before_it_is_removed() -> None:
     assert host.clock - begun < 60_000
 
 
-def test_a_saved_machine_that_was_started_is_off_after_the_undo() -> None:
+def test_started_saved_machine_is_off_after_undo() -> None:
     host = running()
     the_machine(host).state = "Saved"
     plan = cell(1, host).plan()

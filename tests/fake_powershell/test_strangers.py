@@ -35,7 +35,7 @@ def the_machine(host: WindowsHost) -> Vm:
 
 
 @pytest.mark.parametrize("mode", ["Replica", "TestReplica", "ExtendedReplica"])
-def test_a_replica_is_a_stranger_whose_name_is_taken(mode: str) -> None:
+def test_replica_is_stranger_whose_name_is_taken(mode: str) -> None:
     host = made()
     the_machine(host).replication_mode = mode
     the_machine(host).state = "Off"
@@ -65,9 +65,7 @@ def test_a_primary_is_ours() -> None:
     ids=["replica", "cluster", "shielded"],
 )
 @pytest.mark.parametrize("purpose", [Purpose.APPLY, Purpose.DESTROY])
-def test_a_machine_that_something_else_decides_over_is_refused_by_name(
-    tie: dict[str, object], words: str, purpose: Purpose
-) -> None:
+def test_tied_machine_is_refused_by_name(tie: dict[str, object], words: str, purpose: Purpose) -> None:
     host = made()
     plan = cell(host, 20).plan(purpose=purpose)
     for name, value in tie.items():
@@ -81,7 +79,7 @@ def test_a_machine_that_something_else_decides_over_is_refused_by_name(
     assert seen(host) == before
 
 
-def test_a_plan_for_a_machine_of_a_cluster_needs_the_partitions_word_and_tells_the_cluster() -> None:
+def test_clustered_machine_needs_permission_and_tells_cluster() -> None:
     host = made()
     the_machine(host).clustered, the_machine(host).cluster_knows = "True", False
 
@@ -95,7 +93,7 @@ def test_a_plan_for_a_machine_of_a_cluster_needs_the_partitions_word_and_tells_t
     assert apply(host, plan).code == 0
 
 
-def test_a_machine_of_a_cluster_is_not_removed_also_where_its_partition_says_otherwise() -> None:
+def test_clustered_machine_is_never_removed() -> None:
     host = made()
     the_machine(host).clustered = "True"
 
@@ -104,7 +102,7 @@ def test_a_machine_of_a_cluster_is_not_removed_also_where_its_partition_says_oth
     assert (found.plan, "RARMS152" in [finding.code for finding in found.findings]) == (None, True)
 
 
-def test_a_replica_that_is_off_takes_no_room_from_a_promise() -> None:
+def test_stopped_replica_takes_no_room() -> None:
     host = made()
     plan = cell(host, 80).plan()
     greedy = a_stranger("greedy", 9, processors=4, reserve=60, state="Off", start_action="Start")
@@ -117,7 +115,7 @@ def test_a_replica_that_is_off_takes_no_room_from_a_promise() -> None:
     assert (refused.code, ran.code) == (1, 0), f"{refused.says}\n{ran.says}"
 
 
-def test_no_scripts_of_a_machine_that_is_the_hosts_alone_names_a_cluster() -> None:
+def test_scripts_of_unclustered_machine_name_no_cluster() -> None:
     host = made()
     prepared = Prepared(cell(host), cell(host, 20).plan())
 

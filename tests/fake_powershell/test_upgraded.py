@@ -73,7 +73,7 @@ def test_it_is_finished_as_it_was_begun() -> None:
     assert live(host).unfinished() is None
 
 
-def test_it_is_taken_back_by_its_own_undo_script() -> None:
+def test_it_is_undone_by_its_own_script() -> None:
     host, _ = killed_in_the_middle()
     same = everything().after_a_run(kill_after=25)
 
@@ -84,7 +84,7 @@ def test_it_is_taken_back_by_its_own_undo_script() -> None:
     assert seen(host) == seen(same)
 
 
-def test_its_undo_is_told_ahead_as_its_script_says_it() -> None:
+def test_its_undo_is_told_as_its_script_says() -> None:
     host, _ = killed_in_the_middle()
     journal = live(host).journal()
     assert journal is not None

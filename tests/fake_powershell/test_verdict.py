@@ -35,7 +35,7 @@ def a_run(prepared: Prepared, **how: object) -> tuple[WindowsHost, Any]:
 
 
 @pytest.mark.parametrize("prepared", [fresh, everything], ids=["fresh", "everything"])
-def test_a_run_that_is_done_leaves_its_verdict_and_says_how_many_steps_it_changed(prepared: Any) -> None:
+def test_finished_run_leaves_a_verdict(prepared: Any) -> None:
     made = prepared()
     host, ran = a_run(made)
     steps = [event for event in ran.events if event["status"] == "changed"]
@@ -53,7 +53,7 @@ def test_a_run_that_is_done_leaves_its_verdict_and_says_how_many_steps_it_change
     assert json.loads(host.event_log[-1][2]) == found
 
 
-def test_a_run_that_was_cut_off_never_shows_an_earlier_verdict() -> None:
+def test_interrupted_run_shows_no_earlier_verdict() -> None:
     prepared = fresh()
     calls = len(a_run(prepared)[0].effects)
     for kill_after in every_few(calls - 1, 3):
@@ -66,7 +66,7 @@ def test_a_run_that_was_cut_off_never_shows_an_earlier_verdict() -> None:
         assert verdict(again)["status"] == "done"
 
 
-def test_after_ctrl_c_whose_code_is_0_the_verdict_is_not_done() -> None:
+def test_verdict_after_ctrl_c_is_not_done() -> None:
     made = fresh()
     host = made.after_a_run()
     removal = made.cell.on(host).plan(purpose=Purpose.DESTROY)
@@ -92,7 +92,7 @@ def test_refusals_and_failures_are_verdicts_and_entries_too() -> None:
         assert entries(host)[-1] == entry
 
 
-def test_a_link_in_the_place_of_the_verdict_is_refused_and_not_followed() -> None:
+def test_link_in_place_of_verdict_is_refused() -> None:
     made = fresh()
     host = made.copy()
     host.write_file(RESULT, b"elsewhere")
@@ -105,7 +105,7 @@ def test_a_link_in_the_place_of_the_verdict_is_refused_and_not_followed() -> Non
     assert host.file(RESULT).data == b"elsewhere"  # type: ignore[union-attr]
 
 
-def test_a_windows_whose_event_log_takes_nothing_has_the_run_done() -> None:
+def test_deaf_event_log_does_not_fail_the_run() -> None:
     made = fresh()
     host = made.copy(event_log=None)
 
@@ -113,7 +113,7 @@ def test_a_windows_whose_event_log_takes_nothing_has_the_run_done() -> None:
     assert undo(host, made.plan).code == 0
 
 
-def test_a_bar_is_shown_where_a_person_looks_on() -> None:
+def test_bar_is_shown_where_person_looks_on() -> None:
     host, _ = a_run(fresh(), as_json=False)
     silent, _ = a_run(fresh())
     previewed, _ = a_run(fresh(), as_json=False, what_if=True)
@@ -127,7 +127,7 @@ def test_a_bar_is_shown_where_a_person_looks_on() -> None:
 
 
 @pytest.mark.parametrize("start", [2, 4, None], ids=["there", "disabled", "missing"])
-def test_task_classes_wait_for_a_restart_and_for_their_service(start: int | None) -> None:
+def test_task_classes_wait_for_restart_and_service(start: int | None) -> None:
     made = fresh()
     host = made.copy()
     if start is None:
@@ -148,7 +148,7 @@ def test_task_classes_wait_for_a_restart_and_for_their_service(start: int | None
     assert "noted" not in {event["status"] for event in again.events}
 
 
-def test_a_plan_without_task_classes_asks_for_no_restart() -> None:
+def test_plan_without_task_classes_asks_for_no_restart() -> None:
     made = fresh()
     host = made.after_a_run()
     ran = apply(host, made.cell.on(host).plan(purpose=Purpose.DESTROY))
@@ -175,7 +175,7 @@ def test_a_test_as_json_is_one_object() -> None:
         jsonschema.validate(found, RESOURCE["schema"]["embedded"])
 
 
-def test_a_second_set_of_dsc_looks_again_and_a_host_that_moved_is_not_brought_back() -> None:
+def test_second_dsc_set_looks_again() -> None:
     made = fresh()
     host = made.furnished()
     script = apply_script(made.plan)
@@ -194,7 +194,7 @@ def test_a_second_set_of_dsc_looks_again_and_a_host_that_moved_is_not_brought_ba
     assert not [effect for effect in host.effects[done:] if "VM" in effect]
 
 
-def test_the_resource_of_dsc_calls_scripts_with_parameters_that_they_have() -> None:
+def test_dsc_resource_uses_existing_parameters() -> None:
     (part,) = fresh().plan.hosts
     script = part.scripts["onboard.ps1"]
     for operation in ("get", "test", "set"):

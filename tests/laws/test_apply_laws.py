@@ -30,7 +30,7 @@ def possible(lab: Lab) -> None:
 
 @FEW
 @given(systems(), strangers())
-def test_plan_apply_plan_again_is_empty_and_strangers_come_out_untouched(system: System, others: Strangers) -> None:
+def test_applied_plan_is_empty_and_strangers_untouched(system: System, others: Strangers) -> None:
     with a_lab(system) as lab:
         lab.add(others)
         possible(lab)
@@ -46,9 +46,7 @@ def test_plan_apply_plan_again_is_empty_and_strangers_come_out_untouched(system:
 
 @FEW
 @given(systems(), strangers(), st.integers(0, 60))
-def test_a_run_that_stopped_anywhere_is_finished_from_the_host_alone(
-    system: System, others: Strangers, stop: int
-) -> None:
+def test_stopped_run_is_finished_from_the_host(system: System, others: Strangers, stop: int) -> None:
     with a_lab(system) as undisturbed, a_lab(system) as lab:
         for bench in (undisturbed, lab):
             bench.add(others)

@@ -59,7 +59,7 @@ systems = st.builds(
 
 
 @given(systems)
-def test_the_checks_answer_for_every_question_and_always_the_same(system: System) -> None:
+def test_checks_answer_for_every_question_and_always_same(system: System) -> None:
     told = run_checks(system, PathPlaces(), TODAY)
 
     assert told == in_order(told) == run_checks(system, PathPlaces(), TODAY)
@@ -71,7 +71,7 @@ def test_the_checks_answer_for_every_question_and_always_the_same(system: System
 
 
 @given(systems)
-def test_every_warning_can_be_accepted_at_its_own_address_and_no_error_can(system: System) -> None:
+def test_warnings_can_be_accepted_and_errors_not(system: System) -> None:
     told = run_checks(system, PathPlaces(), TODAY)
     policy = Policy(
         accept={

@@ -252,7 +252,7 @@ RAW = set("\x1b\x9b\u202e")
 
 @settings(max_examples=examples(60))
 @given(data=st.data(), file=st.sampled_from(sorted(READERS)), new=st.sampled_from(ODD_VALUES))
-def test_a_value_that_was_never_written_is_a_finding(
+def test_value_that_was_never_written_is_finding(
     cell: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject, file: str, new: Any
 ) -> None:
     folder = tmp_path_factory.mktemp("damaged") / "files"
@@ -297,7 +297,7 @@ TEXTS = [HOSTILE_TEXT, PRINTABLE_TEXT, {PRINTABLE_TEXT: PRINTABLE_TEXT}]
     ("file", "new"),
     [(file, new) for file in sorted(READERS) for new in (TEXTS if LONG or file.endswith(".yaml") else TEXTS[:1])],
 )
-def test_no_text_of_a_document_reaches_a_reader_raw(cell: Path, tmp_path: Path, file: str, new: Any) -> None:
+def test_no_text_of_document_reaches_reader_raw(cell: Path, tmp_path: Path, file: str, new: Any) -> None:
     """Every command that reads the document in the long run, in the usual one another for each field."""
     fields = text_fields(cell / file)
     for number, (record, path) in enumerate(fields.values()):
@@ -333,7 +333,7 @@ IMPOSSIBLE: list[tuple[str, int, tuple[Any, ...], Any, list[str]]] = [
 
 
 @pytest.mark.parametrize(("file", "record", "path", "new", "words"), IMPOSSIBLE)
-def test_a_value_that_no_rarms_writes_makes_the_log_unreadable(
+def test_value_that_no_rarms_writes_makes_log_unreadable(
     cell: Path, tmp_path: Path, file: str, record: int, path: tuple[Any, ...], new: Any, words: list[str]
 ) -> None:
     folder = tmp_path / "files"

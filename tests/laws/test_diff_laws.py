@@ -69,7 +69,7 @@ def test_a_state_has_no_difference_to_itself(system: System, others: Strangers) 
 
 
 @given(st.data(), strangers())
-def test_a_changed_manifest_is_reached_and_the_host_never_promises_more(data: st.DataObject, others: Strangers) -> None:
+def test_changed_manifest_is_reached_without_overpromising(data: st.DataObject, others: Strangers) -> None:
     first = data.draw(systems())
     host = next(iter(first.hosts.values()))
     start = empty_state(host, others)

@@ -54,9 +54,7 @@ def _without(value: dict[str, Any], path: tuple[str, ...]) -> dict[str, Any]:
 
 
 @given(text=manifests(), data=st.data(), new=_VALUES, canonical=st.booleans())
-def test_setting_a_value_changes_it_alone_and_keeps_every_comment(
-    text: str, data: st.DataObject, new: Any, canonical: bool
-) -> None:
+def test_setting_a_value_keeps_comments(text: str, data: st.DataObject, new: Any, canonical: bool) -> None:
     before = _values(text)
     if canonical:
         text = format_text(text, "rarms.yaml")
@@ -71,7 +69,7 @@ def test_setting_a_value_changes_it_alone_and_keeps_every_comment(
 
 
 @given(text=manifests(), data=st.data(), new=_VALUES)
-def test_adding_a_key_adds_it_alone_and_keeps_every_comment(text: str, data: st.DataObject, new: Any) -> None:
+def test_adding_a_key_keeps_comments(text: str, data: st.DataObject, new: Any) -> None:
     before = _values(text)
     maps = [path for path in [(), *_paths(before)] if isinstance(_at(before, path), dict)]
     path = (*data.draw(st.sampled_from(maps)), *data.draw(st.sampled_from([("new",), ("new", "newer"), ("limit",)])))

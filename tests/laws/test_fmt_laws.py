@@ -44,7 +44,7 @@ def _user_order(value: Any, path: tuple[str, ...] = ()) -> Any:
 
 
 @given(manifests())
-def test_formatting_keeps_the_meaning_and_every_comment_and_is_idempotent(text: str) -> None:
+def test_formatting_keeps_meaning_and_comments(text: str) -> None:
     assume(not has_errors(_read(text).diagnostics))
     meaning = _meaning(text)
     event("with comments" if "#" in text else "without comments")
@@ -61,7 +61,7 @@ def test_formatting_keeps_the_meaning_and_every_comment_and_is_idempotent(text: 
 
 
 @given(st.text(st.sampled_from("ab:-#?[]{},&*!|>'\"%@` \n\t~\r\ufeff\u2028é"), max_size=40))
-def test_any_text_is_formatted_or_refused_with_a_place(text: str) -> None:
+def test_any_text_is_formatted_or_refused_with_place(text: str) -> None:
     refused: tuple[Diagnostic, ...] = ()
     formatted = ""
     try:

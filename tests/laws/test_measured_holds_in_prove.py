@@ -68,7 +68,7 @@ def proven(folder: Path, text: str) -> list[str]:
     return [each["verdict"] for host in json.loads(proof.out)["proofs"] for each in host["verdicts"]]
 
 
-def test_what_was_measured_and_applied_holds_beside_the_load(tmp_path: Path) -> None:
+def test_what_was_measured_and_applied_holds_beside_load(tmp_path: Path) -> None:
     random = Random(15)
     verdicts = [
         verdict for number in range(examples(6)) for verdict in proven(tmp_path / f"robot-{number}", a_system(random))
@@ -78,7 +78,7 @@ def test_what_was_measured_and_applied_holds_beside_the_load(tmp_path: Path) -> 
     assert verdicts.count("missed") <= WRONG * len(verdicts)
 
 
-def test_a_reservation_beside_what_is_kept_for_the_host_is_enough_in_service(tmp_path: Path) -> None:
+def test_measured_reservation_is_enough_in_service(tmp_path: Path) -> None:
     """Kept time that no partition reserved went to P1: it was said to need 1 %, and took 49 s in service."""
     text = KEPT.format(lps=2, kept=60) + COMPONENT.format(
         name="vision", criticality=1, index=MEAN, limit=60, work=20, blocked=0, varies=5, threads=1

@@ -125,7 +125,7 @@ def test_logs_that_two_branches_began_are_merged() -> None:
 
 
 @pytest.mark.usefixtures("repository")
-def test_marks_of_a_conflict_are_named_and_can_be_deleted() -> None:
+def test_conflict_marks_are_named_and_deletable() -> None:
     Path(".gitattributes").unlink()
     commit("no union")
     branch("left", 40, 60)
@@ -144,7 +144,7 @@ def test_marks_of_a_conflict_are_named_and_can_be_deleted() -> None:
 
 
 @pytest.mark.usefixtures("repository")
-def test_blank_lines_and_a_missing_last_line_end_are_accepted() -> None:
+def test_blank_lines_and_missing_last_end_are_accepted() -> None:
     lines = LOG.read_bytes()
     LOG.write_bytes(b"\n\r\n" + lines.replace(b"\n", b"\n\n").rstrip(b"\n"))
 

@@ -16,7 +16,7 @@ from tests.strategies import state_with
 
 
 @given(st.lists(st.tuples(st.integers(0, 90), st.integers(1, 20)), min_size=1, max_size=6), st.integers(1, 3))
-def test_a_layout_fits_and_loses_none_and_a_misfit_says_why(wanted: list[tuple[int, int]], number: int) -> None:
+def test_layout_fits_and_misfit_says_why(wanted: list[tuple[int, int]], number: int) -> None:
     hosts = [a_host(f"host{at}", memory="2 GiB") for at in range(number)]
     components = [
         a_component(f"part{at}", reserve=f"{share} %", memory=f"{64 * memory} MiB")
@@ -79,7 +79,7 @@ WISHES = st.builds(
 
 
 @given(st.dictionaries(st.integers(0, 8), st.integers(0, 12), min_size=1), st.lists(WISHES, max_size=4))
-def test_threads_strictly_follow_criticality_or_a_finding_says_that_they_do_not(
+def test_threads_follow_criticality_or_a_finding_says_so(
     criticalities: dict[int, int], requests: list[TaskRequest]
 ) -> None:
     """Among the components of one Windows, with any values that the manifest fixes."""

@@ -110,7 +110,7 @@ def is_refused_by_all_layouts(situation: Situation) -> bool:
 @pytest.mark.needs("highspy")  # without the solver a layout is looked for in so many steps, and may not be found
 @settings(deadline=None, max_examples=examples(40))
 @given(situations())
-def test_a_plan_is_refused_only_where_each_layout_would_be(situation: Situation) -> None:
+def test_plan_is_refused_only_if_no_layout_works(situation: Situation) -> None:
     result = planned(situation.system, situation.states)
 
     if result.plan is None:
@@ -120,7 +120,7 @@ def test_a_plan_is_refused_only_where_each_layout_would_be(situation: Situation)
 
 @settings(deadline=None, max_examples=examples(30))
 @given(situations())
-def test_what_was_applied_can_be_planned_again_and_so_can_the_emptied_host(situation: Situation) -> None:
+def test_applied_and_emptied_hosts_can_be_planned(situation: Situation) -> None:
     first = planned(situation.system, situation.states)
     if first.plan is None:
         return
@@ -153,7 +153,7 @@ def _made(partition: Partition) -> Partition:
     return replace(partition, id=machine, mark=replace(partition.mark, machine=machine[:36]))
 
 
-def test_a_refusal_names_the_partition_that_would_have_to_move() -> None:
+def test_refusal_names_partition_that_would_have_to_move() -> None:
     """Two small partitions stand on both hosts, so that the large one that is new has room on neither."""
     hosts = [a_host(name) for name in ("left", "right")]
     small = [a_component(name, reserve="30 %", processors=2, memory="64 MiB") for name in ("a", "b")]
@@ -180,7 +180,7 @@ def test_a_refusal_names_the_partition_that_would_have_to_move() -> None:
 
 
 @pytest.mark.parametrize(("limit", "hosts"), [(Disruption.PARTITION_STOP, ()), (Disruption.REMOVAL, ("right",))])
-def test_what_stays_on_one_host_is_not_made_on_another(limit: Disruption, hosts: tuple[str, ...]) -> None:
+def test_what_stays_is_not_made_elsewhere(limit: Disruption, hosts: tuple[str, ...]) -> None:
     both = [a_host(name) for name in ("left", "right")]
     states = {host.name: State(facts=facts_for(host), partitions=(), tasks=()) for host in both}
     component = a_component("a", reserve="30 %", memory="64 MiB", hosts=("left",))

@@ -55,7 +55,7 @@ def numbers() -> tuple[tuple[str, str, Any], ...]:
     )
 
 
-def test_every_range_is_that_of_a_number_that_is_read() -> None:
+def test_every_range_belongs_to_a_read_number() -> None:
     names = {name for record, field, _ in numbers() for name in (field, f"{record}.{field}")}
 
     assert set(RANGES) <= names

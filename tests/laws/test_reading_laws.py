@@ -84,7 +84,7 @@ def test_every_error_has_words_of_its_own(seed: int) -> None:
 
 @settings(max_examples=examples(100))
 @given(st.data())
-def test_a_manifest_with_a_line_lost_or_changed_never_raises(
+def test_manifest_with_line_lost_or_changed_never_raises(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
     lines = EVERYTHING.splitlines()

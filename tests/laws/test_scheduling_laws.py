@@ -90,7 +90,7 @@ def run(machine: ModelMachine, until_ms: float = UNTIL_MS, seed: int = 1) -> Ran
 
 @given(machines())
 @settings(max_examples=examples(8), deadline=None)
-def test_every_lp_does_one_thing_at_a_time_and_all_of_the_time(machine: ModelMachine) -> None:
+def test_every_lp_does_one_thing_at_once(machine: ModelMachine) -> None:
     pieces = run(machine).pieces
 
     for number in range(machine.lps):
@@ -127,7 +127,7 @@ def test_what_components_consumed_is_what_their_vps_ran(asked: list[JobDemand], 
 
 @given(st.floats(0.5, 60), st.integers(1, 3), st.integers(1, 100))
 @settings(max_examples=examples(8), deadline=None)
-def test_a_job_is_paid_in_full_and_only_once(work: float, threads: int, reserve: int) -> None:
+def test_job_is_paid_in_full_and_only_once(work: float, threads: int, reserve: int) -> None:
     asked = JobDemand(component="c", work_ms=work, threads=threads)
     machine = ModelMachine(
         lps=2,
@@ -154,7 +154,7 @@ def test_a_limit_is_passed_in_no_window(machine: ModelMachine) -> None:
 
 @given(machines())
 @settings(max_examples=examples(8), deadline=None)
-def test_a_limit_bounds_every_span_of_time_from_any_moment_on(machine: ModelMachine) -> None:
+def test_limit_bounds_every_span(machine: ModelMachine) -> None:
     """Two windows may lie back to back, one used at its end and one at its beginning: more than that is never had."""
     ran = run(machine, 500.0)
 
@@ -165,7 +165,7 @@ def test_a_limit_bounds_every_span_of_time_from_any_moment_on(machine: ModelMach
             assert most <= share * 2 * machine.window_ms * (1.0 - share) + GRAIN
 
 
-def test_a_limit_may_be_used_twice_within_less_than_a_window() -> None:
+def test_limit_may_be_used_twice_within_a_window() -> None:
     """So the bound is no wider than it has to be: a job that is due late in a window uses that one and the next."""
     late = JobDemand(component="c", work_ms=60.0, period_ms=270.0)
     vm = VirtualMachine(name="vm", vps=1, limit=30, components=(late,))
@@ -176,7 +176,7 @@ def test_a_limit_may_be_used_twice_within_less_than_a_window() -> None:
 
 @given(machines(interrupts=False), st.integers(1, 100))
 @settings(max_examples=examples(8), deadline=None)
-def test_no_lp_idles_while_a_thread_could_use_it(machine: ModelMachine, weight: int) -> None:
+def test_no_lp_idles_while_thread_could_use_it(machine: ModelMachine, weight: int) -> None:
     greedy = VirtualMachine(name="greedy", vps=machine.lps, weight=weight, loads=(BusyLoop(),))
     pieces = run(ModelMachine(lps=machine.lps, machines=(*machine.machines, greedy))).pieces
 

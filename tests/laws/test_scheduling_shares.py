@@ -62,7 +62,7 @@ def assert_shared(machine: ModelMachine) -> None:
 
 
 @pytest.mark.parametrize(("vps", "shares"), [(1, (1.0, 0.5, 0.5)), (2, (4 / 3, 1 / 3, 1 / 3))])
-def test_weights_share_what_is_left_over_the_whole_host(vps: int, shares: tuple[float, ...]) -> None:
+def test_weights_share_what_is_left_over_whole_host(vps: int, shares: tuple[float, ...]) -> None:
     weighed = tuple(busy(name, vps, weight) for name, weight in (("a", 400), ("b", 100), ("c", 100)))
 
     had = got(ModelMachine(lps=2, machines=weighed))
@@ -84,13 +84,13 @@ def busy_hosts(draw: st.DrawFn) -> ModelMachine:
 
 @given(busy_hosts())
 @settings(max_examples=examples(8), deadline=None)
-def test_a_machine_that_always_demands_gets_its_weighted_share(machine: ModelMachine) -> None:
+def test_machine_that_always_demands_gets_its_weighted_share(machine: ModelMachine) -> None:
     assert_shared(machine)
 
 
 @given(busy_hosts(), st.integers(0, 4), st.integers(1, 30))
 @settings(max_examples=examples(8), deadline=None)
-def test_a_limit_caps_a_share_and_the_others_have_the_rest(machine: ModelMachine, number: int, beyond: int) -> None:
+def test_limit_caps_share_and_others_have_rest(machine: ModelMachine, number: int, beyond: int) -> None:
     capped = machine.machines[number % len(machine.machines)]
     limited = busy(capped.name, capped.vps, capped.weight, int(capped.reserve), min(100, int(capped.reserve) + beyond))
     others = tuple(vm for vm in machine.machines if vm is not capped)
@@ -102,7 +102,7 @@ def test_a_limit_caps_a_share_and_the_others_have_the_rest(machine: ModelMachine
 
 @given(machines(), st.randoms(use_true_random=False))
 @settings(max_examples=examples(8), deadline=None)
-def test_the_order_in_which_partitions_are_listed_changes_nothing(machine: ModelMachine, shuffle: Random) -> None:
+def test_order_in_which_partitions_are_listed_changes_nothing(machine: ModelMachine, shuffle: Random) -> None:
     listed = list(machine.machines)
     shuffle.shuffle(listed)
     other = ModelMachine(lps=machine.lps, machines=tuple(listed), interrupts=machine.interrupts)
@@ -119,7 +119,7 @@ entitlements = st.builds(
 
 
 @given(st.lists(entitlements, min_size=1, max_size=6), st.integers(1, 4))
-def test_usable_weights_fill_the_host_and_pass_no_limit(demanding: list[Entitlement], lps: int) -> None:
+def test_usable_weights_fill_host_and_pass_no_limit(demanding: list[Entitlement], lps: int) -> None:
     """With the lowered weights one level gives each partition its share: none passes its limit, and all is used."""
     reserved = sum(vp.reserve for vp in demanding)
     weights = usable_weights(demanding, lps)

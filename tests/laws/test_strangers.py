@@ -118,7 +118,7 @@ def watched(checkout: Path, *words: str) -> tuple[int, list[tuple[str, str]], li
 
 
 @pytest.mark.parametrize("host", HOSTS)
-def test_looking_at_a_strangers_manifest_touches_nothing_of_ours(measured: Path, host: str) -> None:
+def test_looking_at_strangers_manifest_touches_nothing_of_ours(measured: Path, host: str) -> None:
     written(measured, host)
 
     for words in (
@@ -143,7 +143,7 @@ def test_a_program_that_is_started_would_be_noticed(measured: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["rarms.yaml", "overlay.yaml", "other.json"])
-def test_a_link_that_leads_out_of_the_checkout_is_not_followed(measured: Path, name: str) -> None:
+def test_link_out_of_the_checkout_is_not_followed(measured: Path, name: str) -> None:
     outside = measured.parent / "outside" / name
     outside.write_text("password: hunter2\n", encoding="utf-8")
     written(measured)
@@ -159,7 +159,7 @@ def test_a_link_that_leads_out_of_the_checkout_is_not_followed(measured: Path, n
     assert "hunter2" not in done.stdout + done.stderr
 
 
-def test_beside_a_snapshot_a_host_without_one_is_refused_and_not_asked(measured: Path) -> None:
+def test_host_without_snapshot_is_refused_unasked(measured: Path) -> None:
     file = written(measured)
     other = "  other: { provider: hyperv, connect: { ssh: a@example.org }, logical_processors: 2, memory: 4 GiB }"
     file.write_text(file.read_text(encoding="utf-8").replace("components:\n", f"{other}\ncomponents:\n", 1))

@@ -61,7 +61,7 @@ def measuring_script() -> bytes:
     return measuring.render_measuring(HOST_PLAN.host, build.facts(), "robot", [machine], [work])
 
 
-def test_every_operation_is_among_those_that_fill_the_templates() -> None:
+def test_every_operation_is_among_those_that_fill_templates() -> None:
     forward = {type(step.operation) for step in HOST_PLAN.steps}
     back = {type(step.undo.operation) for step in HOST_PLAN.steps}
 
@@ -103,7 +103,7 @@ def test_the_receiver() -> None:
     assert problems(render_installed_receiver().decode("ascii")) == []
 
 
-def test_the_loader_does_what_no_other_text_may_do_once_and_nothing_else() -> None:
+def test_loader_breaks_one_rule_only() -> None:
     found = sorted(problem.partition(": ")[2] for problem in problems(render_loader().decode("ascii")))
 
     assert [problem.partition(" ([")[0] for problem in found] == ["& runs"]
@@ -119,7 +119,7 @@ def of_a_cluster() -> list[Change]:
     ]
 
 
-def test_scripts_may_call_in_plans_what_rarms_writes_there_and_nothing_else() -> None:
+def test_plans_call_only_what_rarms_writes() -> None:
     called: dict[str, set[str]] = {}
     clustered = [text.decode("ascii") for text in render_scripts(*rendered_plan(of_a_cluster())).values()]
     for script in (*SCRIPTS.values(), *clustered, measuring_script().decode("ascii")):

@@ -154,7 +154,7 @@ def fleet(tmp_path: Path) -> Fleet:
     return a_fleet(tmp_path, MANIFEST)
 
 
-def test_twenty_robots_are_planned_and_applied_and_broken_ones_fail_alone(fleet: Fleet) -> None:
+def test_twenty_robots_apply_and_broken_ones_fail_alone(fleet: Fleet) -> None:
     whole = [f"r-{number:02}" for number in range(16)]
     for robot in whole:
         fleet.add(robot)
@@ -184,7 +184,7 @@ def test_twenty_robots_are_planned_and_applied_and_broken_ones_fail_alone(fleet:
     assert (again.code, again.with_status("ok"), again.changed) == (0, whole, [])
 
 
-def test_a_name_or_an_overlay_that_is_bad_fails_its_own_robot(fleet: Fleet) -> None:
+def test_bad_name_or_overlay_fails_its_own_robot(fleet: Fleet) -> None:
     (fleet.folder / "robots.fleet.yml").write_text(
         "plugin: rarms.fleet.manifests\noverlays: [robots/*.yaml, more/*.yaml]\n"
         "keyed_groups: [{ key: rarms_platform, prefix: line }]\n",
@@ -215,7 +215,7 @@ def test_a_name_or_an_overlay_that_is_bad_fails_its_own_robot(fleet: Fleet) -> N
     assert "Give robots/r-2.yaml another name" in checked.results["robots/r-2.yaml"]["msg"]
 
 
-def test_a_reviewed_plan_is_applied_once_and_a_plan_that_cannot_be_made_leaves_no_file(fleet: Fleet) -> None:
+def test_reviewed_plan_is_applied_once(fleet: Fleet) -> None:
     fleet.add("r-1")
     plan: Task = {"rarms.fleet.apply": {"state": "planned", "plan": "plans/{{ inventory_hostname }}.json"}}
     reviewed: Task = {"rarms.fleet.apply": {"plan": "plans/{{ inventory_hostname }}.json"}}
@@ -230,7 +230,7 @@ def test_a_reviewed_plan_is_applied_once_and_a_plan_that_cannot_be_made_leaves_n
     assert not file.exists()
 
 
-def test_a_run_that_did_not_end_is_finished_first(fleet: Fleet) -> None:
+def test_run_that_did_not_end_is_finished_first(fleet: Fleet) -> None:
     fleet.add("r-1", REFUSES)
     assert fleet.play(APPLY).with_status("failed") == ["r-1"]
     fleet.add("r-1")
@@ -241,7 +241,7 @@ def test_a_run_that_did_not_end_is_finished_first(fleet: Fleet) -> None:
     assert fleet.play(APPLY).changed == []
 
 
-def test_a_plan_of_another_robot_is_refused_and_a_check_or_a_file_that_is_no_plan_stays(fleet: Fleet) -> None:
+def test_plan_of_another_robot_is_refused(fleet: Fleet) -> None:
     fleet.add("r-1")
     fleet.add("r-2")
     plan: Task = {"rarms.fleet.apply": {"state": "planned", "plan": "plan.json"}}
@@ -259,7 +259,7 @@ def test_a_plan_of_another_robot_is_refused_and_a_check_or_a_file_that_is_no_pla
 
 
 @pytest.mark.sample
-def test_what_was_applied_in_a_terminal_is_absent_afterwards(fleet: Fleet) -> None:
+def test_what_was_applied_in_terminal_is_absent_afterwards(fleet: Fleet) -> None:
     fleet.add("r-1")
     overlay = str(fleet.folder / "robots" / "r-1.yaml")
     assert rarms("apply", "--auto-approve", "-f", str(fleet.folder), "--overlay", overlay).code == 0
@@ -272,7 +272,7 @@ def test_what_was_applied_in_a_terminal_is_absent_afterwards(fleet: Fleet) -> No
     assert json.loads(facts["snapshot"])["state"]["partitions"] == []
 
 
-def test_the_brake_counts_a_robot_that_is_out_of_reach(fleet: Fleet) -> None:
+def test_brake_counts_robot_that_is_out_of_reach(fleet: Fleet) -> None:
     for number in range(20):
         fleet.add(f"r-{number:02}")
     for robot in ("r-03", "r-04"):
@@ -345,7 +345,7 @@ def test_the_shipped_sample_runs_whole(tmp_path: Path) -> None:
     assert summaries[2] == [f"{applied[0]}; 2 of 2 thresholds proven", f"{applied[1]}; 4 of 4 thresholds proven"]
 
 
-def test_another_robots_plan_is_refused_before_an_unfinished_run_is_ended(fleet: Fleet) -> None:
+def test_foreign_plan_is_refused_before_ending_a_run(fleet: Fleet) -> None:
     plan: Task = {"rarms.fleet.apply": {"state": "planned", "plan": "plans/{{ inventory_hostname }}.json"}}
     fleet.add("r-1")
     fleet.add("r-2")
@@ -366,7 +366,7 @@ def test_another_robots_plan_is_refused_before_an_unfinished_run_is_ended(fleet:
     assert (refused.results["r-1"]["changed"], state.read_bytes()) == (False, before)
 
 
-def test_a_robot_out_of_reach_fails_where_its_components_would_run_and_is_not_chosen(fleet: Fleet) -> None:
+def test_unreachable_robot_fails_and_is_not_chosen(fleet: Fleet) -> None:
     measured = "components: { vision: { cpu: { reserve: measured } } }\n"
     fleet.add("r-1", OUT_OF_REACH.replace("127.0.0.1", "127.0.0.1, folder: /x") + measured)
     fleet.add("r-2", measured)
@@ -465,7 +465,7 @@ components:
 
 
 @pytest.mark.needs("ssh", "linux")
-def test_a_hyper_v_robot_is_changed_through_ansibles_own_connection(tmp_path: Path) -> None:
+def test_hyperv_robot_changes_through_ansibles_connection(tmp_path: Path) -> None:
     """As far as a stand-in of PowerShell behind a real sshd goes."""
     with a_remote(tmp_path, an_empty_host()) as remote:
         (tmp_path / "fleet").mkdir()
@@ -488,7 +488,7 @@ BY_WINRM = "hosts: { onboard: { connect: { winrm: cell, shell: pwsh, user: ops, 
 
 
 @pytest.mark.needs("linux")
-def test_a_hyper_v_robot_is_changed_through_ansibles_psrp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hyper_v_robot_is_changed_through_ansibles_psrp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As far as stand-ins of pypsrp and PowerShell go."""
     remote = by_winrm(tmp_path, an_empty_host())
     monkeypatch.setenv("NAME", WINRM_PASSWORD)
@@ -510,7 +510,7 @@ def test_a_hyper_v_robot_is_changed_through_ansibles_psrp(tmp_path: Path, monkey
     assert "Failed to authenticate the user" in refused["msg"]
 
 
-def test_a_robot_behind_winrm_has_no_password_in_a_file(fleet: Fleet) -> None:
+def test_robot_behind_winrm_has_no_password_in_file(fleet: Fleet) -> None:
     fleet.add("w-1", "hosts: { onboard: { provider: hyperv } }\n")
     fleet.add("w-2", BY_WINRM.replace("onboard: {", "onboard: { provider: hyperv,"))
     words = [str(ANSIBLE / "ansible-inventory"), "-i", "robots.fleet.yml", "--host", "w-2"]

@@ -38,7 +38,7 @@ def test_an_ascii_stream_never_breaks_a_command(tmp_path: Path) -> None:
 
 
 @pytest.mark.sample
-def test_a_pipe_gets_no_colour_and_lines_that_end_alike_on_every_system(manifest: Path) -> None:
+def test_pipe_gets_no_colour_and_unix_line_ends(manifest: Path) -> None:
     planned = run("plan", "-f", str(manifest), NO_COLOR="").stdout
 
     assert planned.count(b"\n") > 5
@@ -50,7 +50,7 @@ def test_a_pipe_gets_no_colour_and_lines_that_end_alike_on_every_system(manifest
     ("words", "reader"),
     [(["plan"], "head -n 1"), (["--help"], "true"), (["--version"], "true"), (["measure", "--help"], "true")],
 )
-def test_a_reader_who_has_seen_enough_changes_no_exit_code(manifest: Path, words: list[str], reader: str) -> None:
+def test_reader_that_stops_changes_no_exit_code(manifest: Path, words: list[str], reader: str) -> None:
     quoted = " ".join(f"'{word}'" for word in [*RARMS, *words])
     script = f"cd '{manifest.parent}'; {quoted} | {reader}; echo ${{PIPESTATUS[0]}}"
     environment = {**os.environ, "PYTHONUNBUFFERED": ""}
@@ -74,7 +74,7 @@ def test_a_process_without_a_stream_works(manifest: Path, closed: str) -> None:
 
 
 @pytest.mark.needs("posix", "bash")
-def test_an_answer_for_programs_without_a_standard_output_is_refused_before_anything_is_done(manifest: Path) -> None:
+def test_json_without_standard_output_is_refused_first(manifest: Path) -> None:
     words = " ".join(f"'{word}'" for word in [*RARMS, "apply", "-f", str(manifest), "--auto-approve", "--json"])
 
     answer = subprocess.run(["bash", "-c", f"{words} >&-"], capture_output=True, text=True, timeout=300)
@@ -86,7 +86,7 @@ def test_an_answer_for_programs_without_a_standard_output_is_refused_before_anyt
 
 
 @pytest.mark.needs("linux")
-def test_errors_for_programs_on_a_full_disk_are_told_without_a_trace(tmp_path: Path) -> None:
+def test_full_disk_for_programs_is_told_without_trace(tmp_path: Path) -> None:
     words = [*RARMS, "plan", "-f", str(tmp_path / "missing.yaml"), "--json"]
     with Path("/dev/full").open("wb") as full:
         answer = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, timeout=300)
@@ -110,9 +110,7 @@ def test_a_full_disk_is_told_without_a_trace(manifest: Path) -> None:
 @pytest.mark.parametrize(
     ("number", "code"), [pytest.param(signal.SIGINT, 130, marks=pytest.mark.sample), (signal.SIGTERM, 143)]
 )
-def test_a_signal_stops_after_the_running_step_and_apply_finishes(
-    manifest: Path, number: signal.Signals, code: int
-) -> None:
+def test_signal_stops_after_running_step_and_apply_finishes(manifest: Path, number: signal.Signals, code: int) -> None:
     late = '{ faults: { slow: { operation: set_cpu, at: "*", effect: late, delay: 4 s, times: 1 } } }'
     text = manifest.read_text(encoding="utf-8")
     manifest.write_text(

@@ -83,7 +83,7 @@ def robot(tmp_path: Path) -> Robot:
     return Robot(tmp_path)
 
 
-def test_plan_shows_changes_apply_makes_them_and_the_next_plan_is_empty(robot: Robot) -> None:
+def test_plan_apply_plan_is_empty(robot: Robot) -> None:
     planned = robot.run("plan")
     applied = robot.run("apply", "--auto-approve")
     again = robot.run("plan")
@@ -100,7 +100,7 @@ def test_a_plan_points_at_the_line_that_asks(robot: Robot) -> None:
     assert any(f"rarms.yaml:{line})" in shown for shown in robot.run("plan", "--verbose").lines)
 
 
-def test_a_failed_step_says_so_and_apply_finishes_it(robot: Robot) -> None:
+def test_failed_step_says_so_and_apply_finishes_it(robot: Robot) -> None:
     robot.fails_at("start_partition")
 
     failed = robot.run("apply", "--auto-approve")
@@ -114,7 +114,7 @@ def test_a_failed_step_says_so_and_apply_finishes_it(robot: Robot) -> None:
     assert robot.run("plan").code == 0
 
 
-def test_a_finished_run_counts_as_proven_only_where_it_was(robot: Robot) -> None:
+def test_finished_run_is_proven_only_if_asked(robot: Robot) -> None:
     robot.fails_at("start_partition")
     assert robot.run("apply", "--auto-approve").code == 1
     text = robot.manifest.read_text(encoding="utf-8")
@@ -161,7 +161,7 @@ def test_another_run_is_finished_first(robot: Robot, command: str) -> None:
     assert again.out.startswith("No changes.")
 
 
-def test_what_was_begun_is_finished_also_when_the_manifest_has_errors_by_now(robot: Robot) -> None:
+def test_unfinished_run_is_finished_despite_manifest_errors(robot: Robot) -> None:
     robot.fails_at("start_partition")
     assert robot.run("apply", "--auto-approve").code == 1
     robot.edit("criticality: 20", "criticalty: 20")
@@ -181,7 +181,7 @@ def test_a_plan_takes_no_wishes_beside_it(robot: Robot) -> None:
     assert "the whole instruction" in answer.err
 
 
-def test_a_plan_made_elsewhere_is_applied_beside_the_manifest_that_is_named(robot: Robot, tmp_path: Path) -> None:
+def test_foreign_plan_applies_beside_the_named_manifest(robot: Robot, tmp_path: Path) -> None:
     here = robot.planned()
     other = tmp_path / "other"
     other.mkdir()
@@ -213,7 +213,7 @@ def test_two_hosts_are_planned_applied_and_undone_together(tmp_path: Path) -> No
     assert run("plan").code == 0
 
 
-def test_another_plan_is_refused_while_a_run_is_unfinished(robot: Robot) -> None:
+def test_another_plan_is_refused_while_run_is_unfinished(robot: Robot) -> None:
     robot.fails_at("start_partition")
     plan = robot.planned("--target", "partition/control")
     assert robot.run("apply", "--auto-approve").code == 1
@@ -224,7 +224,7 @@ def test_another_plan_is_refused_while_a_run_is_unfinished(robot: Robot) -> None
     assert "error[RARMS183]" in answer.err
 
 
-def test_a_held_host_is_refused_with_the_name_of_who_holds_it(robot: Robot) -> None:
+def test_held_host_names_its_holder(robot: Robot) -> None:
     robot.applied().edit("reserve: 30 %", "reserve: 35 %")
     with robot.host().lock("somebody@elsewhere"):
         answer = robot.run("apply", "--auto-approve")
@@ -233,7 +233,7 @@ def test_a_held_host_is_refused_with_the_name_of_who_holds_it(robot: Robot) -> N
     assert "somebody@elsewhere" in answer.err
 
 
-def test_drift_tells_what_another_tool_removed_from_what_rarms_took_away(robot: Robot) -> None:
+def test_drift_tells_foreign_removal_from_own(robot: Robot) -> None:
     never = robot.run("drift")
     robot.applied()
     host = robot.host()
@@ -254,7 +254,7 @@ def test_drift_tells_what_another_tool_removed_from_what_rarms_took_away(robot: 
     assert "it was never applied, or rarms removed" in " ".join(undone.out.split())
 
 
-def test_a_partition_that_the_last_apply_did_not_touch_is_known_all_the_same(robot: Robot) -> None:
+def test_untouched_partition_is_still_known(robot: Robot) -> None:
     robot.applied().edit("reserve: 20 %", "reserve: 25 %")
     robot.applied()
     host = robot.host()
@@ -284,7 +284,7 @@ def test_undo_takes_the_last_apply_back_once(robot: Robot) -> None:
 
 
 @pytest.mark.parametrize("command", ["undo", "apply"])
-def test_a_damaged_host_is_told_before_anything_is_begun(robot: Robot, command: str) -> None:
+def test_damaged_host_is_told_before_anything_is_begun(robot: Robot, command: str) -> None:
     robot.applied().edit("reserve: 30 %", "reserve: 35 %")
     file = robot.folder / ".rarms" / "hosts" / "onboard.json"
     whole = file.read_bytes()
@@ -300,7 +300,7 @@ def test_a_damaged_host_is_told_before_anything_is_begun(robot: Robot, command: 
     assert robot.run("undo", "--auto-approve").code == 0
 
 
-def test_a_plan_on_a_host_that_was_made_anew_is_told_so(robot: Robot) -> None:
+def test_plan_on_recreated_host_is_refused(robot: Robot) -> None:
     robot.applied().edit("reserve: 30 %", "reserve: 35 %")
     path = robot.planned()
     (robot.folder / ".rarms").rename(robot.folder / "moved-away")
@@ -312,7 +312,7 @@ def test_a_plan_on_a_host_that_was_made_anew_is_told_so(robot: Robot) -> None:
     assert "onboard is not the host that the plan saw" in answer.err
 
 
-def test_changes_are_an_exit_code_only_where_that_is_asked_for(robot: Robot) -> None:
+def test_changes_are_an_exit_code_on_request(robot: Robot) -> None:
     assert [robot.run("plan", *words).code for words in ((), ("--detailed-exitcode",))] == [0, 2]
 
     robot.applied()
@@ -332,7 +332,7 @@ def test_a_snapshot_plans_without_the_host(robot: Robot) -> None:
     assert json.loads(robot.run("snapshot").out)["format_version"] == "rarms-snapshot/1"
 
 
-def test_a_host_that_is_not_in_the_manifest_is_wrong_usage(robot: Robot) -> None:
+def test_unknown_host_is_wrong_usage(robot: Robot) -> None:
     answer = robot.run("plan", "--host", "onbord")
 
     assert answer.code == 64

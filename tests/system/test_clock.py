@@ -79,9 +79,7 @@ def test_a_clock_that_jumps_back_changes_no_end(tmp_path: Path, clock: type[Fall
         assert clock.back > len(ROUTE) * step
 
 
-def test_a_proof_that_an_undo_made_worthless_stays_so_where_the_clock_went_back(
-    tmp_path: Path, clock: type[Falling]
-) -> None:
+def test_undone_proof_stays_undone_after_clock_jump(tmp_path: Path, clock: type[Falling]) -> None:
     (tmp_path / "rarms.yaml").write_text(CELL.replace("reserve: measured", "reserve: 60 %", 1), encoding="utf-8")
     with chdir(tmp_path):
         for words in (*ROUTE[:5], ("undo", "--auto-approve")):

@@ -112,7 +112,7 @@ with hold(Path(sys.argv[1]), "bob@cell, process 7"):
 
 
 @pytest.mark.needs("posix")
-def test_who_waits_for_a_host_is_told_by_whom_it_is_held_and_has_it_once_that_is_killed(tmp_path: Path) -> None:
+def test_waiting_run_names_holder_and_follows_it(tmp_path: Path) -> None:
     manifest = write_manifest(tmp_path, "part-0", FIRST_WEIGHT)
     words = [sys.executable, "-m", "rarms_iac.cli.main", "apply", "-f", str(manifest), "--auto-approve"]
     lock = tmp_path / ".rarms" / "hosts" / "onboard.lock"

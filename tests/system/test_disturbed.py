@@ -148,16 +148,16 @@ def quick_simulation() -> Iterator[None]:
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_a_disturbed_command_is_repeated_and_ends_as_if_undisturbed(tmp_path: Path, name: str) -> None:
+def test_disturbed_command_repeated_ends_as_undisturbed(tmp_path: Path, name: str) -> None:
     assert bad_ends(tmp_path, SCENARIOS[name]) == []
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_a_command_that_is_disturbed_twice_ends_as_if_undisturbed(tmp_path: Path, name: str) -> None:
+def test_twice_disturbed_command_ends_as_undisturbed(tmp_path: Path, name: str) -> None:
     assert bad_ends(tmp_path, SCENARIOS[name], pairs) == []
 
 
-def test_a_writer_that_replaces_no_file_whole_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_writer_that_replaces_no_file_whole_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def write_in_place(path: Path, data: bytes) -> None:
         disk.current().write(path, data)
 
@@ -178,7 +178,7 @@ WAITING = ("--auto-approve", "--lock-timeout", "60s")  # for a script that outli
 
 @pytest.mark.usefixtures("pwsh")
 @pytest.mark.parametrize("name", ["apply", "undo"] if LONG else ["undo"])
-def test_a_program_that_does_not_start_or_outlives_the_command_changes_no_end(tmp_path: Path, name: str) -> None:
+def test_program_that_does_not_start_changes_no_end(tmp_path: Path, name: str) -> None:
     before = (("apply", *WAITING),) if name == "undo" else ()
     scenario = Scenario(words=(name, *WAITING), before=before, manifest=HYPERV)
 

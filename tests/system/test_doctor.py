@@ -58,7 +58,7 @@ def test_findings_come_in_every_form(desk: Desk, tmp_path: Path) -> None:
     assert json.loads(file.read_text(encoding="utf-8"))["runs"][0]["results"][0]["ruleId"] == "RARMS158"
 
 
-def test_hosts_of_one_machine_are_named_as_in_a_plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hosts_of_one_machine_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     host = "{ provider: simulated, logical_processors: 2, memory: 4 GiB }"
     hosts = f"hosts:\n  left: {host}\n  right: {host}\n"
@@ -78,7 +78,7 @@ def test_hosts_of_one_machine_are_named_as_in_a_plan(tmp_path: Path, monkeypatch
     assert "RARMS343" not in rarms("doctor", "--snapshot", "seen/left.json", "--host", "left").out
 
 
-def test_an_acceptance_of_what_only_the_doctor_finds_is_not_unused_in_a_plan(desk: Desk) -> None:
+def test_acceptance_for_doctor_is_not_unused_in_plan(desk: Desk) -> None:
     policy = "policy:\n  accept:\n    RARMS234: { at: [host/onboard], reason: a laptop }\n"
 
     assert "RARMS096" not in desk.run("plan", policy=policy).out

@@ -29,5 +29,5 @@ def codes(name: str) -> list[str]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_recorded_host_is_told_what_is_wrong_with_it(name: str) -> None:
+def test_recorded_host_is_told_its_problems(name: str) -> None:
     assert codes(name) == EXPECTED[name]

@@ -114,7 +114,7 @@ def is_read(observed: Any) -> bool:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_no_text_of_host_or_manifest_stands_in_a_report(name: str, tmp_path: Path) -> None:
+def test_report_holds_no_text_of_host_or_manifest(name: str, tmp_path: Path) -> None:
     data, count = planted(name)
     snapshot, report = tmp_path / "observed.json", tmp_path / "report.json"
     snapshot.write_bytes(data)
@@ -129,7 +129,7 @@ def test_no_text_of_host_or_manifest_stands_in_a_report(name: str, tmp_path: Pat
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_report_is_made_of_words_of_ours_and_versions(name: str, tmp_path: Path) -> None:
+def test_report_consists_of_known_words_and_versions(name: str, tmp_path: Path) -> None:
     snapshot, report = tmp_path / "observed.json", tmp_path / "report.json"
     observed = document(name)
     snapshot.write_text(json.dumps(observed), encoding="utf-8")
@@ -202,9 +202,7 @@ def test_nothing_is_answerthrough_a_link(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("connect", "word"), [("", "here"), (SSH, "ssh"), (WINRM, "winrm")])
-def test_a_report_says_how_the_host_was_reached_and_counts_its_machines(
-    connect: str, word: str, tmp_path: Path
-) -> None:
+def test_report_says_connection_and_counts_machines(connect: str, word: str, tmp_path: Path) -> None:
     replica = partition(application=None)
     machines = (
         replace(replica, ties=(Tie.REPLICA,), foreign_mark=f"{PLANTED} is a replica"),

@@ -70,7 +70,7 @@ def an_editor() -> Iterator[Editor]:
             server.kill()
 
 
-def test_an_editor_finds_nothing_wrong_with_what_init_writes_and_says_what_a_quantity_lacks(tmp_path: Path) -> None:
+def test_editor_accepts_init_and_explains_quantities(tmp_path: Path) -> None:
     file = Path(write_first_manifest(str(tmp_path)).files[0])
     text = file.read_text(encoding="utf-8")
     wrong = tmp_path / "wrong.yaml"

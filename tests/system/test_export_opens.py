@@ -43,7 +43,7 @@ def converted(path: Path, form: str) -> Path:
     return path.parent
 
 
-def test_libreoffice_opens_every_sheet_and_its_numbers_are_numbers(exported: tuple[Path, Report]) -> None:
+def test_libreoffice_opens_sheets_with_real_numbers(exported: tuple[Path, Report]) -> None:
     path, report = exported
 
     folder = converted(path, "csv:Text - txt - csv (StarCalc):44,34,76,1,,0,true,true,false,false,false,-1")

@@ -89,7 +89,7 @@ def test_hash_seeds_change_no_byte(tmp_path: Path, example: str) -> None:
         assert all_that_is_said(tmp_path / str(run), manifest, SEEDS[run % len(SEEDS)]) == first
 
 
-def test_hash_seeds_change_no_byte_of_what_is_tuned(tmp_path: Path) -> None:
+def test_hash_seeds_do_not_change_tuning(tmp_path: Path) -> None:
     """What the measured components of a robot give: its layout, and what is drawn and written of them."""
     measured = tmp_path / "measured"
     measured.mkdir()

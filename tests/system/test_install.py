@@ -111,7 +111,7 @@ def test_a_robot_without_rarms_gets_it_over_ssh(robot: Robot) -> None:
     assert not list(Path(robot.places.versions).rglob("hatchling")), "what builds rarms stays here"
 
 
-def test_a_user_with_one_line_of_sudoers_asks_the_installed_rarms(robot: Robot) -> None:
+def test_sudoers_user_asks_the_installed_rarms(robot: Robot) -> None:
     robot.install("--host", "onboard")
     robot.allow(REQUESTS)
 

@@ -131,7 +131,7 @@ def test_a_whole_session(person: Person, folder: Path) -> None:
     assert (folder / "measurements" / "onboard" / "speech" / "busy-loop.jsonl").is_file()
 
 
-def test_ctrl_c_at_a_question_leaves_what_was_measured(person: Person, folder: Path) -> None:
+def test_ctrl_c_at_question_leaves_what_was_measured(person: Person, folder: Path) -> None:
     person.waits_for("A level for vision")
 
     person.interrupts()
@@ -156,7 +156,7 @@ def over_full(tmp_path: Path) -> Person:
     return person
 
 
-def test_levels_that_need_too_much_go_on_to_combining(tmp_path: Path) -> None:
+def test_too_demanding_levels_go_on_to_combining(tmp_path: Path) -> None:
     person = over_full(tmp_path)
     try:
         person.types("?")

@@ -75,7 +75,7 @@ def machines(folder: Path) -> object:
 
 
 @pytest.mark.needs("posix")
-def test_ctrl_c_ends_a_measurement_that_the_same_command_goes_on_with(tmp_path: Path) -> None:
+def test_interrupted_measurement_goes_on(tmp_path: Path) -> None:
     code, out, err = ended_by(signal.SIGINT, tmp_path)
 
     assert code == 130, err
@@ -92,7 +92,7 @@ def test_ctrl_c_ends_a_measurement_that_the_same_command_goes_on_with(tmp_path: 
 
 @pytest.mark.needs("posix")
 @pytest.mark.sample
-def test_killed_at_no_matter_what_a_finished_setting_is_not_run_again(tmp_path: Path) -> None:
+def test_killed_measurement_repeats_no_finished_setting(tmp_path: Path) -> None:
     code, _, err = ended_by(signal.SIGKILL, tmp_path)
 
     assert code == -signal.SIGKILL, err

@@ -34,7 +34,7 @@ def codes(ran: Ran) -> list[str]:
 
 
 @pytest.mark.parametrize("command", READING)
-def test_errors_of_a_manifest_are_a_document_and_a_text(tmp_path: Path, command: str) -> None:
+def test_errors_of_manifest_are_document_and_text(tmp_path: Path, command: str) -> None:
     manifest = tmp_path / "rarms.yaml"
     manifest.write_text(BROKEN, encoding="utf-8", newline="\n")
 
@@ -53,7 +53,7 @@ def test_output_json_is_the_same_as_json(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("command", ["show", "apply"])
-def test_a_plan_that_was_edited_is_refused_in_json(folder: Path, command: str) -> None:
+def test_plan_that_was_edited_is_refused_in_json(folder: Path, command: str) -> None:
     plan = folder / "robot.plan"
     assert rarms("plan", "-f", str(folder), "--out", str(plan)).code == 0
     plan.write_text(plan.read_text(encoding="utf-8").replace("robot", "tobor"), encoding="utf-8", newline="\n")
@@ -67,7 +67,7 @@ def test_a_plan_that_was_edited_is_refused_in_json(folder: Path, command: str) -
 @pytest.mark.parametrize(
     "words", [("apply",), ("plan", "--host", "nowhere"), ("explain", "RARMS998"), ("plan", "--max-disruption", "all")]
 )
-def test_words_that_do_not_fit_are_a_finding_beside_the_usage(folder: Path, words: tuple[str, ...]) -> None:
+def test_wrong_words_are_a_finding_with_usage(folder: Path, words: tuple[str, ...]) -> None:
     manifest = () if words[0] == "explain" else ("-f", str(folder))
 
     ran = rarms(words[0], *manifest, *words[1:], "--json")
@@ -77,7 +77,7 @@ def test_words_that_do_not_fit_are_a_finding_beside_the_usage(folder: Path, word
     assert ran.err.startswith(f"Usage: rarms {words[0]}")
 
 
-def test_an_answer_that_was_given_stays_the_only_one(folder: Path) -> None:
+def test_answer_that_was_given_stays_only_one(folder: Path) -> None:
     ran = rarms("plan", "-f", str(folder), "--json", "--out", str(folder / "no" / "such" / "robot.plan"))
 
     assert ran.code == 1
@@ -91,7 +91,7 @@ def test_without_json_standard_output_stays_empty(folder: Path) -> None:
     assert (ran.code, ran.out) == (64, "")
 
 
-def test_a_run_streams_a_line_for_each_step_and_ends_with_its_report(folder: Path) -> None:
+def test_run_streams_steps_and_ends_with_report(folder: Path) -> None:
     applied = rarms("apply", "-f", str(folder), "--auto-approve", "--json").out
     undone = rarms("undo", "-f", str(folder), "--auto-approve", "--json").out
 

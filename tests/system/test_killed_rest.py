@@ -44,7 +44,7 @@ def machines(folder: Path) -> dict[str, tuple[str, bool]]:
     }
 
 
-def test_killed_anywhere_the_next_command_starts_what_was_stopped(tmp_path: Path) -> None:
+def test_killed_anywhere_next_command_starts_what_was_stopped(tmp_path: Path) -> None:
     applied = tmp_path / "applied"
     applied.mkdir()
     (applied / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")

@@ -19,7 +19,7 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
 
 
-def test_the_lines_of_the_page_run_one_after_another(tmp_path: Path) -> None:
+def test_lines_of_page_run_one_after_another(tmp_path: Path) -> None:
     (manifest,) = blocks("yaml")
     (tmp_path / "rarms.yaml").write_text(manifest, encoding="utf-8")
     program = "".join(blocks("python")) + "print(rarms.plan(robot).has_changes)\n"
@@ -41,7 +41,7 @@ def test_the_lines_of_the_page_run_one_after_another(tmp_path: Path) -> None:
     assert changes == "False"
 
 
-def test_paths_may_be_paths_and_a_plan_names_its_changes(tmp_path: Path) -> None:
+def test_paths_are_accepted_and_plan_names_changes(tmp_path: Path) -> None:
     (manifest,) = blocks("yaml")
     (tmp_path / "rarms.yaml").write_text(manifest.replace("reserve: measured", "reserve: 20 %"), encoding="utf-8")
     overlay = tmp_path / "small.yaml"
@@ -54,7 +54,7 @@ def test_paths_may_be_paths_and_a_plan_names_its_changes(tmp_path: Path) -> None
     assert report.ending is rarms_iac.RunEnding.DONE
 
 
-def test_the_text_of_an_error_begins_with_the_error(tmp_path: Path) -> None:
+def test_text_of_error_begins_with_error(tmp_path: Path) -> None:
     (manifest,) = blocks("yaml")
     unused = "interference: { spare: { kind: busy_loop, threads: 2 } }\n"
     (tmp_path / "rarms.yaml").write_text(
@@ -68,7 +68,7 @@ def test_the_text_of_an_error_begins_with_the_error(tmp_path: Path) -> None:
     assert str(refused.value) == errors[0]
 
 
-def test_each_line_of_a_run_is_as_the_schema_says(tmp_path: Path) -> None:
+def test_each_line_of_run_is_as_schema_says(tmp_path: Path) -> None:
     schema = jsonschema.Draft202012Validator(json.loads(rarms("schema", "output").out))
     assert rarms("init", str(tmp_path), "--name", "robot").code == 0
 
@@ -93,6 +93,6 @@ def test_importing_the_package_imports_its_version_alone() -> None:
     assert ran.stdout == "['rarms_iac.model', 'rarms_iac.model.version']\n"
 
 
-def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
+def test_name_that_is_not_there_is_attribute_error() -> None:
     assert not hasattr(rarms_iac, "anything_else")
     assert callable(rarms_iac.apply)

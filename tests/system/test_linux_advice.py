@@ -57,7 +57,7 @@ def run(folder: Path, command: str, *words: str, ends: int = 0) -> str:
 
 
 @pytest.mark.parametrize("at_boot", [False, True])
-def test_after_a_restart_of_the_machine_an_apply_or_its_line_starts_what_is_off(folder: Path, at_boot: bool) -> None:
+def test_after_restart_apply_or_unit_starts_partitions(folder: Path, at_boot: bool) -> None:
     groups_of(folder).remove("eyes")
     for definition in (STATE_FOLDER / slice_of(folder)).glob("*.json"):
         text = definition.read_text(encoding="ascii")
@@ -78,7 +78,7 @@ def test_after_a_restart_of_the_machine_an_apply_or_its_line_starts_what_is_off(
 
 
 @pytest.mark.alone  # other tests' deadlines take from what the kernel admits
-def test_processors_that_another_tool_took_from_a_deadline_are_shown_and_given_back(
+def test_processors_taken_from_deadline_are_given_back(
     folder: Path,
 ) -> None:
     groups = groups_of(folder)
@@ -93,9 +93,7 @@ def test_processors_that_another_tool_took_from_a_deadline_are_shown_and_given_b
     assert "without a reservation" not in run(folder, "run", "eyes")
 
 
-def test_where_the_kernel_refuses_the_doctor_looks_at_what_it_lacks(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_kernel_refusal_leads_to_doctor(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise OSError(16, "Device or resource busy")
 

@@ -73,7 +73,7 @@ def run_twice(folder: Path, first: tuple[str, ...], again: tuple[str, ...]) -> s
 
 @pytest.mark.needs("control-groups")
 @pytest.mark.alone
-def test_real_processes_are_measured_planned_applied_proven_mended_and_removed(walk: Path) -> None:
+def test_real_processes_go_the_whole_way(walk: Path) -> None:
     groups, plan = groups_of(walk), str(walk / "walk.plan")
 
     paper = ("measure", "eyes", "--strategy", "paper")

@@ -29,7 +29,7 @@ def output(robot: Path, *words: str) -> list[str]:
     return done.stdout.splitlines()
 
 
-def test_faces_are_found_in_at_least_nine_of_ten_frames(robot: Path) -> None:
+def test_faces_are_found_in_most_frames(robot: Path) -> None:
     samples: list[Any] = [json.loads(line) for line in output(robot, "components/face_detection.py", "12")]
 
     assert len(samples) == 12
@@ -45,14 +45,14 @@ def test_every_spoken_command_is_understood(robot: Path) -> None:
     assert len({match[1] for match in heard if match}) == 7
 
 
-def test_a_command_waits_for_its_period_and_its_response_counts_from_there(robot: Path) -> None:
+def test_command_waits_for_its_period(robot: Path) -> None:
     lines = output(robot, "components/speech_recognition.py", "--period-ms", "1", "7")
     waited = [float(line.rpartition("=")[2]) for line in lines]
 
     assert waited[-1] > waited[0], "commands that come faster than they are understood wait longer and longer"
 
 
-def test_frames_arrive_at_the_screen_as_jpeg_pictures_of_plausible_size(robot: Path) -> None:
+def test_frames_arrive_as_plausible_jpeg(robot: Path) -> None:
     frames: list[Any] = [json.loads(line) for line in output(robot, "components/video_streaming.py", "5")]
 
     assert [frame["frames"] for frame in frames] == [1] * 5

@@ -81,7 +81,7 @@ def installed(tmp_path: Path) -> Iterator[Path]:
         yield root / "versions"
 
 
-def test_below_systemd_partitions_are_units_for_rarms_and_for_its_script(tmp_path: Path) -> None:
+def test_systemd_partitions_are_units(tmp_path: Path) -> None:
     result = run_in_machine(WALK, timeout_s=1200, disk=tmp_path / "disk.tar")
 
     assert result.exit_code == 0, result.output
@@ -89,7 +89,7 @@ def test_below_systemd_partitions_are_units_for_rarms_and_for_its_script(tmp_pat
 
 
 @pytest.mark.needs("network", "root")
-def test_a_restart_keeps_partitions_but_those_that_start_by_hand(tmp_path: Path, installed: Path) -> None:
+def test_restart_keeps_partitions_except_manual_ones(tmp_path: Path, installed: Path) -> None:
     def in_machine(script: str) -> CommandResult:
         script = script.replace("INSTALLED", str(installed))
         return run_in_machine(script, timeout_s=900, disk=tmp_path / "disk.tar")

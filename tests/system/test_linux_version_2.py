@@ -8,7 +8,7 @@ CONTRACTS = (
     "tests/unit/providers/cgroups/test_groups.py",
     "tests/contracts/test_linux_host.py",
     "tests/contracts/test_host_contract.py",
-    "tests/contracts/test_apply_crashes.py::test_applied_twice_changes_nothing_and_undo_brings_all_back_but_the_serial",
+    "tests/contracts/test_apply_crashes.py::test_second_apply_is_empty_and_undo_restores",
 )
 """What runs in the machine, in one process: there, a second process takes half a minute to start."""
 

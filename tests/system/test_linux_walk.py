@@ -73,7 +73,7 @@ def test_plan_apply_drift_undo_and_destroy(folder: Path) -> None:
 
 @pytest.mark.needs("control-groups")
 @pytest.mark.alone
-def test_what_left_the_manifest_is_removed_and_undo_brings_it_back(folder: Path) -> None:
+def test_removed_entry_is_removed_and_undone(folder: Path) -> None:
     where, manifest = ("-f", str(folder)), folder / "rarms.yaml"
     assert rarms("apply", *where, "--auto-approve").code == 0
     tree = groups_of(folder)

@@ -52,7 +52,7 @@ def make(checkout: Path, programs: Path, *arguments: str) -> subprocess.Complete
 
 
 @pytest.mark.parametrize("target", ["demo", "test"])
-def test_a_python_without_venv_is_named_with_what_to_install(checkout: Path, programs: Path, target: str) -> None:
+def test_python_without_venv_is_named(checkout: Path, programs: Path, target: str) -> None:
     add_program(programs, "python3", WITHOUT_VENV.format(real=sys.executable))
 
     done = make(checkout, programs, target)
@@ -72,7 +72,7 @@ def test_no_python_at_all_says_what_to_install(checkout: Path, programs: Path, t
     assert "apt install python3 python3-venv" in done.stderr
 
 
-def test_a_python_too_old_is_told_by_its_version(checkout: Path, programs: Path) -> None:
+def test_python_too_old_is_told_by_its_version(checkout: Path, programs: Path) -> None:
     add_program(programs, "python3", TOO_OLD)
 
     done = make(checkout, programs, "demo")
@@ -81,7 +81,7 @@ def test_a_python_too_old_is_told_by_its_version(checkout: Path, programs: Path)
     assert "found Python 3.9.2" in done.stderr
 
 
-def test_an_interpreter_named_by_the_user_is_the_only_one_tried(checkout: Path, programs: Path) -> None:
+def test_interpreter_named_by_user_is_only_one_tried(checkout: Path, programs: Path) -> None:
     add_program(programs, "python3", f'#!/bin/sh\nexec {sys.executable} "$@"\n')
     add_program(programs, "old", TOO_OLD)
 
@@ -91,7 +91,7 @@ def test_an_interpreter_named_by_the_user_is_the_only_one_tried(checkout: Path, 
     assert "old: found Python 3.9.2" in done.stderr
 
 
-def test_another_python_with_venv_is_preferred_to_one_without(checkout: Path, programs: Path) -> None:
+def test_python_with_venv_is_preferred(checkout: Path, programs: Path) -> None:
     add_program(programs, "python3", WITHOUT_VENV.format(real=sys.executable))
     add_program(programs, "python3.12", '#!/bin/sh\n[ "$2" = venv ] && echo chosen >&2 && exit 9\nexit 0\n')
 
@@ -110,7 +110,7 @@ def test_make_alone_lists_what_it_can_do(checkout: Path, programs: Path) -> None
 
 
 @pytest.mark.needs("network", "venv")
-def test_the_demo_works_twice_in_a_fresh_checkout_and_leaves_it_clean(tmp_path: Path) -> None:
+def test_demo_works_twice_in_a_fresh_checkout(tmp_path: Path) -> None:
     fresh = tmp_path / "fresh"
     shutil.copytree(CHECKOUT, fresh, ignore=shutil.ignore_patterns(".*", "__pycache__"))
     before = files_of(fresh)

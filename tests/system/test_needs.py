@@ -51,7 +51,7 @@ def test_a_missing_need_skips_with_its_reason(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("workers", ["0", "2"])
-def test_a_skip_without_an_excuse_fails_where_skips_are_forbidden(tmp_path: Path, workers: str) -> None:
+def test_skip_without_excuse_fails_where_skips_are_forbidden(tmp_path: Path, workers: str) -> None:
     allowed = run_pytest(tmp_path, PLAIN_SKIP, no_skips=False, workers=workers)
     forbidden = run_pytest(tmp_path, PLAIN_SKIP, no_skips=True, workers=workers)
 
@@ -68,7 +68,7 @@ def test_an_unknown_need_is_an_error(tmp_path: Path) -> None:
     assert "needs posiks, which tests/needs.py lacks" in done.stdout + done.stderr
 
 
-def test_every_need_answers_and_every_reason_can_be_read_back() -> None:
+def test_every_need_answers_readably() -> None:
     for name, need in needs.NEEDS.items():
         reason = needs.reason_to_skip(name)
         assert bool(reason) == bool(need.missing())

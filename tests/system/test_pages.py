@@ -129,7 +129,7 @@ def test_every_page_with_commands_is_run() -> None:
 @pytest.mark.needs("posix")
 @pytest.mark.usefixtures("pwsh")
 @pytest.mark.parametrize("name", PREPARED)
-def test_each_command_of_a_page_ends_as_it_says(tmp_path: Path, name: str) -> None:
+def test_each_command_of_page_ends_as_it_says(tmp_path: Path, name: str) -> None:
     (page,) = (page for page in PAGES if page.name == name)
     shown = [found for found in SHOWN.finditer(blocks(page)) if not found["typed"].startswith(tuple(ELSEWHERE))]
     expected = [(found["typed"], int(found["code"] or 0)) for found in shown]
@@ -190,7 +190,7 @@ def unknown_option(command: str) -> str:
     return ""
 
 
-def test_every_option_that_a_page_names_is_one_of_its_command() -> None:
+def test_options_on_pages_exist() -> None:
     shown = list(shown_commands())
 
     assert len(shown) > 200

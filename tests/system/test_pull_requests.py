@@ -193,7 +193,7 @@ def run_action(folder: Path, temporary: Path, api: str, *, installed: bool = Tru
 
 
 @pytest.mark.needs("posix")
-def test_the_actions_environment_is_kept_while_nothing_that_it_is_made_of_changes(tmp_path: Path) -> None:
+def test_action_environment_is_kept_while_unchanged(tmp_path: Path) -> None:
     steps = {
         step["name"]: step for step in yaml.safe_load((CHECKOUT / "action.yml").read_text("utf-8"))["runs"]["steps"]
     }
@@ -220,7 +220,7 @@ def test_the_actions_environment_is_kept_while_nothing_that_it_is_made_of_change
     assert steps["Install rarms"]["if"] == f"steps.{kept['id']}.outputs.cache-hit != 'true'"
 
 
-def test_a_strangers_comment_with_the_marker_is_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_strangers_comment_with_marker_is_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     body = tmp_path / "rarms.md"
     with github() as (api, comments):
         settings = {"GITHUB_API_URL": api, "GITHUB_REPOSITORY": "team/cell", "NUMBER": "7", "TOKEN": "t0ken"}
@@ -234,7 +234,7 @@ def test_a_strangers_comment_with_the_marker_is_left_alone(tmp_path: Path, monke
 
 
 @pytest.mark.parametrize("is_there", [False, True])
-def test_a_server_that_does_not_answer_is_one_line(
+def test_server_that_does_not_answer_is_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *, is_there: bool
 ) -> None:
     body = tmp_path / "rarms.md"
@@ -375,7 +375,7 @@ def run_lines(folder: Path, lines: list[str], variables: dict[str, str]) -> None
 
 
 @pytest.mark.needs("posix", "bash", "git")
-def test_the_pipeline_for_gitlab_reports_and_keeps_one_note(rarms_repository: Path, tmp_path: Path) -> None:
+def test_pipeline_for_gitlab_reports_and_keeps_one_note(rarms_repository: Path, tmp_path: Path) -> None:
     job = yaml.safe_load(block_of("yaml", "# .gitlab-ci.yml"))["rarms"]
     installing = [line for line in job["script"] if line.startswith("pip install")]
     script = [line for line in job["script"] if line not in installing]
@@ -405,7 +405,7 @@ def test_the_pipeline_for_gitlab_reports_and_keeps_one_note(rarms_repository: Pa
 
 
 @pytest.mark.needs("posix", "bash", "git")
-def test_the_steps_for_jenkins_leave_what_the_pipeline_publishes(tmp_path: Path) -> None:
+def test_steps_for_jenkins_leave_what_pipeline_publishes(tmp_path: Path) -> None:
     pipeline = block_of("groovy", "// Jenkinsfile")
     folder = a_cell_with_a_snapshot(tmp_path / "cell")
 

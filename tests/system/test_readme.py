@@ -17,7 +17,7 @@ FINDINGS = re.compile(r"(?:note|warning)\[.*?\n\n(?=Plan: )", re.DOTALL)  # behi
 
 
 @pytest.mark.sample
-def test_the_plan_in_the_readme_is_what_rarms_prints(tmp_path: Path) -> None:
+def test_plan_in_readme_is_what_rarms_prints(tmp_path: Path) -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     (shown,) = re.findall(r"\$ rarms plan[^\n]*\n(.*?)```", readme, re.DOTALL)
 

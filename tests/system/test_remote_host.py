@@ -92,7 +92,7 @@ def after_steps(remote: Remote, count: int) -> None:
 
 
 @pytest.mark.sample
-def test_apply_ends_with_an_empty_plan_and_undo_takes_all_of_it_back(remote: Remote) -> None:
+def test_apply_ends_empty_and_undo_restores(remote: Remote) -> None:
     applied = apply(remote)
 
     assert applied.code == 0, applied
@@ -108,7 +108,7 @@ def test_apply_ends_with_an_empty_plan_and_undo_takes_all_of_it_back(remote: Rem
     assert not remote.host.vms
 
 
-def test_an_installed_module_takes_the_scripts_and_another_version_is_refused_by_name(remote: Remote) -> None:
+def test_installed_module_of_another_version_is_refused(remote: Remote) -> None:
     change_manifest(remote, "shell: pwsh", "shell: pwsh, receiver: installed")
     missing = remote.rarms("plan")
     remote.ask(installed=["0.0.1", "0.0.2"])
@@ -127,7 +127,7 @@ def test_an_installed_module_takes_the_scripts_and_another_version_is_refused_by
     assert is_as_wanted(remote)
 
 
-def test_the_host_runs_the_very_bytes_of_the_plan_and_keeps_no_copy(remote: Remote) -> None:
+def test_host_runs_exact_bytes_and_keeps_no_copy(remote: Remote) -> None:
     assert remote.rarms("plan", "--out", "plan.json").code == 0
     scripts = json.loads(remote.rarms("show", "plan.json", "--json").out)["hosts"][0]["scripts"]
 
@@ -141,7 +141,7 @@ def test_the_host_runs_the_very_bytes_of_the_plan_and_keeps_no_copy(remote: Remo
     assert remote.rarms("apply", "plan.json").code == 3, "a plan is used once"
 
 
-def test_a_host_whose_policy_wants_signatures_runs_what_a_reviewer_signed(remote: Remote) -> None:
+def test_signature_policy_runs_reviewed_scripts(remote: Remote) -> None:
     host = an_empty_host()
     host.all_signed = True
     remote.put(host)
@@ -174,7 +174,7 @@ def test_a_host_whose_policy_wants_signatures_runs_what_a_reviewer_signed(remote
         assert "is not digitally signed" in " ".join(refused.err.split())
 
 
-def test_scripts_that_do_not_arrive_as_sent_are_not_run(remote: Remote) -> None:
+def test_garbled_scripts_are_not_run(remote: Remote) -> None:
     remote.ask(garbles=True)
 
     refused = remote.rarms("plan")
@@ -184,7 +184,7 @@ def test_scripts_that_do_not_arrive_as_sent_are_not_run(remote: Remote) -> None:
     assert remote.host.file(JOURNAL) is None
 
 
-def test_a_connection_that_breaks_in_the_middle_is_unknown_and_the_next_apply_finishes(remote: Remote) -> None:
+def test_broken_connection_is_unknown_and_finished_later(remote: Remote) -> None:
     remote.ask(step_ms=250)
     running = remote.start("apply", "--auto-approve")
     after_steps(remote, 3)
@@ -205,7 +205,7 @@ def test_a_connection_that_breaks_in_the_middle_is_unknown_and_the_next_apply_fi
     assert is_as_wanted(remote)
 
 
-def test_a_host_that_changed_since_rarms_looked_is_not_touched(remote: Remote) -> None:
+def test_host_changed_since_look_is_not_touched(remote: Remote) -> None:
     remote.ask(meddles_with="host")
     refused = apply(remote)
     remote.ask()
@@ -218,7 +218,7 @@ def test_a_host_that_changed_since_rarms_looked_is_not_touched(remote: Remote) -
     assert remote.rarms("apply", "new.json").code == 0
 
 
-def test_a_machine_that_changed_since_rarms_looked_is_not_overwritten(remote: Remote) -> None:
+def test_machine_changed_since_look_is_not_overwritten(remote: Remote) -> None:
     assert apply(remote).code == 0
     change_manifest(remote, "reserve: 20 %", "reserve: 24 %")
     remote.ask(meddles_with="vision")
@@ -234,7 +234,7 @@ def test_a_machine_that_changed_since_rarms_looked_is_not_overwritten(remote: Re
     assert is_as_wanted(remote)
 
 
-def test_a_machine_whose_mark_names_another_is_adopted_as_recommended(remote: Remote) -> None:
+def test_machine_with_foreign_mark_is_adopted_as_recommended(remote: Remote) -> None:
     assert apply(remote).code == 0
     host = remote.host
     (vision,) = (vm for vm in host.vms.values() if vm.name == "vision")
@@ -247,7 +247,7 @@ def test_a_machine_whose_mark_names_another_is_adopted_as_recommended(remote: Re
     assert is_as_wanted(remote)
 
 
-def test_an_apply_from_an_elevated_prompt_does_what_one_without_may_not(remote: Remote) -> None:
+def test_elevated_apply_does_what_plain_cannot(remote: Remote) -> None:
     remote.put(an_empty_host().copy(elevated=False, hyperv_administrator=True))
     examined = remote.rarms("doctor")
     remote.put(an_empty_host())
@@ -256,7 +256,7 @@ def test_an_apply_from_an_elevated_prompt_does_what_one_without_may_not(remote: 
     assert apply(remote).code == 0
 
 
-def test_ctrl_c_stops_after_the_running_step_and_the_next_apply_goes_on(remote: Remote) -> None:
+def test_ctrl_c_stops_after_step_and_apply_continues(remote: Remote) -> None:
     remote.ask(step_ms=250)
     running = remote.start("apply", "--auto-approve")
     after_steps(remote, 2)
@@ -273,7 +273,7 @@ def test_ctrl_c_stops_after_the_running_step_and_the_next_apply_goes_on(remote: 
     assert is_as_wanted(remote)
 
 
-def test_noise_on_both_streams_is_shown_or_ignored_but_harms_nothing(remote: Remote) -> None:
+def test_noise_on_streams_harms_nothing(remote: Remote) -> None:
     noise = ["Welcome to CELL-4", "{", '{"format":"rarms-event/9"}', "\u001b[31mred"]
     remote.ask(noise=noise, warnings=["WARNING: a module was loaded twice"])
 
@@ -285,7 +285,7 @@ def test_noise_on_both_streams_is_shown_or_ignored_but_harms_nothing(remote: Rem
     assert is_as_wanted(remote)
 
 
-def test_a_script_that_says_nothing_for_too_long_is_unknown(remote: Remote) -> None:
+def test_silent_script_is_unknown(remote: Remote) -> None:
     assert remote.rarms("plan", "--out", "plan.json").code == 0
     remote.ask(step_ms=3000)
 
@@ -295,7 +295,7 @@ def test_a_script_that_says_nothing_for_too_long_is_unknown(remote: Remote) -> N
     assert "it said nothing for 1 s" in " ".join(lost.err.split())
 
 
-def test_what_powershell_says_instead_of_running_a_script_is_told(remote: Remote) -> None:
+def test_powershells_refusal_is_told(remote: Remote) -> None:
     remote.ask(refuses="observe.ps1 cannot be loaded because running scripts is disabled on this system.")
 
     failed = remote.rarms("plan")
@@ -304,7 +304,7 @@ def test_what_powershell_says_instead_of_running_a_script_is_told(remote: Remote
     assert "running scripts is disabled" in " ".join(failed.err.split())
 
 
-def test_a_run_that_is_left_as_it_is_stands_in_no_way(remote: Remote) -> None:
+def test_abandoned_run_is_in_nobodys_way(remote: Remote) -> None:
     remote.ask(step_ms=250)
     running = remote.start("apply", "--auto-approve")
     after_steps(remote, 2)
@@ -320,7 +320,7 @@ def test_a_run_that_is_left_as_it_is_stands_in_no_way(remote: Remote) -> None:
     assert remote.rarms("plan").code == 0
 
 
-def test_a_host_that_is_not_reached_is_told_with_sshs_words(remote: Remote) -> None:
+def test_unreachable_host_is_told_in_sshs_words(remote: Remote) -> None:
     manifest = remote.folder / "rarms.yaml"
     manifest.write_text(MANIFEST.replace("ssh: cell", "ssh: nobody@127.0.0.1"), encoding="utf-8", newline="\n")
 
@@ -359,7 +359,7 @@ def test_on_the_host_itself_no_ssh_is_needed(remote: Remote) -> None:
     assert not remote.host.vms
 
 
-def test_ctrl_c_stops_a_script_of_this_computer_too(remote: Remote) -> None:
+def test_ctrl_c_stops_script_of_this_computer_too(remote: Remote) -> None:
     (remote.folder / "rarms.yaml").write_text(LOCAL, encoding="utf-8", newline="\n")
     remote.ask(step_ms=250)
     running = remote.start("apply", "--auto-approve", with_pwsh=True)
@@ -380,7 +380,7 @@ def test_the_stand_in_says_what_it_is(remote: Remote) -> None:
     assert STAND_IN in " ".join(remote.rarms("plan").err.split())
 
 
-def test_a_snapshot_of_the_live_host_plans_and_examines_as_the_host_itself(remote: Remote) -> None:
+def test_snapshot_plans_and_examines_as_live_host(remote: Remote) -> None:
     assert remote.rarms("snapshot", "--out", "live.json").code == 0
     seen = json.loads((remote.folder / "live.json").read_text(encoding="utf-8"))
 

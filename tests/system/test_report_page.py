@@ -107,7 +107,7 @@ def message(page: "WebDriver", card: str) -> int | None:
     return None if shown.startswith("Not ") else round(50 * float(shown.removeprefix("Reserve ").removesuffix(" LP")))
 
 
-def test_a_line_dragged_by_mouse_reserves_what_the_planner_would(page: "WebDriver") -> None:
+def test_line_dragged_by_mouse_reserves_what_planner_would(page: "WebDriver") -> None:
     from selenium.webdriver import ActionChains
 
     seen = set()
@@ -138,7 +138,7 @@ def in_view(page: "WebDriver", name: str) -> int:
 
 
 @pytest.mark.sample
-def test_the_keyboard_moves_a_line_over_every_step_and_says_so(page: "WebDriver") -> None:
+def test_keyboard_moves_a_line_and_says_so(page: "WebDriver") -> None:
     from selenium.webdriver import Keys
 
     slider = line(page, FACES)
@@ -162,7 +162,7 @@ def test_the_keyboard_moves_a_line_over_every_step_and_says_so(page: "WebDriver"
         assert message(page, "m1") == planned(pasted(page, "m1"))
 
 
-def test_every_step_of_every_line_agrees_with_the_planner(page: "WebDriver") -> None:
+def test_every_step_of_every_line_agrees_with_planner(page: "WebDriver") -> None:
     """The same keys as a person's, pressed by a script, all the way: what was looked up cannot be luck."""
     walk = """
         const [plot, card] = arguments, found = [], line = document.getElementById(`${plot}-line`);
@@ -213,7 +213,7 @@ def test_a_line_follows_a_finger(page: "WebDriver") -> None:
     assert message(page, "m1") == planned(pasted(page, "m1"))
 
 
-def test_headroom_follows_the_lines_and_reset_brings_them_back(page: "WebDriver") -> None:
+def test_headroom_follows_lines_and_reset_brings_them_back(page: "WebDriver") -> None:
     from selenium.webdriver import Keys
 
     assert "Headroom of onboard: 0.28 LP (14 % of onboard)" in text(page, "fit-1")
@@ -228,7 +228,7 @@ def test_headroom_follows_the_lines_and_reset_brings_them_back(page: "WebDriver"
     assert (message(page, "m1"), message(page, "m2"), reset.is_displayed()) == (60, 16, False)
 
 
-def test_lines_to_paste_and_the_command_say_the_threshold_and_are_copied(page: "WebDriver") -> None:
+def test_lines_to_paste_are_copied(page: "WebDriver") -> None:
     from selenium.webdriver import Keys
 
     line(page, FACES).send_keys(Keys.PAGE_UP)
@@ -242,7 +242,7 @@ def test_lines_to_paste_and_the_command_say_the_threshold_and_are_copied(page: "
     assert text(page, "m1-manifest").splitlines()[-1] == f"      mean_response_time: {{ at_most: {value} ms }}"
 
 
-def test_nothing_is_fetched_nothing_is_refused_and_foreign_code_is_not_run(page: "WebDriver") -> None:
+def test_nothing_is_fetched_and_foreign_code_blocked(page: "WebDriver") -> None:
     assert run(page, "return performance.getEntriesByType('resource').length") == 0
     asked = [json.loads(message)["message"] for message in messages(page, "performance")]
     requests = [event["params"] for event in asked if event["method"] == "Network.requestWillBeSent"]
@@ -265,7 +265,7 @@ def test_nothing_is_fetched_nothing_is_refused_and_foreign_code_is_not_run(page:
 
 
 @pytest.mark.parametrize(("width", "dark"), [(1200, False), (1200, True), (700, True), (360, False)])
-def test_it_fits_every_screen_and_can_be_read_in_light_and_dark(page: "WebDriver", width: int, dark: bool) -> None:
+def test_page_fits_screens_and_is_readable(page: "WebDriver", width: int, dark: bool) -> None:
     looks(page, width=width, dark=dark)
 
     assert run(page, "return document.documentElement.scrollWidth") <= width

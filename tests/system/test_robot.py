@@ -169,7 +169,7 @@ def test_garbage_over_ssh_is_not_a_request(server: Remote) -> None:
         assert "the request cannot be read" in json.loads(answer)["failure"]["findings"][0]["detail"]
 
 
-def test_a_robot_with_a_key_refuses_unsigned_plans_and_runs(
+def test_robot_with_key_refuses_unsigned_plans_and_runs(
     folder: Path, robot_rarms: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     key = "0123456789abcdef"
@@ -227,7 +227,7 @@ class StopsAt(RunReporter):
             self.stop.set()
 
 
-def test_a_sample_that_was_stopped_is_finished_undone_and_measured(
+def test_stopped_sample_is_finished_undone_and_measured(
     server: Remote, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     robot = tmp_path / "robot"

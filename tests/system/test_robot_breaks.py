@@ -191,9 +191,7 @@ def test_measure_and_prove_continue_after_each_report(robot: Robot, tmp_path: Pa
     robot.assert_nothing_is_left(tmp_path)
 
 
-def test_another_version_has_a_run_ended_by_the_one_that_began_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_other_version_leaves_run_to_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The installation of a newer version over ssh; `0.1.0` and its finish are the real ones."""
     with TemporaryDirectory(prefix="rarms-test-", dir="/opt") as name:
         root, build = Path(name), f"{__version__}-1"

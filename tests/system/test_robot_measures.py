@@ -145,7 +145,7 @@ def test_another_file_there_is_named(robot: Robot) -> None:
     ],
     ids=["measure", "apply"],
 )
-def test_ctrl_c_while_the_robot_waits_is_the_usual_end(
+def test_ctrl_c_while_robot_waits_is_usual_end(
     robot: Robot, server: Remote, tmp_path: Path, command: tuple[str, ...], advice: str
 ) -> None:
     plan = tmp_path / "plan.json"

@@ -53,7 +53,7 @@ IN_CLEAR = "Pl4nted!5ecret+x"
 
 
 @pytest.mark.parametrize("form", list(OutputFormat))
-def test_a_secret_that_the_manifest_contains_is_found_and_not_shown(tmp_path: Path, form: OutputFormat) -> None:
+def test_secret_in_manifest_is_found_unshown(tmp_path: Path, form: OutputFormat) -> None:
     partition = f"partitions: {{ vision: {{ guest: {{ credential: '{IN_CLEAR}' }} }} }}\n"
     variable = f"    run: {{ command: [vision], environment: {{ API_TOKEN: '{IN_CLEAR}' }} }}\n    simulation:"
     Path(tmp_path, "rarms.yaml").write_text(CELL.replace("    simulation:", variable, 1) + partition, "utf-8")
@@ -73,7 +73,7 @@ components: {{ motion: {{ criticality: 3, memory: 1 GiB, cpu: {{ reserve: 20 % }
 {GUEST}"""
 
 
-def test_a_credential_and_a_guests_target_stay_in_the_manifest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_credential_and_guests_target_stay_in_manifest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("rarms.yaml").write_text(ON_HYPERV, encoding="utf-8")
     Path("host.json").write_bytes(recorded_bytes("empty-host"))
@@ -93,9 +93,7 @@ def test_a_credential_and_a_guests_target_stay_in_the_manifest(tmp_path: Path, m
 
 
 @pytest.mark.needs("linux")
-def test_a_variable_that_is_referred_to_reaches_its_component_and_nothing_else(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_variable_reaches_only_its_component(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("VISION_TOKEN", SECRET)
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")

@@ -50,7 +50,7 @@ def ended(folder: Path, words: Sequence[str]) -> subprocess.CompletedProcess[str
 
 
 @pytest.mark.needs("posix")
-def test_the_browser_is_told_of_a_file_of_its_user_alone_and_of_no_secret(folder: Path) -> None:
+def test_browser_gets_a_private_file_and_no_secret(folder: Path) -> None:
     browser = folder / "browser"
     browser.write_text(BROWSER.format(python=sys.executable), encoding="utf-8")
     browser.chmod(0o700)
@@ -83,7 +83,7 @@ def test_the_browser_is_told_of_a_file_of_its_user_alone_and_of_no_secret(folder
     assert not Path(seen["page"]).parent.exists()
 
 
-def test_an_installation_without_the_extra_says_what_to_install(folder: Path) -> None:
+def test_installation_without_extra_says_what_to_install(folder: Path) -> None:
     lacking = (
         "import sys; sys.modules.update(starlette=None, uvicorn=None); sys.argv[1:] = ['studio', '--no-open']; "
         "from rarms_iac.cli.main import main; sys.exit(main())"

@@ -186,7 +186,7 @@ def keeps(page: "WebDriver", name: str, width: int = 1200) -> None:
 
 
 @pytest.mark.sample
-def test_a_session_from_an_empty_folder_to_a_proven_plan(browser: "WebDriver", tmp_path: Path) -> None:
+def test_session_from_empty_folder_to_proven_plan(browser: "WebDriver", tmp_path: Path) -> None:
     from selenium.webdriver import ActionChains, Keys
 
     folder = tmp_path / "robot"
@@ -328,9 +328,7 @@ def test_a_session_by_keys_alone(browser: "WebDriver", tmp_path: Path) -> None:
     assert {proof["met"] for proof in status["proofs"]} == {True}
 
 
-def test_a_setting_is_measured_and_its_samples_and_the_scripts_difference_are_shown(
-    browser: "WebDriver", robot: Path
-) -> None:
+def test_setting_samples_and_script_difference_are_shown(browser: "WebDriver", robot: Path) -> None:
     rarms(robot, "apply", "--auto-approve")
     manifest = robot / "rarms.yaml"
     text = manifest.read_text(encoding="utf-8")
@@ -401,7 +399,7 @@ def test_hostile_text_that_comes_by_script_is_text(browser: "WebDriver", robot: 
         assert browser.execute_script(elements) == [0, 0]
 
 
-def test_a_browser_that_is_closed_and_opened_again_finds_what_runs(slow: Path, tmp_path: Path) -> None:
+def test_reopened_browser_finds_what_runs(slow: Path, tmp_path: Path) -> None:
     with studio(slow) as served:
         with chromium(tmp_path / "profile") as first:
             opens(first, served)
@@ -470,7 +468,7 @@ def test_seven_pages_work_and_the_last_one_stops(browser: "WebDriver", slow: Pat
             browser.switch_to.window(first)
 
 
-def test_a_measurement_is_stopped_in_the_middle_and_goes_on(browser: "WebDriver", slow: Path) -> None:
+def test_measurement_is_stopped_in_middle_and_goes_on(browser: "WebDriver", slow: Path) -> None:
     with studio(slow) as served:
         opens(browser, served)
         press(browser, "measure")
@@ -493,7 +491,7 @@ def test_a_measurement_is_stopped_in_the_middle_and_goes_on(browser: "WebDriver"
     assert "vision" in rarms(slow, "status")
 
 
-def test_a_second_tab_and_a_terminal_beside_it_show_the_same(browser: "WebDriver", tmp_path: Path) -> None:
+def test_second_tab_and_terminal_beside_it_show_same(browser: "WebDriver", tmp_path: Path) -> None:
     rarms(tmp_path, "init")
     with studio(tmp_path) as served:
         opens(browser, served)
@@ -529,7 +527,7 @@ def test_a_second_tab_and_a_terminal_beside_it_show_the_same(browser: "WebDriver
     assert applied == [True, True]
 
 
-def test_a_killed_server_is_told_and_another_one_goes_on(browser: "WebDriver", slow: Path) -> None:
+def test_killed_server_is_told_and_replaced(browser: "WebDriver", slow: Path) -> None:
     with studio(slow) as served:
         opens(browser, served)
         press(browser, "measure")
@@ -559,9 +557,7 @@ def test_a_killed_server_is_told_and_another_one_goes_on(browser: "WebDriver", s
         waits_for(browser, "return document.querySelector('#m1 .dot') !== null")
 
 
-def test_a_browser_whose_cookies_were_deleted_is_not_told_that_the_server_is_gone(
-    browser: "WebDriver", tmp_path: Path
-) -> None:
+def test_deleted_cookies_do_not_mean_server_gone(browser: "WebDriver", tmp_path: Path) -> None:
     rarms(tmp_path, "init")
     with studio(tmp_path) as served:
         opens(browser, served)
@@ -658,7 +654,7 @@ def test_it_is_for_people(browser: "WebDriver", shared: Studio) -> None:
         assert serious == []
 
 
-def test_a_level_that_no_reserve_achieves_leaves_the_headroom_unknown(browser: "WebDriver", tmp_path: Path) -> None:
+def test_level_that_no_reserve_achieves_leaves_headroom_unknown(browser: "WebDriver", tmp_path: Path) -> None:
     rarms(tmp_path, "init")
     manifest = tmp_path / "rarms.yaml"
     one_load = re.sub(r"interference: \[.*?\]", "interference: [busy-loop]", manifest.read_text(encoding="utf-8"))
@@ -682,9 +678,7 @@ def test_a_level_that_no_reserve_achieves_leaves_the_headroom_unknown(browser: "
         assert browser.execute_script(hidden) == 0, "a mark that is not shown covers no label"
 
 
-def test_a_bar_says_that_a_line_counts_though_the_manifest_fixes_the_reserve(
-    browser: "WebDriver", shared: Studio
-) -> None:
+def test_bar_counts_line_despite_fixed_reserve(browser: "WebDriver", shared: Studio) -> None:
     remark = (
         " This counts control by the lines; the manifest fixes another reserve, which stays until it says measured."
     )
@@ -697,7 +691,7 @@ def test_a_bar_says_that_a_line_counts_though_the_manifest_fixes_the_reserve(
     assert remark not in browser.find_element("css selector", "#fit-1 .sentence").text
 
 
-def test_commands_name_the_manifest_that_the_studio_was_started_with(browser: "WebDriver", tmp_path: Path) -> None:
+def test_commands_name_manifest_that_studio_was_started_with(browser: "WebDriver", tmp_path: Path) -> None:
     cell = tmp_path / "cell"
     cell.mkdir()
     (cell / "rarms.yaml").write_text(TIGHT, encoding="utf-8", newline="\n")
@@ -718,9 +712,7 @@ def test_commands_name_the_manifest_that_the_studio_was_started_with(browser: "W
         assert "headroom of onboard: " in follows, "all its levels together fit"
 
 
-def test_a_plan_of_a_manifest_that_changed_shows_no_command_that_would_plan_anew(
-    browser: "WebDriver", tmp_path: Path
-) -> None:
+def test_plan_of_changed_manifest_shows_no_command(browser: "WebDriver", tmp_path: Path) -> None:
     rarms(tmp_path, "init")
     manifest = tmp_path / "rarms.yaml"
     with studio(tmp_path) as served:
@@ -746,7 +738,7 @@ def test_long_words_break_lines_and_not_the_page(browser: "WebDriver", tmp_path:
             assert browser.execute_script("return document.documentElement.scrollWidth") <= width
 
 
-def test_where_it_does_not_fit_each_way_out_shows_its_edit(browser: "WebDriver", tmp_path: Path) -> None:
+def test_each_way_out_shows_its_edit(browser: "WebDriver", tmp_path: Path) -> None:
     (tmp_path / "rarms.yaml").write_text(TIGHT, encoding="utf-8", newline="\n")
     rarms(tmp_path, "measure")
     with studio(tmp_path) as served:
@@ -778,7 +770,7 @@ def test_where_it_does_not_fit_each_way_out_shows_its_edit(browser: "WebDriver",
     assert rarms(tmp_path, "plan")
 
 
-def test_what_is_open_shown_and_focused_stays_while_the_page_follows(browser: "WebDriver", tmp_path: Path) -> None:
+def test_open_and_focused_parts_stay(browser: "WebDriver", tmp_path: Path) -> None:
     (tmp_path / "rarms.yaml").write_text(TIGHT, encoding="utf-8", newline="\n")
     rarms(tmp_path, "measure", "speech")
     with studio(tmp_path) as served:

@@ -80,7 +80,7 @@ def partitions(folder: Path) -> dict[str, bool]:
     return {partition["name"]: partition["running"] for host in status["hosts"] for partition in host["partitions"]}
 
 
-def test_strangers_that_only_connect_end_no_measurement_and_ctrl_c_ends_it_as_in_a_terminal(folder: Path) -> None:
+def test_mere_connections_end_no_measurement(folder: Path) -> None:
     import resource
 
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -103,7 +103,7 @@ def test_strangers_that_only_connect_end_no_measurement_and_ctrl_c_ends_it_as_in
     assert partitions(folder) == {"control": True}, "test partitions are gone, and what was stopped runs again"
 
 
-def test_a_second_ctrl_c_ends_a_measurement_at_once(folder: Path) -> None:
+def test_second_ctrl_c_ends_measurement_at_once(folder: Path) -> None:
     with studio(folder) as (server, client):
         assert client.post("do/measure", MEASURE).status == 200
         client.first(setting)
@@ -119,7 +119,7 @@ def test_a_second_ctrl_c_ends_a_measurement_at_once(folder: Path) -> None:
     assert partitions(folder) == {"control": True}
 
 
-def test_connections_that_say_nothing_or_send_half_a_body_end_and_ctrl_c_closes(folder: Path) -> None:
+def test_silent_and_half_connections_end(folder: Path) -> None:
     with studio(folder) as (server, client):
         head = (
             f"POST {client.path}do/plan HTTP/1.1\r\nHost: 127.0.0.1:{client.port}\r\nCookie: {client.cookie}\r\n"

@@ -34,7 +34,7 @@ def program(language: str, name: str) -> str:
         *(("cpp", name) for name in ("SpeechRecognition", "Error1550")),
     ],
 )
-def test_a_program_of_the_page_joins_or_says_why_not(language: str, name: str, tmp_path: Path) -> None:
+def test_program_of_page_joins_or_says_why_not(language: str, name: str, tmp_path: Path) -> None:
     subprocess.run([CHECKOUT / "scripts" / "windows-python"], check=True)
     shutil.copy(WINDOWS / "avrt" / "avrt.dll", tmp_path)
     source = tmp_path / f"component.{language}"
@@ -51,7 +51,7 @@ def test_a_program_of_the_page_joins_or_says_why_not(language: str, name: str, t
     assert (refused.encode() in ran.stderr) is name.startswith("Error")
 
 
-def test_the_page_explains_the_errors_that_a_component_is_told() -> None:
+def test_page_explains_errors_that_component_is_told() -> None:
     rows = re.findall(r"^\| (\d+) \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
 
     assert sorted(map(int, rows)) == sorted(_EXPLANATIONS)

@@ -39,7 +39,7 @@ def desk(tmp_path: Path) -> Desk:
     "words",
     [("plan",), ("drift",), ("apply", "--auto-approve"), ("destroy", "--auto-approve"), ("undo", "--auto-approve")],
 )
-def test_what_cannot_be_seen_is_not_believed_to_be_gone(desk: Desk, words: tuple[str, ...]) -> None:
+def test_unseen_is_not_believed_gone(desk: Desk, words: tuple[str, ...]) -> None:
     assert desk.run("apply", "--auto-approve").code == 0
 
     blind = desk.run(*words, host="administrator: false")
@@ -49,7 +49,7 @@ def test_what_cannot_be_seen_is_not_believed_to_be_gone(desk: Desk, words: tuple
     assert desk.run("plan").code == 0, "nothing was begun"
 
 
-def test_a_run_is_not_gone_on_with_where_nothing_can_be_seen(desk: Desk) -> None:
+def test_unseen_run_is_not_continued(desk: Desk) -> None:
     fault = 'faults: { broken: { operation: start_partition, at: "*", effect: refuse, times: 1 } }'
     assert desk.run("apply", "--auto-approve", host=fault).code == 1
 
@@ -62,7 +62,7 @@ def test_a_run_is_not_gone_on_with_where_nothing_can_be_seen(desk: Desk) -> None
 
 
 @pytest.mark.parametrize("host", ["scheduler: root", "scheduler: unknown, client: true"])
-def test_reserves_are_not_planned_where_they_have_no_effect(desk: Desk, host: str) -> None:
+def test_reserves_without_effect_are_not_planned(desk: Desk, host: str) -> None:
     refused = desk.run("plan", host=host)
 
     assert refused.code == 4

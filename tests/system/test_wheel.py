@@ -76,19 +76,19 @@ def failures_of_main_job(programs: Path, folder: Path) -> list[str]:
 
 @pytest.mark.needs("network", "venv")
 @pytest.mark.sample
-def test_the_wheel_does_the_main_job_from_an_empty_folder(installed: Path, tmp_path: Path) -> None:
+def test_wheel_does_main_job_from_empty_folder(installed: Path, tmp_path: Path) -> None:
     assert failures_of_main_job(installed, tmp_path) == []
 
 
 @pytest.mark.needs("network", "venv")
-def test_the_package_of_the_fresh_environment_is_the_wheels(installed: Path, tmp_path: Path) -> None:
+def test_package_of_fresh_environment_is_wheels(installed: Path, tmp_path: Path) -> None:
     found = run(installed, tmp_path, "python", "-c", "import rarms_iac; print(rarms_iac.__file__)")
 
     assert Path(found.stdout.strip()).is_relative_to(installed.parent)
 
 
 @pytest.mark.needs("network", "venv")
-def test_pages_and_schemas_are_found_in_the_installed_wheel(installed: Path, tmp_path: Path) -> None:
+def test_pages_and_schemas_are_found_in_installed_wheel(installed: Path, tmp_path: Path) -> None:
     explained = run(installed, tmp_path, "rarms", "explain", "RARMS014")
     schema = run(installed, tmp_path, "rarms", "schema")
 
@@ -99,7 +99,7 @@ def test_pages_and_schemas_are_found_in_the_installed_wheel(installed: Path, tmp
 
 
 @pytest.mark.needs("network", "venv")
-def test_what_lies_beside_the_package_travels_in_the_wheel(wheel: Path) -> None:
+def test_what_lies_beside_package_travels_in_wheel(wheel: Path) -> None:
     travelling = zipfile.ZipFile(wheel)
     assert "rarms_iac/py.typed" in travelling.namelist(), "a program that imports it is checked against its types"
     held = {name: travelling.read(name) for name in travelling.namelist() if "/shipped/" in name}
@@ -113,7 +113,7 @@ def test_what_lies_beside_the_package_travels_in_the_wheel(wheel: Path) -> None:
                 assert held.get(travelled) == file.read_bytes(), travelled
 
 
-def test_the_wheel_that_rarms_makes_has_the_same_files(wheel: Path) -> None:
+def test_wheel_that_rarms_makes_has_same_files(wheel: Path) -> None:
     built, made = zipfile.ZipFile(wheel), zipfile.ZipFile(io.BytesIO(own_wheel().content))
     own = {name for name in built.namelist() if not name.startswith("rarms_iac-")}
 
@@ -126,7 +126,7 @@ def test_the_editable_install_does_the_main_job_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.needs("network", "venv")
-def test_a_program_as_the_page_has_it_passes_strict_types_against_the_wheel(installed: Path, tmp_path: Path) -> None:
+def test_documented_program_passes_strict_types(installed: Path, tmp_path: Path) -> None:
     page = (CHECKOUT / "docs" / "library.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     (tmp_path / "program.py").write_text("\n".join(blocks), encoding="utf-8")

@@ -12,37 +12,37 @@ from tests.system.test_remote_host import (
     apply,
     is_as_wanted,
     journal_of,
-    test_a_host_that_changed_since_rarms_looked_is_not_touched,
-    test_a_host_whose_policy_wants_signatures_runs_what_a_reviewer_signed,
     test_a_host_without_that_powershell_is_told,
-    test_a_machine_that_changed_since_rarms_looked_is_not_overwritten,
-    test_a_machine_whose_mark_names_another_is_adopted_as_recommended,
-    test_a_run_that_is_left_as_it_is_stands_in_no_way,
-    test_a_script_that_says_nothing_for_too_long_is_unknown,
-    test_an_installed_module_takes_the_scripts_and_another_version_is_refused_by_name,
-    test_apply_ends_with_an_empty_plan_and_undo_takes_all_of_it_back,
-    test_ctrl_c_stops_after_the_running_step_and_the_next_apply_goes_on,
-    test_noise_on_both_streams_is_shown_or_ignored_but_harms_nothing,
-    test_scripts_that_do_not_arrive_as_sent_are_not_run,
-    test_the_host_runs_the_very_bytes_of_the_plan_and_keeps_no_copy,
-    test_what_powershell_says_instead_of_running_a_script_is_told,
+    test_abandoned_run_is_in_nobodys_way,
+    test_apply_ends_empty_and_undo_restores,
+    test_ctrl_c_stops_after_step_and_apply_continues,
+    test_garbled_scripts_are_not_run,
+    test_host_changed_since_look_is_not_touched,
+    test_host_runs_exact_bytes_and_keeps_no_copy,
+    test_installed_module_of_another_version_is_refused,
+    test_machine_changed_since_look_is_not_overwritten,
+    test_machine_with_foreign_mark_is_adopted_as_recommended,
+    test_noise_on_streams_harms_nothing,
+    test_powershells_refusal_is_told,
+    test_signature_policy_runs_reviewed_scripts,
+    test_silent_script_is_unknown,
 )
 
 __all__ = [
-    "test_a_host_that_changed_since_rarms_looked_is_not_touched",
-    "test_a_host_whose_policy_wants_signatures_runs_what_a_reviewer_signed",
     "test_a_host_without_that_powershell_is_told",
-    "test_a_machine_that_changed_since_rarms_looked_is_not_overwritten",
-    "test_a_machine_whose_mark_names_another_is_adopted_as_recommended",
-    "test_a_run_that_is_left_as_it_is_stands_in_no_way",
-    "test_a_script_that_says_nothing_for_too_long_is_unknown",
-    "test_an_installed_module_takes_the_scripts_and_another_version_is_refused_by_name",
-    "test_apply_ends_with_an_empty_plan_and_undo_takes_all_of_it_back",
-    "test_ctrl_c_stops_after_the_running_step_and_the_next_apply_goes_on",
-    "test_noise_on_both_streams_is_shown_or_ignored_but_harms_nothing",
-    "test_scripts_that_do_not_arrive_as_sent_are_not_run",
-    "test_the_host_runs_the_very_bytes_of_the_plan_and_keeps_no_copy",
-    "test_what_powershell_says_instead_of_running_a_script_is_told",
+    "test_abandoned_run_is_in_nobodys_way",
+    "test_apply_ends_empty_and_undo_restores",
+    "test_ctrl_c_stops_after_step_and_apply_continues",
+    "test_garbled_scripts_are_not_run",
+    "test_host_changed_since_look_is_not_touched",
+    "test_host_runs_exact_bytes_and_keeps_no_copy",
+    "test_installed_module_of_another_version_is_refused",
+    "test_machine_changed_since_look_is_not_overwritten",
+    "test_machine_with_foreign_mark_is_adopted_as_recommended",
+    "test_noise_on_streams_harms_nothing",
+    "test_powershells_refusal_is_told",
+    "test_signature_policy_runs_reviewed_scripts",
+    "test_silent_script_is_unknown",
 ]
 
 pytestmark = [pytest.mark.needs("linux")]
@@ -75,7 +75,7 @@ def in_a_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def test_a_connection_that_breaks_is_unknown_and_the_next_apply_finishes(remote: Remote) -> None:
+def test_broken_connection_is_unknown_then_finished(remote: Remote) -> None:
     broken = Remote(remote.folder, None, {**remote.variables, "WINRM_BREAKS": "1"})
 
     lost = apply(broken)
@@ -89,7 +89,7 @@ def test_a_connection_that_breaks_is_unknown_and_the_next_apply_finishes(remote:
     assert is_as_wanted(remote)
 
 
-def test_what_a_plan_and_a_journal_hold_never_has_the_password(remote: Remote) -> None:
+def test_what_plan_and_journal_hold_never_has_password(remote: Remote) -> None:
     assert remote.rarms("plan", "--out", "plan.json").code == 0
     assert remote.rarms("apply", "plan.json").code == 0
 
@@ -108,7 +108,7 @@ def test_what_a_plan_and_a_journal_hold_never_has_the_password(remote: Remote) -
     ],
     ids=["password", "service", "variable", "package"],
 )
-def test_a_host_that_is_not_reached_is_told_with_what_to_do(
+def test_unreachable_host_is_told_with_advice(
     remote: Remote, connect: str, variables: dict[str, str], message: str
 ) -> None:
     from tests.needs import CHECKOUT
@@ -123,7 +123,7 @@ def test_a_host_that_is_not_reached_is_told_with_what_to_do(
     assert "another" not in failed.err
 
 
-def test_the_kerberos_ticket_is_used_where_no_user_is_named(remote: Remote) -> None:
+def test_kerberos_ticket_serves_without_user(remote: Remote) -> None:
     write(remote, "connect: { winrm: cell }")
 
     assert remote.rarms("plan").code == 0

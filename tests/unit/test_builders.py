@@ -2,7 +2,7 @@ from rarms_iac.model.quantities import Percent, ShareOfHost
 from tests import builders
 
 
-def test_what_is_not_said_is_valid_and_what_is_said_is_read_as_in_the_manifest() -> None:
+def test_unsaid_fields_are_valid() -> None:
     component = builders.a_component("speech", reserve="30 %", memory="256 MiB")
 
     assert component.cpu.reserve == ShareOfHost(Percent(builders.percent("30 %")))

@@ -85,7 +85,7 @@ def test_an_example_has_nothing_to_complain_about(example: str, overlays: tuple[
 
 
 @pytest.mark.parametrize("text", TEXTS)
-def test_an_example_is_canonical_and_says_what_it_shows(text: str) -> None:
+def test_example_is_canonical_and_says_what_it_shows(text: str) -> None:
     written = (MANIFESTS / text).read_bytes().decode()
 
     assert format_text(written, text) == written
@@ -93,13 +93,13 @@ def test_an_example_is_canonical_and_says_what_it_shows(text: str) -> None:
 
 
 @pytest.mark.parametrize("example", EXAMPLES)
-def test_an_example_is_valid_for_any_json_schema_library(example: str) -> None:
+def test_example_is_valid_for_any_json_schema_library(example: str) -> None:
     values = read_text((MANIFESTS / example / "rarms.yaml").read_bytes(), example, "").value
 
     assert list(jsonschema.Draft202012Validator(manifest_schema()).iter_errors(values)) == []
 
 
-def test_the_robot_has_the_four_components_of_the_paper_and_their_reserves_are_measured() -> None:
+def test_robot_has_the_papers_four_components() -> None:
     system = loaded("delivery-robot").system
 
     assert system is not None
@@ -155,9 +155,7 @@ def _plan(result: Loaded, hosts: dict[str, SimulatedHostProvider], folder: Path)
         ("fleet", ("robot-7.yaml",)),
     ],
 )
-def test_an_example_is_planned_and_applied_and_then_nothing_is_left_to_do(
-    example: str, overlays: tuple[str, ...], tmp_path: Path
-) -> None:
+def test_example_is_planned_and_applied_wholly(example: str, overlays: tuple[str, ...], tmp_path: Path) -> None:
     result = loaded(example, *overlays)
     assert result.system is not None
     hosts = {name: SimulatedHostProvider(host, tmp_path / f"{name}.json") for name, host in result.system.hosts.items()}
@@ -179,7 +177,7 @@ def measured_example(example: str, folder: Path) -> None:
         leave_logs(folder, MEASURED[example])
 
 
-def test_four_components_that_need_more_than_there_is_do_not_fit(tmp_path: Path) -> None:
+def test_four_demanding_components_do_not_fit(tmp_path: Path) -> None:
     result = loaded("over-full")
     assert result.system is not None
     hosts = {name: SimulatedHostProvider(host, tmp_path / f"{name}.json") for name, host in result.system.hosts.items()}
@@ -191,7 +189,7 @@ def test_four_components_that_need_more_than_there_is_do_not_fit(tmp_path: Path)
     assert [finding.code for finding in prepared.findings if finding.severity is Severity.ERROR] == ["RARMS014"]
 
 
-def test_the_protected_the_manual_and_the_shared_partition_are_there(tmp_path: Path) -> None:
+def test_protected_manual_and_shared_partition_are_there(tmp_path: Path) -> None:
     result = loaded("partitions")
     assert result.system is not None
     host = SimulatedHostProvider(result.system.hosts["kiosk"], tmp_path / "kiosk.json")
@@ -216,7 +214,7 @@ def test_faces_are_found_where_they_are() -> None:
     assert all(sample["response"] > 0 for sample in samples)
 
 
-def test_commands_are_understood_in_the_form_that_the_manifest_reads() -> None:
+def test_commands_are_understood_in_form_that_manifest_reads() -> None:
     import re2
 
     system = loaded("delivery-robot").system

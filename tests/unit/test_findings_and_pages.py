@@ -38,13 +38,13 @@ MOST_WORDS = 120
 """Of a page, without its examples."""
 
 
-def test_codes_have_the_form_that_pages_and_acceptances_expect() -> None:
+def test_codes_have_form_that_pages_and_acceptances_expect() -> None:
     assert FINDINGS
     assert [code for code in FINDINGS if not (len(code) == 8 and code.startswith("RARMS") and code[5:].isdigit())] == []
 
 
 @pytest.mark.parametrize("code", sorted(FINDINGS))
-def test_a_finding_has_a_page_that_says_the_same(code: str) -> None:
+def test_finding_has_page_that_says_same(code: str) -> None:
     finding = FINDINGS[code][1]
 
     page = finding_page(code)

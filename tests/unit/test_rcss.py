@@ -49,9 +49,7 @@ def scheduling() -> tuple[int, int, set[int]]:
 
 @on_linux
 @everywhere
-def test_on_linux_the_thread_alone_has_priority_and_processors_as_long_as_it_is_a_member(
-    name: str, classes: None
-) -> None:
+def test_linux_thread_has_priority_while_member(name: str, classes: None) -> None:
     seen: list[tuple[int, int, set[int]]] = []
     before = scheduling()
 
@@ -70,7 +68,7 @@ def test_on_linux_the_thread_alone_has_priority_and_processors_as_long_as_it_is_
 
 
 @on_linux
-def test_on_linux_rarms_gives_the_classes_of_a_partition_to_what_it_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_linux_gives_classes_to_started_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     parts = [a_component("speech", criticality=9, task="SpeechRecognition"), a_component("log", criticality=1)]
     classes = classes_of(parts, {}, "talk", PLACES, processors=2).classes
     part = PartitionWork(partition="talk", components=tuple(parts), classes=classes)
@@ -85,7 +83,7 @@ def test_on_linux_rarms_gives_the_classes_of_a_partition_to_what_it_starts(monke
 
 
 @on_linux
-def test_on_linux_it_leaves_the_class_in_every_case_and_what_the_kernel_refuses_changes_nothing(
+def test_linux_member_always_leaves_its_class(
     classes: None,
 ) -> None:
     before = scheduling()
@@ -99,7 +97,7 @@ def test_on_linux_it_leaves_the_class_in_every_case_and_what_the_kernel_refuses_
 
 
 @on_linux
-def test_on_linux_an_account_without_the_privilege_is_told_what_it_lacks() -> None:
+def test_linux_account_lacks_a_named_privilege() -> None:
     program = (
         "import os\nfrom rarms_iac import rcss\nos.setresuid(65534, 65534, 65534)\n"
         "try:\n    rcss.robotic_task('SpeechRecognition').__enter__()\n"
@@ -115,7 +113,7 @@ def test_on_linux_an_account_without_the_privilege_is_told_what_it_lacks() -> No
 
 @pytest.mark.needs("linux")
 @pytest.mark.parametrize("text", ["[]", "{", '{"SpeechRecognition": 5}', '{"SpeechRecognition": {"priority": 5}}'])
-def test_on_linux_a_variable_of_another_form_is_told(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_on_linux_variable_of_another_form_is_told(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(CLASSES_VARIABLE, text)
 
     with pytest.raises(CannotJoin, match="is not as rarms writes it"):
@@ -124,7 +122,7 @@ def test_on_linux_a_variable_of_another_form_is_told(text: str, monkeypatch: pyt
 
 @pytest.mark.needs("windows")
 @everywhere
-def test_on_windows_a_member_leaves_so_that_the_thread_may_join_again(name: str, classes: None) -> None:
+def test_windows_member_leaves_before_joining_again(name: str, classes: None) -> None:
     joined = 0
     for _ in range(2):
         with robotic_task(name):
@@ -143,7 +141,7 @@ def test_on_windows_each_error_is_explained(code: int, classes: None) -> None:
 
 
 @pytest.mark.needs("windows")
-def test_on_windows_any_other_error_is_told_in_windows_own_words(classes: None) -> None:
+def test_windows_error_is_told_in_its_words(classes: None) -> None:
     with pytest.raises(CannotJoin, match=r"\(5\): .*ccess"):
         robotic_task("Error5").__enter__()
 
@@ -185,7 +183,7 @@ ctypes.WinDLL = lambda name, **options: real({str(AVRT)!r} if name == "avrt" els
 
 @pytest.mark.needs(*(["root"] if sys.platform == "linux" else ["windows"]))
 @pytest.mark.parametrize("task", ["speechrecognition", ""])
-def test_the_runner_of_a_call_joins_in_the_thread_that_calls(task: str, tmp_path: Path) -> None:
+def test_runner_of_call_joins_in_thread_that_calls(task: str, tmp_path: Path) -> None:
     (tmp_path / "job.py").write_text(JOB, encoding="utf-8")
     (tmp_path / "sitecustomize.py").write_text(SITE, encoding="utf-8")
     around = {CLASSES_VARIABLE: json.dumps(CLASSES), "PYTHONPATH": str(tmp_path)}
@@ -198,7 +196,7 @@ def test_the_runner_of_a_call_joins_in_the_thread_that_calls(task: str, tmp_path
     assert [(sample.failure, sample.successful) for sample in samples] == [("", bool(task))] * 3
 
 
-def test_a_call_whose_class_is_not_there_is_not_started(tmp_path: Path) -> None:
+def test_call_without_class_is_not_started(tmp_path: Path) -> None:
     (tmp_path / "job.py").write_text(JOB, encoding="utf-8")
     (tmp_path / "sitecustomize.py").write_text(SITE, encoding="utf-8")
     place = ProcessPlace(task="Dancing", environment={"PYTHONPATH": str(tmp_path)})

@@ -10,7 +10,7 @@ from rarms_iac.storage.shipped import shipped
 TEMPLATES = sorted(Path(str(shipped("templates"))).rglob("*.j2"))
 
 
-def test_there_are_templates_of_scripts_and_of_the_report() -> None:
+def test_there_are_templates_of_scripts_and_of_report() -> None:
     assert [path.name for path in TEMPLATES] == [
         "bootstrap.ps1.j2",
         "loader.ps1.j2",
@@ -32,7 +32,7 @@ SCRIPTS = [path for path in TEMPLATES if path.name.startswith("script.")]
 
 
 @pytest.mark.parametrize("template", SCRIPTS, ids=lambda path: path.name)
-def test_a_template_of_scripts_has_loops_and_nothing_else(template: Path) -> None:
+def test_template_of_scripts_has_loops_and_nothing_else(template: Path) -> None:
     text = template.read_text(encoding="utf-8")
 
     statements = re.findall(r"\{%-?\s*(.*?)\s*-?%\}", text)

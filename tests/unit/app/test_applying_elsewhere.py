@@ -18,7 +18,7 @@ def planned(tmp_path: Path) -> Path:
     return folder
 
 
-def test_in_another_folder_the_plan_is_refused_and_no_host_is_made(planned: Path, tmp_path: Path) -> None:
+def test_plan_in_another_folder_is_refused(planned: Path, tmp_path: Path) -> None:
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     with chdir(elsewhere):

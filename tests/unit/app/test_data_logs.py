@@ -73,7 +73,7 @@ def test_a_stale_log_is_refused_with_what_changed(here: Path) -> None:
     assert "file vision.py changed; vision.simulation.work: 61.6 ms -> 62 ms" in " ".join(answer.err.split())
 
 
-def test_components_in_a_folder_of_their_own_make_a_log_outdated(here: Path) -> None:
+def test_components_in_own_folder_outdate_a_log(here: Path) -> None:
     measure(here, MEANS)
     code = here / "code"
     code.mkdir()
@@ -97,7 +97,7 @@ def test_what_changed_has_the_manifests_own_keys(here: Path) -> None:
     )
 
 
-def test_a_chosen_apt_and_another_criticality_make_nothing_stale(here: Path) -> None:
+def test_chosen_apt_and_another_criticality_make_nothing_stale(here: Path) -> None:
     measure(here, MEANS)
     edit(here / "rarms.yaml", "at_most: 100 ms", "at_most: 90 ms")
     edit(here / "rarms.yaml", "criticality: 30", "criticality: 99")
@@ -110,7 +110,7 @@ def test_a_chosen_apt_and_another_criticality_make_nothing_stale(here: Path) -> 
     assert "70 %" in answer.out
 
 
-def test_files_that_are_not_here_are_a_note_and_another_build_is_a_warning(here: Path) -> None:
+def test_missing_files_are_notes_and_builds_warnings(here: Path) -> None:
     measure(here, MEANS, build=20348)
     (here / "vision.py").unlink()
 
@@ -123,7 +123,7 @@ def test_files_that_are_not_here_are_a_note_and_another_build_is_a_warning(here:
     assert "build of the operating system: 20348 -> 26100" in " ".join(told.split())
 
 
-def test_a_damaged_log_and_one_that_no_apt_is_met_in_are_no(here: Path) -> None:
+def test_damaged_or_unmet_log_is_no(here: Path) -> None:
     path = measure(here, {50: 400.0, 100: 300.0})
 
     unmet = rarms("plan", "-f", str(here))
@@ -136,7 +136,7 @@ def test_a_damaged_log_and_one_that_no_apt_is_met_in_are_no(here: Path) -> None:
     assert "line 2" in damaged.err
 
 
-def test_the_advice_to_choose_a_level_names_the_index_where_there_are_several(here: Path) -> None:
+def test_level_advice_names_the_index(here: Path) -> None:
     measure(here, {50: 400.0, 100: 300.0})
     advised_of_one = rarms("plan", "-f", str(here)).err
     edit(here / "rarms.yaml", "    run:\n", "      p95_response_time: { at_most: 2 s }\n    run:\n")
@@ -159,7 +159,7 @@ def test_drift_and_graph_look_the_same_logs_up(here: Path) -> None:
     assert rarms("drift", "-f", str(here)).code == 5
 
 
-def test_bench_facts_that_were_not_looked_at_are_not_compared() -> None:
+def test_unseen_bench_facts_are_not_compared() -> None:
     now = known_platform(a_host())
 
     assert (now.smt, now.scheduler, now.processor, now.os_build) == (None, None, None, None)

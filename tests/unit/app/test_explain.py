@@ -62,7 +62,7 @@ def test_rows_lead_from_the_threshold_to_the_reserve(here: Path) -> None:
     }
 
 
-def test_a_fixed_reserve_that_does_not_fit_has_its_errors(here: Path) -> None:
+def test_fixed_reserve_that_does_not_fit_has_errors(here: Path) -> None:
     fixed = "    memory: 512 MiB\n    cpu: { reserve: 1.25 LP }\n    processors: 2\n"
     edit(here / "rarms.yaml", "    memory: 512 MiB\n", fixed)
     speech = "  speech:\n    criticality: 10\n    memory: 64 MiB\n    cpu: { reserve: 60 % }\n  vision:\n"
@@ -77,7 +77,7 @@ def test_a_fixed_reserve_that_does_not_fit_has_its_errors(here: Path) -> None:
     assert rarms("explain", "vision", "-f", str(here)).err.count("error[RARMS014]") == 1
 
 
-def test_who_shares_a_partition_is_named_with_the_reason(here: Path) -> None:
+def test_who_shares_partition_is_named_with_reason(here: Path) -> None:
     speech = "  speech:\n    criticality: 10\n    memory: 64 MiB\n    together: [vision]\n  vision:\n"
     edit(here / "rarms.yaml", "  vision:\n", speech)
     leave_log(here, ["speech", "vision"], [])
@@ -91,7 +91,7 @@ def test_who_shares_a_partition_is_named_with_the_reason(here: Path) -> None:
     assert found["together"] == "speech with vision (manifest: speech)"
 
 
-def test_a_partition_by_hand_fixes_the_reserve_and_its_members(here: Path) -> None:
+def test_partition_by_hand_fixes_reserve_and_its_members(here: Path) -> None:
     speech = "  speech:\n    criticality: 10\n    memory: 64 MiB\n    cpu: { reserve: 45 % }\n  vision:\n"
     edit(here / "rarms.yaml", "  vision:\n", speech)
     measure(here, MEANS)
@@ -113,7 +113,7 @@ def test_what_is_no_component_says_so(here: Path) -> None:
         assert message in " ".join(unknown.err.split())
 
 
-def test_a_component_without_data_log_has_the_rows_that_are_known(here: Path) -> None:
+def test_component_without_log_has_known_rows(here: Path) -> None:
     found = rows(here, "vision", 4)
 
     assert found["mean_response_time"] == "at most 100 ms (manifest)"
@@ -125,7 +125,7 @@ def test_a_component_without_data_log_has_the_rows_that_are_known(here: Path) ->
     assert rarms("explain", "vision", "-f", str(here)).err.count("RARMS100") == 1
 
 
-def test_an_apt_that_nothing_meets_is_shown_at_the_best_setting(here: Path) -> None:
+def test_unmet_apt_shows_the_best_setting(here: Path) -> None:
     measure(here, {90: 180.0, 100: 150.0})
 
     found = rows(here, "vision", 4)
@@ -145,7 +145,7 @@ def test_a_maximum_is_met_so_far(here: Path) -> None:
     assert "at worst" not in found
 
 
-def test_a_fixed_reserve_is_compared_with_its_data_log(here: Path) -> None:
+def test_fixed_reserve_is_compared_with_its_data_log(here: Path) -> None:
     measure(here, MEANS)
     edit(here / "rarms.yaml", "    memory: 512 MiB\n", "    memory: 512 MiB\n    cpu: { reserve: 70 % }\n")
 
@@ -156,7 +156,7 @@ def test_a_fixed_reserve_is_compared_with_its_data_log(here: Path) -> None:
     assert found["data log"].endswith("vision/busy-loop.jsonl (6 settings, 2026-01-01T00:00:00Z, not used)")
 
 
-def test_a_component_without_a_reservation_and_one_on_the_host(here: Path) -> None:
+def test_component_without_reservation_and_one_on_host(here: Path) -> None:
     more = "  logging: { criticality: 1, memory: 64 MiB }\n"
     more += "  driver: { criticality: 2, runs_on: host, task: MotionControl }\n  vision:\n"
     edit(here / "rarms.yaml", "  vision:\n", more)
@@ -173,7 +173,7 @@ def test_a_component_without_a_reservation_and_one_on_the_host(here: Path) -> No
     assert rarms("explain", "driver", "--guide", "-f", str(here)).code == 64
 
 
-def test_a_setting_that_gave_no_verdict_is_not_called_unmeasured(here: Path) -> None:
+def test_setting_without_verdict_is_not_unmeasured(here: Path) -> None:
     unsteady = replace(
         steady("vision", 97.0), samples=(*steady("vision", 20.0).samples, *steady("vision", 90.0).samples)
     )
@@ -244,7 +244,7 @@ components:
 """
 
 
-def test_on_a_host_where_it_runs_it_says_what_a_plan_says(tmp_path: Path) -> None:
+def test_explain_says_what_the_plan_says(tmp_path: Path) -> None:
     manifest = tmp_path / "rarms.yaml"
     manifest.write_text(RUNNING, encoding="utf-8", newline="\n")
     assert rarms("apply", "--auto-approve", "-f", str(tmp_path)).code == 0

@@ -26,7 +26,7 @@ def test_a_file_that_is_replaced_keeps_its_rights(tmp_path: Path, mode: int) -> 
 
 @pytest.mark.needs("posix")
 @pytest.mark.parametrize("mask", [0, 0o002, 0o022, 0o077])
-def test_others_may_write_nothing_that_is_kept_below_a_checkout_under_any_umask(tmp_path: Path, mask: int) -> None:
+def test_kept_files_are_never_world_writable(tmp_path: Path, mask: int) -> None:
     manifest = "schema: rarms/v1\napplication: { name: cell }\n"
     manifest += "hosts: { onboard: { logical_processors: 2, memory: 4 GiB } }\n"
     Path(tmp_path, "rarms.yaml").write_text(

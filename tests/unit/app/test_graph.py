@@ -61,7 +61,7 @@ def labels(folder: Path) -> list[str]:
     return [line for line in answer.lines if "[" in line]
 
 
-def test_compounds_stand_with_the_interval_in_which_they_save_something(here: Path) -> None:
+def test_compounds_show_their_useful_interval(here: Path) -> None:
     assert labels(here) == [
         '  n0["path<br/>20 % of its VPs"]',
         '  n1["speech<br/>30 % of its VPs"]',
@@ -81,7 +81,7 @@ def test_what_was_measured_of_a_compound_is_told(here: Path) -> None:
     ]
 
 
-def test_its_interval_begins_where_its_parts_were_shown_to_miss(here: Path) -> None:
+def test_interval_begins_where_parts_missed(here: Path) -> None:
     leave(here, ["speech"], {21: 150.0, 29: 100.0, 30: 90.0})
 
     assert '30 % of its VPs"]' in labels(here)[1]

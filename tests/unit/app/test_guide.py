@@ -8,7 +8,7 @@ from tests.unit.views.test_json import check
 __all__ = ["here"]
 
 
-def test_the_guide_says_what_to_set_where_and_in_which_order(here: Path) -> None:
+def test_guide_says_what_to_set_in_order(here: Path) -> None:
     measure(here, MEANS)
     edit(here / "rarms.yaml", "    memory: 512 MiB\n", "    memory: 512 MiB\n    task: ObjectIdentification\n")
     measure(here, MEANS)
@@ -27,7 +27,7 @@ def test_the_guide_says_what_to_set_where_and_in_which_order(here: Path) -> None
     assert max(map(len, answer.lines)) <= 130
 
 
-def test_a_fixed_reserve_and_a_limit_have_a_guide_too(here: Path) -> None:
+def test_fixed_reserve_and_limit_have_guide_too(here: Path) -> None:
     edit(here / "rarms.yaml", "    memory: 512 MiB\n", "    memory: 512 MiB\n    cpu: { reserve: 40 %, limit: 50 % }\n")
 
     answer = rarms("explain", "vision", "--guide", "-f", str(here))
@@ -40,14 +40,14 @@ def test_a_fixed_reserve_and_a_limit_have_a_guide_too(here: Path) -> None:
     assert "nothing is to be set" in answer.out
 
 
-def test_without_a_log_there_is_no_guide_and_without_a_component_neither(here: Path) -> None:
+def test_no_guide_without_log_or_component(here: Path) -> None:
     assert rarms("explain", "vision", "--guide", "-f", str(here)).code == 4
     unknown = rarms("explain", "visoin", "--guide", "-f", str(here))
     assert unknown.code == 64
     assert 'Did you mean "vision"?' in " ".join(unknown.err.split())
 
 
-def test_a_component_without_a_program_and_with_one_processor_has_a_guide_without_invented_words(here: Path) -> None:
+def test_guide_without_program_invents_no_words(here: Path) -> None:
     program = "    run:\n      command: [python3, vision.py]\n      until: { samples: 200 }\n"
     edit(here / "rarms.yaml", program, "    processors: 1\n    cpu: { reserve: 40 % }\n")
 

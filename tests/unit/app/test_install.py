@@ -107,7 +107,7 @@ def test_the_version_that_began_a_run_finishes_it(robot: Robot) -> None:
     assert done.still_open == ()
 
 
-def test_a_run_that_no_version_can_finish_is_reported(robot: Robot) -> None:
+def test_run_that_no_version_can_finish_is_reported(robot: Robot) -> None:
     robot.install("1.0")
     robot.begin("1.0", plan="stuck")
     (stuck,) = robot.install("2.0").still_open
@@ -123,7 +123,7 @@ def test_a_run_that_no_version_can_finish_is_reported(robot: Robot) -> None:
     )
 
 
-def test_a_kill_at_any_effect_leaves_a_version_that_works(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kill_at_any_effect_leaves_version_that_works(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     robot.install("1.0")
     saved = robot.versions.with_name("saved")
     shutil.copytree(robot.versions, saved, symlinks=True)
@@ -182,7 +182,7 @@ def test_a_full_disk_changes_nothing(robot: Robot) -> None:
     assert robot.works() == "2.0", "the command that was recommended"
 
 
-def test_a_host_that_a_run_holds_is_left_alone(robot: Robot) -> None:
+def test_host_that_run_holds_is_left_alone(robot: Robot) -> None:
     lock = robot.begin("1.0").with_name("lock")
     lock.write_text("robot@cell, process 7")
     with hold(lock, "robot@cell, process 7"), pytest.raises(HostLocked) as refused:
@@ -202,7 +202,7 @@ def test_a_folder_that_others_can_write_is_refused(robot: Robot) -> None:
     assert f"{robot.versions} can be changed by users other than root" in refused.value.message
 
 
-def test_nothing_is_removed_below_a_run_or_a_partition(robot: Robot) -> None:
+def test_nothing_is_removed_below_run_or_partition(robot: Robot) -> None:
     robot.install("1.0")
     journal = robot.begin("1.0")
     with pytest.raises(HostRefused, match="a run is not finished there: plan p-1 of rarms"):

@@ -35,7 +35,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("robot", [JETSON, DEBIAN], ids=["aarch64", "x86_64"])
-def test_the_newest_wheel_that_runs_on_the_robot_is_taken(robot: RobotPython, folder: Path) -> None:
+def test_newest_wheel_that_runs_on_robot_is_taken(robot: RobotPython, folder: Path) -> None:
     own, solver = wheels_for(robot, folder)
 
     assert own.name.startswith("rarms_iac-")
@@ -45,7 +45,7 @@ def test_the_newest_wheel_that_runs_on_the_robot_is_taken(robot: RobotPython, fo
     )
 
 
-def test_a_wheel_without_a_hash_of_the_lock_is_refused(folder: Path) -> None:
+def test_wheel_without_hash_of_lock_is_refused(folder: Path) -> None:
     damaged = folder / name_of(JETSON, "manylinux_2_28")
     damaged.write_bytes(b"replaced")
 
@@ -57,7 +57,7 @@ def test_a_wheel_without_a_hash_of_the_lock_is_refused(folder: Path) -> None:
     assert f"{damaged} does not have a SHA-256 of {LOCK}" in finding.detail
 
 
-def test_the_lock_has_one_version_of_each_package_for_every_python() -> None:
+def test_lock_has_one_version_of_each_package() -> None:
     lock = shipped_text(LOCK)
     for version in ("3.11.2", "3.12.3", "3.13.0", "3.14.0"):
         names = [pin.name for pin in pins_for(lock, RobotPython(version=version, machine="aarch64", glibc=(2, 36)))]

@@ -25,7 +25,7 @@ def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("name", [".rarms", "measurements"])
-def test_what_is_linked_out_of_the_repository_is_not_written_through(outside: Path, name: str) -> None:
+def test_linked_folder_is_not_written_through(outside: Path, name: str) -> None:
     Path(name).symlink_to(outside)
 
     answer = rarms("measure", "--samples", "60")
@@ -36,7 +36,7 @@ def test_what_is_linked_out_of_the_repository_is_not_written_through(outside: Pa
     assert not any(outside.iterdir())
 
 
-def test_a_simulated_host_is_not_changed_through_such_a_link(outside: Path) -> None:
+def test_simulated_host_is_not_changed_through_such_link(outside: Path) -> None:
     Path("rarms.yaml").write_text(MANIFEST, encoding="utf-8")
     Path(".rarms").symlink_to(outside)
 
@@ -60,7 +60,7 @@ def test_neither_writer_goes_through_it(outside: Path, name: str) -> None:
     assert not any(outside.iterdir())
 
 
-def test_a_link_to_another_folder_of_the_repository_is_followed(outside: Path) -> None:
+def test_link_to_another_folder_of_repository_is_followed(outside: Path) -> None:
     Path("elsewhere").mkdir()
     Path("measurements").symlink_to("elsewhere")
 

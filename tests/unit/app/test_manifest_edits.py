@@ -70,7 +70,7 @@ def test_a_section_is_made_where_there_is_none(tmp_path: Path) -> None:
     assert manifest(tmp_path).system.partitions["paths"].components == ("paths", "video")
 
 
-def test_a_partition_that_is_there_is_extended_and_an_emptied_one_goes(tmp_path: Path) -> None:
+def test_existing_partition_is_extended_and_emptied_one_goes(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST + PARTITIONS)
     files, removed = write_partitions(manifest(tmp_path), [compound("front", "video", "vision")])
 
@@ -81,7 +81,7 @@ def test_a_partition_that_is_there_is_extended_and_an_emptied_one_goes(tmp_path:
     )
 
 
-def test_what_comments_said_of_an_entry_that_goes_stands_above_the_compounds(tmp_path: Path) -> None:
+def test_comments_of_removed_entry_stay_above_compounds(tmp_path: Path) -> None:
     text = MANIFEST + (
         "\n# by hand\npartitions: # top\n  # plays films\n  video: # of the kiosk\n    start: manual # not at night\n"
     )
@@ -95,7 +95,7 @@ def test_what_comments_said_of_an_entry_that_goes_stands_above_the_compounds(tmp
     )
 
 
-def test_comments_of_a_partition_that_was_alone_in_an_overlay_stay_there(tmp_path: Path) -> None:
+def test_comments_of_lone_overlay_partition_stay(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST + "\npartitions:\n  vision: { start: manual }\n")
     write(tmp_path, "schema: rarms/v1\npartitions:\n  # films\n  video: { start: manual } # nights\n", "night.yaml")
     write_partitions(manifest(tmp_path, "night.yaml"), [compound("vision", "video", "vision")])
@@ -120,7 +120,7 @@ def test_nothing_new_writes_nothing(tmp_path: Path) -> None:
     assert write_partitions(manifest(tmp_path), []) == ([], [])
 
 
-def test_what_was_changed_since_it_was_read_is_not_written_over(tmp_path: Path) -> None:
+def test_concurrent_edit_is_not_overwritten(tmp_path: Path) -> None:
     first, file = tmp_path / "overlay.yaml", tmp_path / "rarms.yaml"
     first.write_text("as it was read\n", encoding="utf-8", newline="\n")
     file.write_text("by another hand\n", encoding="utf-8", newline="\n")

@@ -14,7 +14,7 @@ from rarms_iac.manifest.load import load_system
 from rarms_iac.model.names import is_name
 
 
-def test_the_first_manifest_is_valid_and_canonical_and_has_nothing_to_complain_about(tmp_path: Path) -> None:
+def test_first_manifest_is_valid_and_canonical(tmp_path: Path) -> None:
     text = initial_manifest("conveyor")
     (tmp_path / "rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
 

@@ -67,14 +67,14 @@ def refusal(ran: Ran) -> str:
     return " ".join(ran.err.split())
 
 
-def test_show_gives_the_whole_plan_as_it_was_made(fleet: Path) -> None:
+def test_show_gives_whole_plan_as_it_was_made(fleet: Path) -> None:
     for words in (("--json",), ()):
         shown = rarms("show", str(fleet / "fleet.plan"), *words)
         planned = rarms("plan", "-f", str(fleet), *words)
         assert (shown.code, shown.out) == (0, planned.out)
 
 
-def test_a_plan_file_is_written_again_as_it_was(fleet: Path) -> None:
+def test_plan_file_is_written_again_as_it_was(fleet: Path) -> None:
     data = (fleet / "fleet.plan").read_bytes()
 
     assert write_plan(plan_in("fleet.plan", data)) == data
@@ -200,7 +200,7 @@ def test_values_of_variables_stay_out_of_the_file(fleet: Path) -> None:
     assert not [line for line in lines if "cl34r" in line or " text" in line]
 
 
-def test_a_name_that_no_manifest_can_give_is_refused(fleet: Path, tmp_path: Path) -> None:
+def test_name_that_no_manifest_can_give_is_refused(fleet: Path, tmp_path: Path) -> None:
     machine = replace(partition(settings("old"), application="fleet"), id="1")
     assert machine.mark is not None
     machine = replace(machine, mark=replace(machine.mark, name="../../old"))

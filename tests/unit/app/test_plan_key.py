@@ -25,7 +25,7 @@ def test_without_a_key_none_is_needed() -> None:
 
 
 @pytest.mark.needs("posix")
-def test_the_key_is_that_of_the_variable_or_of_its_owners_file(tmp_path: Path) -> None:
+def test_key_comes_from_variable_or_owners_file(tmp_path: Path) -> None:
     file = tmp_path / "key"
     file.write_text(f"{KEY}\n", encoding="ascii")
     file.chmod(0o600)
@@ -103,7 +103,7 @@ def test_the_signature_covers_the_whole_file(robot: Path, tmp_path: Path, monkey
 
 
 @pytest.mark.parametrize("words", [("-f", "{manifest}", "--auto-approve"), ("{plan}",)])
-def test_where_the_policy_demands_signed_plans_nothing_is_applied_without_a_key(
+def test_signed_plans_policy_needs_a_key(
     robot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
 ) -> None:
     document = yaml.safe_load(robot.read_text(encoding="utf-8"))
@@ -125,9 +125,7 @@ def test_where_the_policy_demands_signed_plans_nothing_is_applied_without_a_key(
     assert "says `signed_plans: true`, and no key is set" in " ".join(refused.err.split())
 
 
-def test_a_plan_that_was_forged_to_need_no_key_is_refused_where_its_manifest_demands_one(
-    robot: Path, tmp_path: Path
-) -> None:
+def test_plan_forged_to_need_no_key_is_refused(robot: Path, tmp_path: Path) -> None:
     plan = str(tmp_path / "some.plan")
     assert rarms("plan", "-f", str(robot), "--out", plan).code == 0
     document = yaml.safe_load(robot.read_text(encoding="utf-8"))
@@ -140,9 +138,7 @@ def test_a_plan_that_was_forged_to_need_no_key_is_refused_where_its_manifest_dem
     assert "error[RARMS341]" in refused.err
 
 
-def test_an_unfinished_run_that_demands_a_key_is_not_finished_without(
-    robot: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unfinished_keyed_run_needs_the_key(robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     faults = '{ faults: { broken: { operation: start_partition, at: "*", effect: refuse, times: 1 } } }'
     document = yaml.safe_load(robot.read_text(encoding="utf-8"))
     document.setdefault("policy", {})["signed_plans"] = True
@@ -161,9 +157,7 @@ def test_an_unfinished_run_that_demands_a_key_is_not_finished_without(
     assert rarms("apply", "-f", str(robot), "--auto-approve").code == 0
 
 
-def test_an_unfinished_run_is_finished_only_where_its_plan_was_signed(
-    robot: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unfinished_run_is_finished_if_signed(robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     faults = '{ faults: { broken: { operation: start_partition, at: "*", effect: refuse, times: 1 } } }'
     text = robot.read_text(encoding="utf-8")
     robot.write_text(
@@ -180,9 +174,7 @@ def test_an_unfinished_run_is_finished_only_where_its_plan_was_signed(
     assert "error[RARMS341]" in refused.err
 
 
-def test_an_unfinished_undo_is_finished_only_where_its_plan_was_signed(
-    robot: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unfinished_undo_is_finished_if_signed(robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     undo = ("undo", "-f", str(robot), "--auto-approve")
     assert rarms("apply", "-f", str(robot), "--auto-approve").code == rarms(*undo).code == 0
     (journal,) = (robot.parent / ".rarms" / "hosts").glob("*.journal.jsonl")
@@ -199,7 +191,7 @@ def test_an_unfinished_undo_is_finished_only_where_its_plan_was_signed(
     assert "error[RARMS341]" in refused.err
 
 
-def test_an_unfinished_run_of_a_signed_plan_is_finished(robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unfinished_run_of_signed_plan_is_finished(robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     faults = '{ faults: { broken: { operation: start_partition, at: "*", effect: refuse, times: 1 } } }'
     text = robot.read_text(encoding="utf-8")
     robot.write_text(

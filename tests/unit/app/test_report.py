@@ -66,7 +66,7 @@ def robot(tmp_path: Path) -> Path:
     return manifest
 
 
-def test_the_page_is_written_and_says_the_reserve_of_the_plan(robot: Path) -> None:
+def test_page_is_written_and_says_reserve_of_plan(robot: Path) -> None:
     page = robot.parent / "out.html"
 
     ran = rarms("report", "-f", str(robot), "-o", str(page))
@@ -88,7 +88,7 @@ def test_the_page_is_written_and_says_the_reserve_of_the_plan(robot: Path) -> No
     assert page.read_text(encoding="utf-8").startswith("<!doctype html>")
 
 
-def test_a_stale_log_is_named_and_not_drawn_and_folded_on_the_page(robot: Path, tmp_path: Path) -> None:
+def test_stale_log_is_named_and_not_drawn(robot: Path, tmp_path: Path) -> None:
     fresh = rarms("report", "-f", str(robot), "--text")
     robot.write_text(MANIFEST.replace("60 ms", "70 ms"), encoding="utf-8")
 
@@ -101,7 +101,7 @@ def test_a_stale_log_is_named_and_not_drawn_and_folded_on_the_page(robot: Path, 
     assert "<summary>What it showed then</summary>" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
-def test_a_log_is_read_once_for_all_that_a_report_shows(robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_report_reads_each_log_once(robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     read: list[Path] = []
     log_in = log_files.log_in
 
@@ -156,7 +156,7 @@ def status(robot: Path) -> str:
     return message[message.index("\nonboard: ", message.index("Headroom")) :].splitlines()[1]
 
 
-def test_the_report_says_whether_what_it_shows_is_applied(robot: Path) -> None:
+def test_report_says_whether_what_it_shows_is_applied(robot: Path) -> None:
     never = status(robot)
     assert rarms("apply", "-f", str(robot), "--auto-approve").code == 0
     applied = status(robot)
@@ -219,7 +219,7 @@ def test_what_was_proven_last_stands_in_the_report(robot: Path) -> None:
     assert "98.7 ms" not in page
 
 
-def test_a_proof_says_what_is_no_longer_as_it_was(robot: Path) -> None:
+def test_proof_says_what_changed_since(robot: Path) -> None:
     path = configuration_path(robot.parent, "onboard", "vision")
     append_to_log(path, a_proof(replace(HELD, threshold=at_most(120))))
 
@@ -242,9 +242,7 @@ def test_a_proof_says_what_is_no_longer_as_it_was(robot: Path) -> None:
         (False, {}, True),
     ],
 )
-def test_a_note_that_neighbours_decide_a_threshold_goes_where_the_proof_held(
-    proof: bool, changes: dict[str, Any], stays: bool
-) -> None:
+def test_neighbour_note_goes_where_proof_held(proof: bool, changes: dict[str, Any], stays: bool) -> None:
     note = ON_NEIGHBOURS.at(None, "It depends.", "Prove it.", component="vision", indexes=("p99_response_time",))
     proven = replace(PROOF, index=index_named("p99_response_time"))
 

@@ -48,7 +48,7 @@ def levels_in(report: Report) -> list[dict[str, str]]:
     ]
 
 
-def test_members_of_a_partition_are_shown_with_what_their_partition_gets() -> None:
+def test_members_show_what_their_partition_gets() -> None:
     """One would be content with less; what is reserved is what the other needs."""
     slow, quick = measured("slow", 100), measured("quick", 400)
     system = a_system(components=[slow, quick], partitions=[a_partition("slow", components=["quick", "slow"])])
@@ -66,7 +66,7 @@ def test_members_of_a_partition_are_shown_with_what_their_partition_gets() -> No
     ]
 
 
-def test_the_total_is_of_measured_and_fixed_components_in_processors() -> None:
+def test_total_counts_measured_and_fixed_components() -> None:
     system = a_robot()
 
     [fit] = report_of_logs(system, the_logs(system)).capacities
@@ -87,7 +87,7 @@ def test_a_total_above_the_capacity_is_said_so() -> None:
     assert fit_text(fit).endswith("Over onboard by 0.72 LP (36 % of onboard).")
 
 
-def test_a_total_without_a_component_whose_level_is_not_achieved_is_not_known() -> None:
+def test_total_with_unachieved_level_is_unknown() -> None:
     system = a_robot()
     component = system.components["face-detection"]
     impossible = replace(component, apt={"mean_response_time": at_most(1)})
@@ -105,7 +105,7 @@ def test_a_total_without_a_component_whose_level_is_not_achieved_is_not_known() 
     assert [card["decides"] for card in cards if card["name"] == "face-detection"] == [True], "its line counts"
 
 
-def test_what_is_kept_for_the_host_is_no_capacity() -> None:
+def test_what_is_kept_for_host_is_no_capacity() -> None:
     system = a_system(hosts=[a_host(keep_processor="10 %")], components=[measured("vision")])
 
     [fit] = report_of_logs(system, []).capacities
@@ -113,7 +113,7 @@ def test_what_is_kept_for_the_host_is_no_capacity() -> None:
     assert fit.capacity_lp == Fraction(18, 10)
 
 
-def test_nothing_rests_on_a_stale_log_and_it_says_what_changed() -> None:
+def test_stale_log_decides_nothing() -> None:
     system = a_system(components=[measured("vision")])
     stale = replace(
         a_log_of(system.components["vision"], face_detection), stale=("vision.run.until.samples: 200 -> 300",)
@@ -125,7 +125,7 @@ def test_nothing_rests_on_a_stale_log_and_it_says_what_changed() -> None:
     assert [(each.component, each.achievement) for each in report.verdicts] == [("vision", Achievement.UNMEASURED)]
 
 
-def test_a_log_of_another_load_is_there_to_compare() -> None:
+def test_log_of_another_load_is_there_to_compare() -> None:
     system = a_system(components=[measured("vision")])
     logged = a_log_of(system.components["vision"], face_detection)
     header = logged.log.header
@@ -142,7 +142,7 @@ def test_a_log_of_another_load_is_there_to_compare() -> None:
     ]
 
 
-def test_where_loads_ask_for_the_same_the_first_of_the_manifest_decides_as_in_a_plan() -> None:
+def test_first_of_equal_loads_decides() -> None:
     system = a_system(components=[replace(measured("vision"), interference=("busy-loop", "bursts-20"))])
     logged = a_log_of(system.components["vision"], face_detection)
     header = logged.log.header
@@ -155,7 +155,7 @@ def test_where_loads_ask_for_the_same_the_first_of_the_manifest_decides_as_in_a_
     assert show_cell(levels_table(report).rows[0][7]).endswith(" with busy-loop")
 
 
-def test_a_reserve_that_the_manifest_fixes_counts_and_its_log_does_not() -> None:
+def test_fixed_reserve_counts_instead_of_log() -> None:
     system = with_reserve(a_robot(), "face-detection", "40 %")
 
     report = report_of_logs(system, the_logs(system))
@@ -165,7 +165,7 @@ def test_a_reserve_that_the_manifest_fixes_counts_and_its_log_does_not() -> None
     assert [part.name for part in report.capacities[0].fixed] == ["face-detection", "video-streaming"]
 
 
-def test_of_a_partition_that_was_measured_as_one_the_members_own_logs_do_not_count() -> None:
+def test_members_own_logs_do_not_count() -> None:
     both = [measured("vision", criticality=20), measured("planning")]
     system = a_system(components=both, partitions=[a_partition("vision", components=["vision", "planning"])])
     together = a_log(
@@ -190,13 +190,13 @@ def test_of_a_partition_that_was_measured_as_one_the_members_own_logs_do_not_cou
     assert [measurement.reserve for measurement in report.measurements if measurement.decides] == [50]
 
 
-def test_a_log_of_a_component_that_is_gone_is_left_out() -> None:
+def test_log_of_removed_component_is_left_out() -> None:
     gone = measured("gone")
 
     assert report_of_logs(a_system(), [a_log_of(gone, face_detection)]).measurements == ()
 
 
-def test_a_setting_without_an_answer_is_shown_and_gives_no_point() -> None:
+def test_setting_without_answer_gives_no_point() -> None:
     vision = measured("vision")
     log = a_log([a_setting(10, a_series(responses=[None] * 5)), a_setting(50)], a_subject(vision))
 
@@ -210,7 +210,7 @@ def test_a_setting_without_an_answer_is_shown_and_gives_no_point() -> None:
     assert [row.reserve for row in shown.rows] == [50]
 
 
-def test_the_summary_has_a_row_a_threshold_and_names_what_is_not_measured() -> None:
+def test_summary_names_unmeasured_components() -> None:
     system = a_robot()
 
     rows = levels_in(report_of_logs(system, the_logs(system)[:1]))
@@ -227,7 +227,7 @@ def empty(report: Report) -> bool:
     return not (report.measurements or report.verdicts)
 
 
-def test_a_system_without_thresholds_and_logs_has_an_empty_report() -> None:
+def test_system_without_thresholds_and_logs_has_empty_report() -> None:
     assert empty(report_of_logs(a_system(), []))
 
 
@@ -241,7 +241,7 @@ def with_open_threshold() -> Report:
     return report_of_logs(system, [a_log_of(steady, face_detection), log])
 
 
-def test_no_view_has_a_reservation_while_a_threshold_is_open() -> None:
+def test_no_view_has_reservation_while_threshold_is_open() -> None:
     report = with_open_threshold()
 
     assert [(each.component, each.achievement) for each in report.verdicts] == [
@@ -263,7 +263,7 @@ def test_no_view_has_a_reservation_while_a_threshold_is_open() -> None:
     assert total[3:] == ("at least", Fraction(12, 10), "late", None, "not known"), "the sheet"
 
 
-def test_a_component_without_the_log_of_a_load_is_not_in_the_total() -> None:
+def test_component_without_load_log_is_not_totalled() -> None:
     vision = replace(measured("vision"), interference=("busy-loop", "bursts-20"))
 
     report = report_of_logs(a_system(components=[vision]), [a_log_of(vision, face_detection)])

@@ -40,7 +40,7 @@ def refusal(use: Callable[[], object]) -> str:
     return str(finding.detail)
 
 
-def test_records_of_a_robot_are_added_to_logs_here(came: dict[str, bytes], here: Path) -> None:
+def test_records_of_robot_are_added_to_logs_here(came: dict[str, bytes], here: Path) -> None:
     assert add_measurements(here, "onboard", came) == (CONFIGURATION, LOG)
     assert add_measurements(here, "onboard", came) == ()
     assert reserves_in(here) == [10, 20]
@@ -60,7 +60,7 @@ def test_a_log_that_is_garbage_is_refused(here: Path, bad: bytes) -> None:
     assert not (here / "measurements" / OTHER).exists()
 
 
-def test_a_damaged_log_here_is_named_as_the_one_here(came: dict[str, bytes], here: Path) -> None:
+def test_damaged_log_here_is_named_as_one_here(came: dict[str, bytes], here: Path) -> None:
     path = here / "measurements" / LOG
     path.write_bytes(path.read_bytes().replace(b'"reserve":10', b'"reserve":11'))
 

@@ -18,7 +18,7 @@ def manifest(folder: Path) -> str:
     return (folder / "rarms.yaml").read_text(encoding="utf-8")
 
 
-def test_a_level_is_written_with_its_comments_and_the_reservation_follows(here: Path) -> None:
+def test_level_is_written_and_reservation_follows(here: Path) -> None:
     measure(here, MEANS)
     before = manifest(here)
 
@@ -38,7 +38,7 @@ def test_a_level_is_written_with_its_comments_and_the_reservation_follows(here: 
     assert "1.22 LP" in rarms("plan", "-f", str(here)).out
 
 
-def test_a_level_that_the_lowest_setting_meets_is_told_to_be_measured_below(here: Path) -> None:
+def test_level_met_by_lowest_setting_advises_lower(here: Path) -> None:
     measure(here, MEANS)
     hint = "no lower setting was measured beside busy-loop: `rarms measure -f"
 
@@ -49,7 +49,7 @@ def test_a_level_that_the_lowest_setting_meets_is_told_to_be_measured_below(here
     assert [hint in answer.out for answer in (tried, lowest, higher)] == [False, True, False]
 
 
-def test_what_no_measured_reservation_meets_is_no_and_writes_nothing(here: Path) -> None:
+def test_unreachable_level_writes_nothing(here: Path) -> None:
     measure(here, MEANS)
     before = manifest(here)
 
@@ -60,7 +60,7 @@ def test_what_no_measured_reservation_meets_is_no_and_writes_nothing(here: Path)
     assert manifest(here) == before
 
 
-def test_where_the_highest_setting_was_measured_only_an_easier_level_is_advised(here: Path) -> None:
+def test_measured_maximum_advises_easier_level(here: Path) -> None:
     measure(here, {**MEANS, 100: 86.0})
 
     answer = " ".join(rarms("select", "vision", "--at", "50 ms", "-f", str(here)).err.split())
@@ -69,7 +69,7 @@ def test_where_the_highest_setting_was_measured_only_an_easier_level_is_advised(
     assert "rarms measure" not in answer
 
 
-def test_an_easier_level_holds_beside_the_load_that_was_measured_least(here: Path) -> None:
+def test_easier_level_holds_for_every_load(here: Path) -> None:
     edit(here / "rarms.yaml", "hosts:", "policy: { interference: [busy-loop, bursts-20] }\n\nhosts:")
     log = measure(here, MEANS)
     add_setting(log, a_setting(100, steady("vision", 75.0)))
@@ -84,7 +84,7 @@ def test_an_easier_level_holds_beside_the_load_that_was_measured_least(here: Pat
     assert rarms("select", "vision", "--at", "88.4 ms", "-f", str(here)).code == 0
 
 
-def test_what_was_measured_beside_one_of_two_loads_is_said_of_that_load(here: Path) -> None:
+def test_missing_load_is_named(here: Path) -> None:
     edit(here / "rarms.yaml", "hosts:", "policy: { interference: [bursts-20, busy-loop] }\n\nhosts:")
     busy = leave_log(here, ["vision"], [a_setting(62, steady("vision", 90.0))]).with_name("busy-loop.jsonl")
     add_setting(busy, a_setting(61, steady("vision", 120.0)))
@@ -99,7 +99,7 @@ def test_what_was_measured_beside_one_of_two_loads_is_said_of_that_load(here: Pa
 
 
 @pytest.mark.parametrize(("at", "meant"), [("110 s", "Did you mean 110 ms?"), ("2 h", "")])
-def test_a_level_far_beyond_what_was_measured_is_a_slip_and_writes_nothing(here: Path, at: str, meant: str) -> None:
+def test_absurd_level_is_a_slip(here: Path, at: str, meant: str) -> None:
     measure(here, MEANS)
     before = manifest(here)
 
@@ -142,7 +142,7 @@ def test_programs_read_the_same(here: Path) -> None:
     assert document["headrooms"] == [{"host": "onboard", "headroom_lp": 0.78, "host_lp": 2}]
 
 
-def test_an_overlay_that_says_the_level_is_what_is_changed(here: Path) -> None:
+def test_overlay_that_says_level_is_what_is_changed(here: Path) -> None:
     measure(here, MEANS)
     overlay = here / "robot-7.yaml"
     overlay.write_text(
@@ -191,7 +191,7 @@ def test_what_is_unclear_is_asked_back(here: Path, words: list[str], message: st
     assert message in " ".join(answer.err.split())
 
 
-def test_a_fixed_reserve_does_not_follow_and_says_so(here: Path) -> None:
+def test_fixed_reserve_does_not_follow_and_says_so(here: Path) -> None:
     edit(here / "rarms.yaml", "    memory: 512 MiB\n", "    memory: 512 MiB\n    cpu: { reserve: 40 % }\n")
 
     answer = rarms("select", "vision", "--at", "90 ms", "-f", str(here))

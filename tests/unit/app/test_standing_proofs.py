@@ -69,7 +69,7 @@ LATER = replace(NOW, serial=2, runs=(FIRST, SECOND))
         ),
     ],
 )
-def test_a_changed_or_undone_layout_is_told_with_the_time(host: HostNow, outdated: tuple[str, ...]) -> None:
+def test_changed_or_undone_layout_is_told_with_time(host: HostNow, outdated: tuple[str, ...]) -> None:
     [proof] = compared_with_hosts([PROVEN], [host])
 
     assert proof.outdated == outdated

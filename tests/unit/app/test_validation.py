@@ -49,7 +49,7 @@ def codes(findings: Sequence[Diagnostic]) -> list[str]:
     return [finding.code for finding in findings]
 
 
-def test_two_reserves_of_60_per_cent_do_not_fit_one_host(tmp_path: Path) -> None:
+def test_two_reserves_of_60_percent_do_not_fit(tmp_path: Path) -> None:
     found = validated(manifest(tmp_path, component("a"), component("b")))
 
     assert codes(found.findings) == ["RARMS014"]
@@ -57,7 +57,7 @@ def test_two_reserves_of_60_per_cent_do_not_fit_one_host(tmp_path: Path) -> None
     assert found.fails()
 
 
-def test_memory_in_sum_and_memory_of_what_was_never_measured_count(tmp_path: Path) -> None:
+def test_memory_counts_even_if_unmeasured(tmp_path: Path) -> None:
     found = validated(
         manifest(tmp_path, component("a", "10 %", "2 GiB"), component("b", "10 %", "1 GiB"), measured("c"))
     )
@@ -70,7 +70,7 @@ def test_what_fits_has_no_findings(tmp_path: Path) -> None:
     assert validated(manifest(tmp_path, component("a", "50 %"), component("b", "45 %"))).findings == ()
 
 
-def test_a_partition_that_no_host_can_hold_alone_is_told_where_all_hosts_together_could(tmp_path: Path) -> None:
+def test_partition_too_large_for_any_host_is_told(tmp_path: Path) -> None:
     hosts = "hosts:\n" + "".join(
         f"  {name}: {{ logical_processors: 2, memory: 4 GiB, keep_for_host: {{ processor: 10 % }} }}\n"
         for name in ("north", "south")
@@ -102,7 +102,7 @@ def test_of_very_many_the_sum_is_still_told(tmp_path: Path) -> None:
     assert codes(found.findings) == ["RARMS014"]
 
 
-def test_a_reserve_that_was_never_measured_is_a_note_until_its_log_is_there(tmp_path: Path) -> None:
+def test_unmeasured_reserve_is_a_note(tmp_path: Path) -> None:
     file = manifest(tmp_path, measured("vision"))
 
     before = validated(file)
@@ -120,7 +120,7 @@ def test_a_reserve_that_was_never_measured_is_a_note_until_its_log_is_there(tmp_
     ("policy", "own"),
     [("gone", ""), ("[busy-loop, gone]", ""), ("busy-loop", ", interference: gone")],
 )
-def test_a_load_that_the_manifest_does_not_have_is_an_unknown_name(tmp_path: Path, policy: str, own: str) -> None:
+def test_unknown_load_is_an_unknown_name(tmp_path: Path, policy: str, own: str) -> None:
     file = manifest(tmp_path, measured("vision").replace(", run:", f"{own}, run:"))
     file.write_text(f"{file.read_text(encoding='utf-8')}policy: {{ interference: {policy} }}\n", encoding="utf-8")
 
@@ -145,7 +145,7 @@ def test_an_error_of_a_host_leaves_sums_open(tmp_path: Path) -> None:
     assert codes(validated(manifest(tmp_path, component("a"), component("b"), hosts=hosts)).findings) == ["RARMS017"]
 
 
-def test_a_folder_is_walked_and_an_overlay_is_read_with_its_manifest(tmp_path: Path) -> None:
+def test_folder_is_walked_with_overlays(tmp_path: Path) -> None:
     manifest(tmp_path / "north", component("a"))
     manifest(tmp_path / "south", component("a", "10 %"))
     manifest(tmp_path / ".hidden", component("a"), component("b"))
@@ -172,7 +172,7 @@ def test_a_folder_is_walked_and_an_overlay_is_read_with_its_manifest(tmp_path: P
         ("services:\n  web: { image: x }\ncomponents: {}\n", False),
     ],
 )
-def test_an_overlay_with_a_mistyped_section_is_found_in_its_folder(tmp_path: Path, text: str, is_found: bool) -> None:
+def test_mistyped_overlay_section_is_found(tmp_path: Path, text: str, is_found: bool) -> None:
     manifest(tmp_path, component("a"))
     (tmp_path / "robot-7.yaml").write_text(text, encoding="utf-8", newline="\n")
 
@@ -207,7 +207,7 @@ def test_the_solver_is_not_imported(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout) == (0, "No findings.\n")
 
 
-def test_of_very_many_findings_of_a_kind_the_first_are_shown_and_the_rest_is_counted(tmp_path: Path) -> None:
+def test_many_findings_are_counted(tmp_path: Path) -> None:
     names = ", ".join(f"nobody-{number:05}" for number in range(MOST_OF_A_KIND + 234))
     file = manifest(tmp_path, component("vision", more=f", apart: [{names}]"))
     source = replace(SOURCE, manifest=str(file))
@@ -223,7 +223,7 @@ def test_of_very_many_findings_of_a_kind_the_first_are_shown_and_the_rest_is_cou
         assert first_of_each_kind(findings) == findings
 
 
-def test_an_acceptance_is_held_against_all_findings_before_the_rest_is_only_counted() -> None:
+def test_acceptance_sees_all_findings() -> None:
     kind = Finding(code="RARMS159", severity=Severity.WARNING, summary="A warning")
     hosts = [f"host/{number:05}" for number in range(2 * MOST_OF_A_KIND)]
     policy = Policy(accept={"RARMS159": Acceptance(code="RARMS159", at=(hosts[-1],), reason="known", until=None)})
@@ -238,7 +238,7 @@ def test_an_acceptance_is_held_against_all_findings_before_the_rest_is_only_coun
 
 
 @pytest.mark.parametrize(("value", "is_named"), [(None, False), ("", False), ("qz7!x", True), ("qz7!xy", False)])
-def test_a_variable_that_is_too_short_to_be_hidden_is_named_without_its_value(
+def test_short_secret_is_named_without_value(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, value: str | None, is_named: bool
 ) -> None:
     run = ", run: { command: [a], environment: { TOKEN: { from_env: RARMS_TEST_TOKEN }, MODE: fast } }"

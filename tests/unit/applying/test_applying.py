@@ -59,7 +59,7 @@ def test_the_same_plan_finishes_its_own_run(lab: Lab) -> None:
     assert lab.steps_left() == 0
 
 
-def test_an_abandoned_run_leaves_the_host_as_it_is_and_the_next_plan_takes_over(lab: Lab) -> None:
+def test_abandoned_run_leaves_the_host(lab: Lab) -> None:
     lab.apply(lab.plan(), Countdown(5))
     before = lab.observe()
 
@@ -71,7 +71,7 @@ def test_an_abandoned_run_leaves_the_host_as_it_is_and_the_next_plan_takes_over(
     assert lab.steps_left() == 0
 
 
-def test_a_setting_changed_in_the_middle_of_a_run_stops_it(lab: Lab) -> None:
+def test_setting_changed_in_middle_of_run_stops_it(lab: Lab) -> None:
     lab.apply(lab.plan())
     plan = with_reserve(lab, "20 %").plan()
     lab.apply(plan, Countdown(0))
@@ -86,7 +86,7 @@ def test_a_setting_changed_in_the_middle_of_a_run_stops_it(lab: Lab) -> None:
     assert expected.items() <= report.findings[0].values.items()
 
 
-def test_a_step_that_fails_after_doing_its_work_is_found_done_and_is_undone() -> None:
+def test_step_failing_after_work_counts_as_done() -> None:
     fault = Fault(operation="set_cpu", at="partition/vision", effect=FaultEffect.FAIL_AFTER, times=1)
     system = a_system(hosts=[a_host("onboard", settings=faulty(once=fault))], components=[VISION])
     with a_lab(system) as lab:
@@ -103,7 +103,7 @@ def test_a_step_that_fails_after_doing_its_work_is_found_done_and_is_undone() ->
         assert without_serials(lab.observe()) == without_serials(before)
 
 
-def test_a_host_that_refuses_a_step_keeps_what_was_done_and_undo_takes_it_back() -> None:
+def test_refused_step_keeps_earlier_ones() -> None:
     fault = Fault(operation="start_partition", at="partition/speech", effect=FaultEffect.REFUSE)
     system = a_system(hosts=[a_host("onboard", settings=faulty(always=fault))], components=[VISION, SPEECH])
     with a_lab(system) as lab:
@@ -121,7 +121,7 @@ def test_a_host_that_refuses_a_step_keeps_what_was_done_and_undo_takes_it_back()
         assert without_serials(lab.observe()) == without_serials(before)
 
 
-def test_a_failure_ends_the_run_before_the_next_host_and_the_plan_goes_on_there_later() -> None:
+def test_failure_ends_before_the_next_host() -> None:
     fault = Fault(operation="start_partition", at="partition/vision", effect=FaultEffect.REFUSE, times=1)
     vision = replace(VISION, hosts=("arm",))
     other = replace(SPEECH, hosts=("base",))
@@ -139,7 +139,7 @@ def test_a_failure_ends_the_run_before_the_next_host_and_the_plan_goes_on_there_
         assert codes(lab.apply(plan).findings) == ["RARMS182", "RARMS182"]
 
 
-def test_all_hosts_are_looked_at_before_the_first_step() -> None:
+def test_all_hosts_are_looked_at_before_first_step() -> None:
     vision, other = replace(VISION, hosts=("arm",)), replace(SPEECH, hosts=("base",))
     hosts = [a_host("arm"), a_host("base")]
     with a_lab(a_system(hosts=hosts, components=[vision, other])) as lab:
@@ -184,7 +184,7 @@ def test_an_undo_is_told_by_what_it_does(lab: Lab) -> None:
     ]
 
 
-def test_undo_of_destroy_says_what_is_lost_and_makes_the_partitions_again(lab: Lab) -> None:
+def test_undo_of_destroy_says_what_is_lost(lab: Lab) -> None:
     lab.apply(lab.plan())
     lab.apply(lab.plan(purpose=Purpose.DESTROY))
 
@@ -198,7 +198,7 @@ def test_undo_of_destroy_says_what_is_lost_and_makes_the_partitions_again(lab: L
     assert lab.steps_left() == 0
 
 
-def test_undo_of_destroy_brings_back_the_task_classes_that_went_with_a_machine() -> None:
+def test_undo_of_destroy_restores_task_classes() -> None:
     with a_lab(the_delivery_robot()) as lab:
         lab.apply(lab.plan())
         before = lab.observe()
@@ -210,7 +210,7 @@ def test_undo_of_destroy_brings_back_the_task_classes_that_went_with_a_machine()
         assert without_serials(lab.observe()) == without_serials(before)
 
 
-def test_a_released_partition_goes_on_and_can_be_imported_again(lab: Lab) -> None:
+def test_released_partition_can_be_imported_again(lab: Lab) -> None:
     lab.apply(lab.plan())
     was = {partition.settings.name: partition for partition in lab.observe()["onboard"].partitions}
 
@@ -245,7 +245,7 @@ def test_what_cannot_be_meant_is_told(lab: Lab, asked: dict[str, object], code: 
     assert codes(prepared.findings) == [code]
 
 
-def test_a_release_where_nothing_is_managed_advises_no_name(lab: Lab) -> None:
+def test_release_where_nothing_is_managed_advises_no_name(lab: Lab) -> None:
     (finding,) = lab.prepare(purpose=Purpose.RELEASE, partitions=("vision",)).findings
 
     assert str(finding.detail).endswith("; no partition does.")
@@ -261,14 +261,14 @@ def test_a_target_that_is_as_wanted_changes_nothing(lab: Lab) -> None:
 
 
 @pytest.mark.parametrize("target", ["partition/visoin", "vision", "visoin"])
-def test_a_target_that_is_spelt_wrong_gets_the_address_that_is_meant(lab: Lab, target: str) -> None:
+def test_misspelt_target_gets_the_meant_address(lab: Lab, target: str) -> None:
     (finding,) = lab.prepare(targets=(target,)).findings
 
     assert 'Did you mean "partition/vision"?' in finding.detail
     assert "`rarms plan --verbose` lists those that change" in str(finding.advice)
 
 
-def test_a_machine_that_is_ours_already_is_not_imported(lab: Lab) -> None:
+def test_machine_that_is_ours_already_is_not_imported(lab: Lab) -> None:
     lab.apply(lab.plan())
     machine = lab.observe()["onboard"].partitions[0].id
 

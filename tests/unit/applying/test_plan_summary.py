@@ -13,7 +13,7 @@ from tests.builders_plan import facts, partition, settings
 from tests.lab import a_lab
 
 
-def test_totals_are_what_is_promised_after_the_steps_with_strangers_apart() -> None:
+def test_totals_keep_strangers_apart() -> None:
     observed = State(
         facts=facts(),
         partitions=(
@@ -54,7 +54,7 @@ def test_a_machine_that_changes_sides_is_counted_once() -> None:
     assert taking_over.hosts[0].totals == Totals(percent=80, memory=memory)
 
 
-def test_a_partition_that_is_started_by_hand_is_promised_what_the_planner_counts() -> None:
+def test_manual_partition_is_promised_as_planned() -> None:
     by_hand = a_partition("eyes", components=["eyes"], start=StartMode.MANUAL)
     with a_lab(
         a_system(hosts=[a_host("onboard")], components=[a_component("eyes", reserve="40 %")], partitions=[by_hand])

@@ -16,9 +16,7 @@ def _record(robot: str, application: str = "cell") -> TaskRecord:
     ("robot", "own", "refused"),
     [("robot-7", "robot-8", 2), ("robot-7", "", 2), ("", "robot-8", 0), ("robot-8", "robot-8", 0)],
 )
-def test_records_of_another_robot_are_refused_and_those_without_one_taken_over(
-    robot: str, own: str, refused: int
-) -> None:
+def test_records_of_another_robot_are_refused(robot: str, own: str, refused: int) -> None:
     host = State(
         facts=facts(),
         tasks=(

@@ -164,14 +164,14 @@ def test_every_end_has_its_word(last: RunEvent, ends: ScriptExited | ScriptLost,
     assert codes(report) == ([code] if code else [])
 
 
-def test_a_host_that_is_still_read_is_told_and_is_no_step() -> None:
+def test_reading_host_is_told_and_no_step() -> None:
     report, told = ran(step(EventStatus.READING, detail="the host is still being read"), DONE)
 
     assert report.ending is RunEnding.DONE
     assert told.lines == ["apply on cell, 0 done", "said partition/vision: the host is still being read"]
 
 
-def test_a_script_that_powershell_would_not_start_is_told_with_powershells_words() -> None:
+def test_unstartable_script_is_told_in_powershells_words() -> None:
     report, _ = ran(ends=ScriptExited(code=1, last_lines=("cell.ps1 cannot be run: it lacks the module Hyper-V",)))
 
     assert "lacks the module Hyper-V (exit code 1)" in report.findings[0].detail

@@ -27,12 +27,12 @@ def found(provider: ProviderKind, ids: tuple[str, str], slices: tuple[str, str] 
 
 
 @pytest.mark.parametrize("provider", ProviderKind)
-def test_two_addresses_with_one_identity_are_named_as_clones(provider: ProviderKind) -> None:
+def test_equal_identities_are_named_as_clones(provider: ProviderKind) -> None:
     assert found(provider, ("a" * 32, "a" * 32)) == {"RARMS343"}
     assert found(provider, ("a" * 32, "b" * 32)) == set()
     assert found(provider, ("", "")) == set()
 
 
-def test_slices_of_one_machine_are_no_clones_but_reserve_as_if_alone() -> None:
+def test_slices_of_one_machine_are_no_clones() -> None:
     assert found(ProviderKind.LINUX, ("a" * 32, "a" * 32), ("left", "right")) == {"RARMS343"}
     assert found(ProviderKind.LINUX, ("a" * 32, "b" * 32), ("left", "right")) == set()

@@ -41,7 +41,7 @@ def names(*tasks: TaskClass) -> list[tuple[str, int]]:
     return [(task.name, priority) for _, task, priority in classes_above(*part)]
 
 
-def test_of_the_classes_of_windows_those_in_high_and_the_higher_ones_in_medium_are_above() -> None:
+def test_higher_windows_classes_are_named() -> None:
     shipped = [TaskClass(name=name, values=values) for name, values in SHIPPED.items()]
 
     assert names(*shipped) == [
@@ -65,11 +65,11 @@ def test_of_the_classes_of_windows_those_in_high_and_the_higher_ones_in_medium_a
         other("motioncontrol", "High", 1),
     ],
 )
-def test_what_is_not_above_or_not_known_or_ours_is_not_told(task: TaskClass) -> None:
+def test_lower_unknown_or_own_classes_are_not_named(task: TaskClass) -> None:
     assert names(task) == []
 
 
-def test_what_a_maker_added_is_told_once_a_host_where_classes_change() -> None:
+def test_vendor_class_is_told_once_a_host() -> None:
     plan = build.host_plan(changes=[build.create(build.task())])
     vendor = other("Vendor Sound", "high", 1)
 
@@ -79,7 +79,7 @@ def test_what_a_maker_added_is_told_once_a_host_where_classes_change() -> None:
     assert (finding.code, finding.address, "Vendor Sound (26)" in finding.detail) == ("RARMS129", "host/onboard", True)
 
 
-def test_classes_are_listed_system_by_system_with_who_names_them() -> None:
+def test_classes_are_listed_with_who_names_them() -> None:
     arm = a_component("arm", task="MotionControl", criticality=5)
     leg = a_component("leg", task="motioncontrol", criticality=9)
     eye = a_component("eye", task="Localization", criticality=1)

@@ -27,7 +27,7 @@ def vision_alone(policy: Policy | None = None, host: Host | None = None) -> Syst
     return a_system(hosts=[host or a_host("onboard")], components=[VISION], policy=policy)
 
 
-def test_it_is_removed_from_a_simulated_host_and_undo_makes_it_again() -> None:
+def test_simulated_removal_can_be_undone() -> None:
     with a_lab(both()) as lab:
         lab.apply(lab.plan())
         before = lab.observe()
@@ -70,7 +70,7 @@ def test_its_mark_remembers_that_it_is_protected() -> None:
         assert codes(lab.wanting(vision_alone()).prepare().findings) == ["RARMS152"]
 
 
-def test_a_new_protection_is_a_change_of_the_mark_that_says_so() -> None:
+def test_new_protection_changes_the_mark() -> None:
     with a_lab(both()) as lab:
         lab.apply(lab.plan())
         protecting = lab.wanting(both(partitions=[a_partition("speech", protect=True)]))
@@ -98,7 +98,7 @@ def on_hyperv() -> State:
     return replace(host.state, partitions=(*others, saved), disks=(disk,))
 
 
-def test_on_hyperv_it_is_stopped_and_listed_with_what_it_holds() -> None:
+def test_hyperv_leaves_it_stopped_and_listed() -> None:
     state = on_hyperv()
     found = route(vision_alone(host=HYPERV), state)
     (change,) = found.difference.changes
@@ -122,7 +122,7 @@ def test_on_hyperv_it_is_stopped_and_listed_with_what_it_holds() -> None:
     assert part.totals.reserved_lp == totals_alone()
 
 
-def test_on_hyperv_the_policy_and_the_limit_remove_it_together() -> None:
+def test_on_hyperv_policy_and_limit_remove_it_together() -> None:
     remove = vision_alone(Policy(unused=Unused.REMOVE), HYPERV)
 
     (kept,) = route(remove, on_hyperv(), Disruption.HOST_RESTART).difference.changes

@@ -2,7 +2,7 @@ from rarms_iac.applying import refusals
 from rarms_iac.providers.interface import HostFailed, HostUnreachable
 
 
-def test_a_host_that_is_not_reached_has_a_finding_of_its_own() -> None:
+def test_unreachable_host_has_its_own_finding() -> None:
     finding = refusals.host_failed(HostUnreachable("onboard", "ssh does not reach robot@cell: no route", "Try ssh."))
 
     assert (finding.code, finding.address) == ("RARMS189", "host/onboard")

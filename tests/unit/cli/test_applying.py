@@ -104,7 +104,7 @@ components:
 """
 
 
-def test_a_run_that_began_before_the_plan_was_made_is_waited_for_where_that_is_asked_for(tmp_path: Path) -> None:
+def test_run_begun_before_the_plan_is_waited_for(tmp_path: Path) -> None:
     (tmp_path / "rarms.yaml").write_text(UNFINISHED_RUN, encoding="utf-8")
     with chdir(tmp_path):
         assert rarms("apply", "--auto-approve").code == 1
@@ -120,7 +120,7 @@ def test_a_run_that_began_before_the_plan_was_made_is_waited_for_where_that_is_a
 
 
 @pytest.mark.parametrize("words", [["apply", "--abandon"], ["undo", "--auto-approve"], ["apply", "--auto-approve"]])
-def test_a_journal_that_is_damaged_in_its_first_record_is_no_run_that_ended(tmp_path: Path, words: list[str]) -> None:
+def test_damaged_first_record_is_no_ended_run(tmp_path: Path, words: list[str]) -> None:
     (tmp_path / "rarms.yaml").write_text(UNFINISHED_RUN, encoding="utf-8")
     with chdir(tmp_path):
         assert rarms("apply", "--auto-approve").code == 1

@@ -76,7 +76,7 @@ def test_the_bash_script_asks_rarms(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "powershell"])
-def test_every_script_asks_in_its_shell_and_reads_nothing_itself(shell: str) -> None:
+def test_completion_script_only_asks_rarms(shell: str) -> None:
     script = rarms("completion", shell).out
 
     assert "_RARMS_COMPLETE" in script and f"{shell}_complete" in script  # noqa: PT018
@@ -95,7 +95,7 @@ def test_completing_a_command_imports_no_command() -> None:
     assert shown.stdout.splitlines()[-1] == "[]"
 
 
-def test_a_shell_that_is_missing_is_answered_with_those_that_there_are() -> None:
+def test_missing_shell_lists_the_known_ones() -> None:
     answer = rarms("completion")
 
     assert answer.code == 64

@@ -53,14 +53,14 @@ def run_with(
         (MemoryError(), ExitCode.FAILED),
     ],
 )
-def test_every_exception_becomes_an_exit_code_without_a_trace(error: BaseException, code: ExitCode) -> None:
+def test_every_exception_becomes_exit_code_without_trace(error: BaseException, code: ExitCode) -> None:
     given, said = run_with(error)
 
     assert given == code
     assert "Traceback" not in said
 
 
-def test_what_was_not_foreseen_is_a_bug_and_says_how_to_get_the_trace() -> None:
+def test_unforeseen_error_is_a_bug() -> None:
     _, said = run_with(ZeroDivisionError("division by zero"))
 
     assert said.startswith("error[RARMS199] This is a bug in rarms\n")
@@ -97,13 +97,13 @@ def test_an_interrupt_says_how_to_go_on(command: str, advice: str) -> None:
 @pytest.mark.parametrize(
     ("command", "ending"), [("apply", " Nothing was done."), ("measure", " Nothing was done."), ("plan", "")]
 )
-def test_an_interrupt_before_the_work_says_that_nothing_was_done(command: str, ending: str) -> None:
+def test_interrupt_before_work_says_that_nothing_was_done(command: str, ending: str) -> None:
     _, said = run_with(Interrupted(ExitCode.INTERRUPTED), command=command)
 
     assert " ".join(said.split()) == f"rarms was interrupted.{ending}"
 
 
-def test_a_look_that_found_nothing_to_do_has_begun_nothing() -> None:
+def test_empty_look_has_begun_nothing() -> None:
     """`apply` first finishes what an earlier run left; where there is none, an interrupt while it plans undoes none."""
     looked, worked = Interrupts(), Interrupts()
     with looked.gently():
@@ -122,7 +122,7 @@ def test_the_file_of_a_refusal_is_named() -> None:
     assert "/a/rarms.yaml: Permission denied." in system_finding(error).detail
 
 
-def test_a_signal_ends_the_work_at_once_and_asks_gentle_work_first() -> None:
+def test_signal_asks_gentle_work_first() -> None:
     heard: list[str] = []
     interrupts = Interrupts(on_request=lambda: heard.append("once"))
     with interrupts.gently():
@@ -137,7 +137,7 @@ def test_a_signal_ends_the_work_at_once_and_asks_gentle_work_first() -> None:
     assert heard == ["once"]
 
 
-def test_listening_takes_the_signals_over_and_gives_them_back() -> None:
+def test_listening_takes_signals_over_and_gives_them_back() -> None:
     before = signal.getsignal(signal.SIGINT)
     interrupts = Interrupts()
     with interrupts.listening(), interrupts.gently():
@@ -147,7 +147,7 @@ def test_listening_takes_the_signals_over_and_gives_them_back() -> None:
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_after_an_interrupt_a_further_one_cuts_neither_the_last_words_nor_the_exit_code() -> None:
+def test_further_interrupt_cuts_no_last_words() -> None:
     with pytest.raises(Interrupted), Interrupts().listening():
         signal.raise_signal(signal.SIGINT)
 

@@ -55,7 +55,7 @@ def test_the_example_is_planned_from_its_recorded_host(cell: Path) -> None:
     assert "RARMS160" in ran.out
 
 
-def test_the_same_snapshot_gives_the_same_plan_to_the_byte(cell: Path) -> None:
+def test_same_snapshot_gives_same_plan_to_byte(cell: Path) -> None:
     for out in ("one", "two"):
         assert plan(cell, "--snapshot", f"cell={cell / 'host.json'}", "--out", str(cell / out)).code == 0
 
@@ -70,7 +70,7 @@ def test_a_file_that_windows_powershell_redirected_is_read(cell: Path, encoding:
     assert plan(cell, "--snapshot", str(cell / "host.json")).code == 0
 
 
-def test_a_planted_journal_is_refused_and_an_unfinished_run_comes_first(cell: Path) -> None:
+def test_planted_journal_is_refused(cell: Path) -> None:
     journal = document("server-2022-with-strangers")["journal"]["value"]
     planted = plan(cell, "--snapshot", f"cell={bent(cell, journal=journal | {'owner': 'S-1-5-21-7-7-7-1001'})}")
     lines = journal["text"].splitlines(keepends=True)
@@ -81,7 +81,7 @@ def test_a_planted_journal_is_refused_and_an_unfinished_run_comes_first(cell: Pa
     assert "0123456789ab" in begun.err
 
 
-def test_a_machine_that_could_not_be_read_is_named_by_plan_and_doctor(cell: Path) -> None:
+def test_unreadable_machine_is_named(cell: Path) -> None:
     lost = {"id": "0" * 36, "name": "database", "error": "InvalidState,GetVMMemory", "message": "Its storage is gone."}
     snapshot = f"cell={bent(cell, unread_machines=[lost])}"
 
@@ -93,7 +93,7 @@ def test_a_machine_that_could_not_be_read_is_named_by_plan_and_doctor(cell: Path
         assert "Its storage is gone." in " ".join(text.split())
 
 
-def test_a_host_that_is_smaller_than_the_manifest_says_is_named_by_plan_and_doctor(cell: Path) -> None:
+def test_smaller_host_is_named(cell: Path) -> None:
     manifest = cell / "rarms.yaml"
     text = re.sub(r"(?m)^    memory: \d+ GiB", "    memory: 4096 GiB", manifest.read_text(encoding="utf-8"), count=1)
     manifest.write_text(text, encoding="utf-8")
@@ -154,7 +154,7 @@ def test_a_guest_that_was_looked_into_takes_part(cell: Path) -> None:
         ("inside-a-guest", "no partition operator-panel of welding-cell"),
     ],
 )
-def test_a_file_that_is_no_guest_of_the_host_is_refused(cell: Path, file: str, message: str) -> None:
+def test_file_of_no_guest_is_refused(cell: Path, file: str, message: str) -> None:
     guest = "torch-motion" if file != "inside-a-guest" else "operator-panel"
     (cell / "guest.json").write_bytes(recorded_bytes(file))
 
@@ -175,7 +175,7 @@ def test_rarms_own_snapshot_says_nothing_of_a_guest(cell: Path) -> None:
     assert (ran.code, "not what observe.ps1 prints" in " ".join(ran.err.split())) == (1, True)
 
 
-def test_the_script_that_looks_is_written_as_it_runs_and_needs_no_manifest(tmp_path: Path) -> None:
+def test_observing_script_needs_no_manifest(tmp_path: Path) -> None:
     ran = rarms("snapshot", "--script", "--out", str(tmp_path))
 
     written = (tmp_path / "observe.ps1").read_bytes()

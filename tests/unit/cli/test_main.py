@@ -104,7 +104,7 @@ def test_help_has_a_short_form(words: tuple[str, ...]) -> None:
     assert (short.code, short.out) == (0, long.out)
 
 
-def test_a_misspelt_command_is_wrong_usage_and_offers_the_nearest() -> None:
+def test_misspelt_command_is_wrong_usage_and_offers_nearest() -> None:
     answer = rarms("drfit")
 
     assert answer.code == 64
@@ -121,7 +121,7 @@ def test_a_misspelt_option_offers_the_nearest() -> None:
 
 
 @pytest.mark.parametrize("words", [("--json", "plan"), ("-f", "rarms.yaml", "plan")])
-def test_an_option_before_its_command_is_told_to_go_behind_it(words: tuple[str, ...]) -> None:
+def test_option_before_command_is_told(words: tuple[str, ...]) -> None:
     answer = rarms(*words)
 
     assert answer.code == 64
@@ -129,7 +129,7 @@ def test_an_option_before_its_command_is_told_to_go_behind_it(words: tuple[str, 
     assert "No such option '--jsn'" in rarms("--jsn", "plan").err
 
 
-def test_a_manifest_without_its_option_is_told_to_have_it() -> None:
+def test_manifest_needs_its_option() -> None:
     answer = rarms("plan", "cell.yaml")
 
     assert answer.code == 64
@@ -138,7 +138,7 @@ def test_a_manifest_without_its_option_is_told_to_have_it() -> None:
     assert "with -f" not in rarms("explain", "vision", "cell.yaml").err
 
 
-def test_an_option_without_its_value_is_told_by_its_own_command() -> None:
+def test_option_without_value_is_told() -> None:
     answer = rarms("apply", "--host")
 
     assert answer.code == 64

@@ -31,7 +31,7 @@ def test_the_manifest_above_is_used_and_named(below: Path) -> None:
     assert "from ../../rarms.yaml" in planned.out
 
 
-def test_the_nearest_one_counts_and_one_that_is_here_is_not_announced(below: Path) -> None:
+def test_nearest_manifest_counts(below: Path) -> None:
     (below.parent / "rarms.yaml").write_bytes((below.parents[1] / "rarms.yaml").read_bytes())
     with chdir(below):
         nearest = rarms("plan")
@@ -42,7 +42,7 @@ def test_the_nearest_one_counts_and_one_that_is_here_is_not_announced(below: Pat
     assert "The manifest is" not in here.err
 
 
-def test_nothing_above_the_root_of_the_repository_is_looked_at(below: Path) -> None:
+def test_nothing_above_root_of_repository_is_looked_at(below: Path) -> None:
     (below / ".git").mkdir()
     with chdir(below):
         in_another = rarms("plan")
@@ -54,7 +54,7 @@ def test_nothing_above_the_root_of_the_repository_is_looked_at(below: Path) -> N
     assert (in_another.code, in_none.code) == (ExitCode.USAGE, ExitCode.USAGE)
 
 
-def test_a_manifest_that_is_named_is_not_looked_for(below: Path) -> None:
+def test_manifest_that_is_named_is_not_looked_for(below: Path) -> None:
     with chdir(below):
         assert rarms("plan", "-f", "rarms.yaml").code == ExitCode.USAGE
 

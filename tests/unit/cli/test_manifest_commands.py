@@ -20,7 +20,7 @@ def spoil(here: Path) -> None:
     file.write_text(file.read_text(encoding="utf-8").replace("criticality: 20", "criticalty: 20"), encoding="utf-8")
 
 
-def test_init_writes_a_manifest_that_validates_is_formatted_and_has_the_name(tmp_path: Path) -> None:
+def test_init_writes_a_valid_named_manifest(tmp_path: Path) -> None:
     answer = rarms("init", str(tmp_path), "--name", "robot-7")
 
     assert answer.code == 0
@@ -68,7 +68,7 @@ def test_init_says_where_no_folder_can_be_made(tmp_path: Path) -> None:
     assert "error[RARMS177]" in answer.err
 
 
-def test_validate_tells_errors_as_data_with_exit_code_2(here: Path) -> None:
+def test_validate_errors_are_data_with_code_2(here: Path) -> None:
     spoil(here)
 
     answer = rarms("validate", "-f", str(here))
@@ -136,7 +136,7 @@ def test_fmt_of_standard_input_goes_to_standard_output(here: Path) -> None:
     assert rarms("fmt", "-", stdin=text).out == text
 
 
-def test_fmt_of_what_is_no_manifest_changes_nothing_and_says_why(here: Path) -> None:
+def test_fmt_of_no_manifest_changes_nothing(here: Path) -> None:
     good, bad = here / "rarms.yaml", here / "bad.yaml"
     good.write_bytes(good.read_bytes() + b"\n\n\n")
     before = good.read_bytes()
@@ -184,7 +184,7 @@ def test_explain_takes_a_findings_number_alone(word: str) -> None:
 
 
 @pytest.mark.parametrize("code", ["RARMS999", "RARMS1999", "999"])
-def test_explain_of_a_finding_that_does_not_exist_guesses_no_number(code: str) -> None:
+def test_explain_of_unknown_id_guesses_none(code: str) -> None:
     answer = rarms("explain", code)
 
     assert answer.code == 64

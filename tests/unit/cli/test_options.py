@@ -41,7 +41,7 @@ def read_by(request: type, *words: str, env: dict[str, str] | None = None) -> ob
     return read[0] if read else " ".join(result.output.split())
 
 
-def test_the_manifest_is_the_one_here_unless_an_option_or_the_environment_says_otherwise() -> None:
+def test_manifest_is_here_unless_option_or_environment_says() -> None:
     today = ("--today", DAY.isoformat())
 
     default = read_by(DatedManifestSource, *today)
@@ -53,7 +53,7 @@ def test_the_manifest_is_the_one_here_unless_an_option_or_the_environment_says_o
     assert environment == DatedManifestSource(manifest="robots", today=DAY)
 
 
-def test_a_day_is_asked_for_only_where_it_counts() -> None:
+def test_day_is_asked_for_only_where_it_counts() -> None:
     with_day = {
         name for name, command in all_commands().items() if any("--today" in option.opts for option in command.params)
     }
@@ -112,7 +112,7 @@ def test_an_answer_goes_to_places_of_its_own(options: OutputOptions, message: st
         options.targets(Session(terminal=this_terminal()))
 
 
-def test_partitions_are_stopped_only_where_that_is_asked_for() -> None:
+def test_partitions_stop_only_on_request() -> None:
     assert not StopOptions().stops(on_busy_host=False)
     assert StopOptions(stop_partitions=True).stops(on_busy_host=False)
     with pytest.raises(RequestError, match="Give one of"):
@@ -127,7 +127,7 @@ def test_the_flag_is_the_same_everywhere(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["measure", "tune", "select", "prove"])
-def test_what_measures_has_no_flag_that_answers_every_question(name: str) -> None:
+def test_measuring_commands_have_no_auto_approve(name: str) -> None:
     assert not any("--auto-approve" in option.opts for option in all_commands()[name].params)
 
 
@@ -151,7 +151,7 @@ def test_a_field_without_metadata_is_not_asked_for() -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in all_commands() if name != "completion"])
-def test_an_option_that_must_be_given_and_is_not_is_named(name: str) -> None:
+def test_missing_required_option_is_named(name: str) -> None:
     command = all_commands()[name]
     required = [parameter for parameter in command.params if isinstance(parameter, click.Option) and parameter.required]
 

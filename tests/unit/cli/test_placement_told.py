@@ -36,7 +36,7 @@ def fleet(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_how_good_it_is_stands_in_the_json_and_in_the_plan_file(fleet: Path) -> None:
+def test_placement_is_in_json_and_plan_file(fleet: Path) -> None:
     answer = rarms("plan", "--json", "-f", str(fleet), "--out", str(fleet / "plan.json"))
 
     check(answer.out)
@@ -52,7 +52,7 @@ def test_how_good_it_is_stands_in_the_json_and_in_the_plan_file(fleet: Path) -> 
     }
 
 
-def test_plan_show_and_explain_say_that_it_is_optimal(fleet: Path) -> None:
+def test_plan_show_and_explain_say_optimal(fleet: Path) -> None:
     planned = rarms("plan", "-v", "-f", str(fleet), "--out", str(fleet / "plan.json"))
     shown = rarms("show", "-v", str(fleet / "plan.json"))
     explained = rarms("explain", "a", "-f", str(fleet))

@@ -525,8 +525,8 @@ OTHER_TESTS = {
     "or finish it where the key is not set": "tests/unit/app/test_plan_key.py",
     "Make the plan again where the key is set: ": "tests/unit/app/test_plan_key.py",
     "Take it back with that application's manifest: ": "tests/system/test_cli_route.py",
-    "Release it first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
-    "Release that one first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
+    "Release it first: ": "test_machine_of_another_partition_is_released_as_recommended",
+    "Release that one first: ": "test_machine_of_another_partition_is_released_as_recommended",
     "samples of each component may tell, in about": "tests/unit/measuring/test_prove.py",
     "Free some, or prove what it is without a load": "tests/unit/measuring/test_prove.py",
     "or prove what holds without a load": "tests/unit/measuring/test_prove.py",
@@ -659,7 +659,7 @@ def several(words: str | tuple[str, ...]) -> tuple[str, ...]:
     return (words,) if isinstance(words, str) else words
 
 
-def test_every_message_that_recommends_a_command_has_its_situation() -> None:
+def test_every_message_that_recommends_command_has_its_situation() -> None:
     """So that a new message brings its situation along."""
     declared = [words for _, *asks in SITUATIONS.values() for ask in asks for words in several(ask.says)]
     known = (*declared, *OTHER_TESTS, *NOT_RECOMMENDED)
@@ -800,7 +800,7 @@ def recommended(text: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(command for command in found if "..." not in command))
 
 
-def test_a_manifest_that_was_named_is_named_in_what_is_recommended(tmp_path: Path) -> None:
+def test_recommended_commands_name_the_manifest(tmp_path: Path) -> None:
     folder = tmp_path / "my robot"
     folder.mkdir()
     prepare(given(MEASURED), folder)
@@ -815,7 +815,7 @@ def test_a_manifest_that_was_named_is_named_in_what_is_recommended(tmp_path: Pat
         run_it(command, tmp_path)
 
 
-def test_a_machine_that_is_another_partition_is_released_as_recommended(tmp_path: Path) -> None:
+def test_machine_of_another_partition_is_released_as_recommended(tmp_path: Path) -> None:
     prepare(given(MANIFEST, "apply"), tmp_path)
     with chdir(tmp_path):
         unknown = rarms("import", "speech", "--id", "none", "--auto-approve")

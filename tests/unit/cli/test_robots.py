@@ -30,7 +30,7 @@ def _overlay(name: str) -> tuple[str, str]:
     return "--overlay", f"{name}.yaml"
 
 
-def test_a_mark_names_the_robot_and_the_next_plan_is_empty() -> None:
+def test_mark_names_robot_and_next_plan_is_empty() -> None:
     assert rarms("apply", *_overlay("robot-7"), "--auto-approve").code == 0
 
     notes = [machine["notes"] for machine in json.loads(_state("robot-7").read_text())["content"]["machines"].values()]
@@ -69,7 +69,7 @@ def test_a_changed_overlay_of_a_plan_is_noted() -> None:
     assert "rarms plan --overlay robot-7.yaml" in " ".join(done.err.split())
 
 
-def test_a_forged_plan_names_no_overlay_that_asks_for_no_key() -> None:
+def test_forged_overlay_cannot_switch_off_the_key() -> None:
     Path("robot-7.yaml").write_text("policy: { signed_plans: false }\n", encoding="utf-8")
     rarms("plan", *_overlay("robot-7"), "--out", "made.plan")
     demanding = MANIFEST.replace("policy: {", "policy: { signed_plans: true,")
@@ -79,7 +79,7 @@ def test_a_forged_plan_names_no_overlay_that_asks_for_no_key() -> None:
 
 
 @pytest.mark.parametrize("command", ["plan", "apply --auto-approve", "destroy --auto-approve", "stop --auto-approve"])
-def test_what_was_made_for_another_robot_is_refused_by_its_name(command: str) -> None:
+def test_partition_of_another_robot_is_refused(command: str) -> None:
     for robot in ("robot-7", "robot-8"):
         assert rarms("apply", *_overlay(robot), "--auto-approve").code == 0
     shutil.copy(_state("robot-7"), _state("robot-8"))
@@ -93,7 +93,7 @@ def test_what_was_made_for_another_robot_is_refused_by_its_name(command: str) ->
     assert _state("robot-8").read_bytes() == before
 
 
-def test_a_run_of_another_robot_is_not_taken_back() -> None:
+def test_run_of_another_robot_is_not_taken_back() -> None:
     for robot in ("robot-7", "robot-8"):
         assert rarms("apply", *_overlay(robot), "--auto-approve").code == 0
     shutil.copy(_state("robot-7"), _state("robot-8"))
@@ -118,7 +118,7 @@ def test_a_mark_without_a_robot_is_taken_over() -> None:
     assert " robot=robot-7" in _state("robot-7").read_text()
 
 
-def test_the_name_of_an_overlays_file_that_is_no_name_is_refused() -> None:
+def test_overlay_with_impossible_name_is_refused() -> None:
     Path("robot-7.yaml").rename("Robot_7.yaml")
 
     answer = rarms("validate", *_overlay("Robot_7"))
@@ -128,7 +128,7 @@ def test_the_name_of_an_overlays_file_that_is_no_name_is_refused() -> None:
     assert "robot-7" in answer.err + answer.out
 
 
-def test_a_missing_overlay_is_refused_and_names_no_robot() -> None:
+def test_missing_overlay_is_refused_and_names_no_robot() -> None:
     answer = rarms("plan", *_overlay("missing"))
 
     assert (answer.code, answer.out) == (64, "")

@@ -66,7 +66,7 @@ def test_every_result_has_a_location(command: str, folder: Path, tmp_path: Path)
     assert all(name == "rarms.yaml" and line >= 1 for _, name, line in written(command, folder, tmp_path))
 
 
-def test_the_location_is_the_line_that_names_the_host_or_partition(tmp_path: Path) -> None:
+def test_location_is_line_that_names_host_or_partition(tmp_path: Path) -> None:
     folder = CASES / "stranger-of-the-name"
     lines = (folder / "rarms.yaml").read_text(encoding="utf-8").splitlines()
     cell = (CELL / "rarms.yaml").read_text(encoding="utf-8").splitlines()
@@ -76,7 +76,7 @@ def test_the_location_is_the_line_that_names_the_host_or_partition(tmp_path: Pat
     assert hosts == ["cell:"]
 
 
-def test_a_manifest_that_is_not_there_has_a_location(tmp_path: Path) -> None:
+def test_manifest_that_is_not_there_has_location(tmp_path: Path) -> None:
     missing = tmp_path / "robot" / "other.yaml"
 
     for command in ("validate", "plan"):

@@ -42,7 +42,7 @@ def single(plan: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("form", ["module", "single"])
-def test_numbers_are_those_of_the_file_and_the_module_is_left_out(
+def test_line_numbers_are_those_of_the_file(
     plan: str, folder: Path, single: Path, form: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     more = ("--single-file",) if form == "single" else ()
@@ -64,7 +64,7 @@ def test_numbers_are_those_of_the_file_and_the_module_is_left_out(
     assert "'torch-motion.rarms-" in shown
 
 
-def test_the_module_lies_beside_the_scripts_that_do_not_hold_it(plan: str, folder: Path, single: Path) -> None:
+def test_module_lies_beside_scripts_that_need_it(plan: str, folder: Path, single: Path) -> None:
     files = {path.name: path for path in (folder / "Rarms").iterdir()}
     assert sorted(files) == ["Rarms.psd1", "Rarms.psm1", "observe.ps1"]
     assert not (single / "Rarms").exists()
@@ -76,7 +76,7 @@ def test_the_module_lies_beside_the_scripts_that_do_not_hold_it(plan: str, folde
             assert files[name].read_bytes() == kept
 
 
-def test_the_bytes_that_a_pipe_gets_are_those_that_are_written(plan: str, folder: Path) -> None:
+def test_pipe_gets_the_written_bytes(plan: str, folder: Path) -> None:
     loaded = {load["name"]: load for load in json.loads(rarms("show", "--script", plan, "--json").out)["scripts"]}
 
     assert loaded["cell.ps1"]["text"].encode("ascii") == (folder / "cell.ps1").read_bytes()
@@ -185,7 +185,7 @@ def test_what_travels_over_ssh_is_shown() -> None:
     assert "Receive-RarmsPlan" in shown
 
 
-def test_the_module_is_written_as_it_lies_on_a_host(tmp_path: Path) -> None:
+def test_module_is_written_as_it_lies_on_host(tmp_path: Path) -> None:
     assert rarms("show", "--transport", "--out", str(tmp_path)).code == 0
 
     written = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
@@ -196,7 +196,7 @@ def test_the_module_is_written_as_it_lies_on_a_host(tmp_path: Path) -> None:
     assert b"\r\n" in (tmp_path / "Rarms" / "receive.ps1").read_bytes()
 
 
-def test_a_simulated_host_shows_what_a_hyperv_host_would_get(tmp_path: Path) -> None:
+def test_simulated_host_shows_what_hyperv_host_would_get(tmp_path: Path) -> None:
     assert rarms("init", str(tmp_path / "robot"), "--name", "robot").code == 0
     path = str(tmp_path / "plan")
     assert rarms("plan", "-f", str(tmp_path / "robot"), "--out", path).code == 0
@@ -207,7 +207,7 @@ def test_a_simulated_host_shows_what_a_hyperv_host_would_get(tmp_path: Path) -> 
     assert "Hyper-V\\New-VM" in ran.out
 
 
-def test_a_script_in_a_pipe_is_shown_without_rich(plan: str) -> None:
+def test_script_in_pipe_is_shown_without_rich(plan: str) -> None:
     code = (
         "import sys\nfrom rarms_iac.cli.main import main\n"
         f"sys.argv = ['rarms', 'show', '--script', {plan!r}]\n"
@@ -219,7 +219,7 @@ def test_a_script_in_a_pipe_is_shown_without_rich(plan: str) -> None:
     assert ran.stdout.splitlines()[-1] == "[]"
 
 
-def test_a_machine_that_only_a_simulated_host_makes_again_is_lost_in_the_script(tmp_path: Path) -> None:
+def test_removed_machine_is_lost_in_the_script(tmp_path: Path) -> None:
     assert rarms("init", str(tmp_path)).code == 0
     assert rarms("apply", "--auto-approve", "-f", str(tmp_path)).code == 0
     path = str(tmp_path / "removal.plan")

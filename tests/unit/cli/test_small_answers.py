@@ -52,7 +52,7 @@ def test_a_plan_of_a_renamed_application_is_refused(tmp_path: Path) -> None:
     assert 'of the application "robot"; rarms.yaml is that of "rover"' in " ".join(refused.err.split())
 
 
-def test_an_unknown_name_is_refused_before_a_missing_terminal(tmp_path: Path) -> None:
+def test_unknown_name_is_refused_before_missing_terminal(tmp_path: Path) -> None:
     assert rarms("init", str(tmp_path), "--name", "robot").code == 0
     with chdir(tmp_path):
         answers = [rarms(*words) for words in (("destroy", "--target", "nosuch"), ("release", "nosuch"))]
@@ -62,7 +62,7 @@ def test_an_unknown_name_is_refused_before_a_missing_terminal(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(("command", "advice"), [("measure", "rarms select COMPONENT"), ("tune", "measured unasked")])
-def test_without_a_terminal_interactive_says_what_to_do_instead(tmp_path: Path, command: str, advice: str) -> None:
+def test_without_terminal_interactive_says_what_to_do_instead(tmp_path: Path, command: str, advice: str) -> None:
     assert rarms("init", str(tmp_path), "--name", "robot").code == 0
     with chdir(tmp_path):
         refused = rarms(command, "--interactive")
@@ -81,7 +81,7 @@ def test_the_answer_q_ends_with_0(tmp_path: Path) -> None:
     assert "Stopped." in answer.err
 
 
-def test_an_unused_load_is_told_by_validate_and_plan_alone(tmp_path: Path) -> None:
+def test_unused_load_is_told_by_validate_and_plan(tmp_path: Path) -> None:
     assert rarms("init", str(tmp_path), "--name", "robot").code == 0
     (tmp_path / "more.yaml").write_text("interference: { spare: { kind: busy_loop, threads: 2 } }\n", encoding="utf-8")
     with chdir(tmp_path):
@@ -93,7 +93,7 @@ def test_an_unused_load_is_told_by_validate_and_plan_alone(tmp_path: Path) -> No
     assert [words for words, is_told in told.items() if is_told] == ["validate", "plan"]
 
 
-def test_a_rounded_reserve_is_told_where_reserves_are_planned(tmp_path: Path) -> None:
+def test_rounded_reserve_is_told_where_reserves_are_planned(tmp_path: Path) -> None:
     manifest = shipped("tests/cases/findings/reserve-rounded-up/rarms.yaml")
     (tmp_path / "rarms.yaml").write_bytes(manifest.read_bytes())
     with chdir(tmp_path):
@@ -105,7 +105,7 @@ def test_a_rounded_reserve_is_told_where_reserves_are_planned(tmp_path: Path) ->
     assert [words for words, is_told in told.items() if is_told] == ["validate", "plan", "apply --auto-approve"]
 
 
-def test_how_many_samples_a_threshold_needs_is_told_by_validate_and_by_no_plan(tmp_path: Path) -> None:
+def test_needed_samples_are_told_by_validate_only(tmp_path: Path) -> None:
     assert rarms("init", str(tmp_path), "--name", "robot").code == 0
     few = (
         "components: { control: { cpu: { reserve: measured }, run: { command: [control], until: { samples: 20 } } } }\n"

@@ -41,7 +41,7 @@ def _a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("rarms.yaml").write_text(MANIFEST, encoding="utf-8")
 
 
-def test_the_status_names_what_is_missing_then_what_is_there() -> None:
+def test_status_names_what_is_missing_first() -> None:
     before = rarms("status")
     assert rarms("apply", "--auto-approve").code == 0
     after = rarms("status")
@@ -54,7 +54,7 @@ def test_the_status_names_what_is_missing_then_what_is_there() -> None:
     assert rarms().out == after.out
 
 
-def test_what_an_unfinished_run_has_yet_to_do_was_not_changed_by_others() -> None:
+def test_unfinished_run_is_no_foreign_change() -> None:
     with disk.use(CrashingDisk(30)), pytest.raises(Crash):
         rarms("apply", "--auto-approve")
 
@@ -67,7 +67,7 @@ def test_what_an_unfinished_run_has_yet_to_do_was_not_changed_by_others() -> Non
     assert "what it has yet to do is listed as not applied" in " ".join(drifted.err.split())
 
 
-def test_rarms_alone_without_a_manifest_says_how_to_begin() -> None:
+def test_rarms_alone_without_manifest_says_how_to_begin() -> None:
     Path("rarms.yaml").unlink()
 
     answer = rarms()
@@ -85,7 +85,7 @@ def test_status_lists_what_is_not_measured() -> None:
     assert "Next: `rarms measure`" in unmeasured.out
 
 
-def test_a_damaged_host_of_an_applied_manifest_is_unknown_and_nothing_is_next() -> None:
+def test_damaged_host_is_unknown() -> None:
     assert rarms("apply", "--auto-approve").code == 0
     Path(".rarms/hosts/onboard.json").write_text("no host", encoding="utf-8")
 
@@ -97,7 +97,7 @@ def test_a_damaged_host_of_an_applied_manifest_is_unknown_and_nothing_is_next() 
     assert json.loads(rarms("status", "--json").out)["unknown"] == ["onboard"]
 
 
-def test_a_host_without_rights_keeps_no_command_from_the_others() -> None:
+def test_host_without_rights_keeps_no_command_from_others() -> None:
     hidden = (
         "  hidden: { provider: simulated, logical_processors: 2, memory: 4 GiB, simulated: { administrator: false } }"
     )
@@ -111,7 +111,7 @@ def test_a_host_without_rights_keeps_no_command_from_the_others() -> None:
     assert [partition["name"] for partition in hosts["onboard"]["partitions"]] == ["speech", "vision"]
 
 
-def test_the_status_for_programs_has_the_partitions_with_their_components() -> None:
+def test_status_for_programs_has_partitions_with_their_components() -> None:
     assert rarms("apply", "--auto-approve").code == 0
 
     (host,) = json.loads(rarms("status", "--json").out)["hosts"]
@@ -123,7 +123,7 @@ def test_the_status_for_programs_has_the_partitions_with_their_components() -> N
     ]
 
 
-def test_the_history_tells_applies_and_undos_with_who_and_when() -> None:
+def test_history_tells_who_and_when() -> None:
     assert rarms("apply", "--auto-approve").code == 0
     assert rarms("undo", "--auto-approve").code == 0
     assert rarms("apply", "--auto-approve").code == 0
@@ -136,7 +136,7 @@ def test_the_history_tells_applies_and_undos_with_who_and_when() -> None:
     assert [line.split()[-1] for line in shown.splitlines()[1:]] == ["done", "done", "undone"]
 
 
-def test_an_intruder_is_told_by_drift_and_by_the_plan() -> None:
+def test_intruder_is_told_by_drift_and_by_plan() -> None:
     assert rarms("apply", "--auto-approve").code == 0
     assert rarms("simulate", "change", "vision", "--reserve", "11").code == 0
     assert rarms("simulate", "change", "speech", "--remove").code == 0
@@ -150,7 +150,7 @@ def test_an_intruder_is_told_by_drift_and_by_the_plan() -> None:
     assert "Next: `rarms drift`" in rarms("status").out
 
 
-def test_a_change_of_the_manifest_is_not_told_as_one_from_outside() -> None:
+def test_manifest_change_is_no_foreign_change() -> None:
     assert rarms("apply", "--auto-approve").code == 0
     Path("rarms.yaml").write_text(MANIFEST.replace("40 %", "50 %"), encoding="utf-8")
 
@@ -183,7 +183,7 @@ def test_drift_compares_a_manifest_whose_findings_are_accepted() -> None:
     assert "not compared" not in drift.out
 
 
-def test_an_undo_outdates_the_proofs_of_what_it_took_back_and_of_nothing_before() -> None:
+def test_undo_outdates_only_proofs_it_took_back() -> None:
     small = MANIFEST.partition("  vision:")[0] + MEASURED
     Path("rarms.yaml").write_text(small, encoding="utf-8")
     for command in (["measure"], ["apply", "--auto-approve"], ["prove", "--load-host"], ["destroy", "--auto-approve"]):
@@ -203,7 +203,7 @@ def test_an_undo_outdates_the_proofs_of_what_it_took_back_and_of_nothing_before(
     assert f"outdated: its layout on onboard was undone at {undone}" in page.out
 
 
-def test_what_is_started_by_hand_is_started_before_it_is_proven() -> None:
+def test_manual_partition_is_started_before_proving() -> None:
     by_hand = "partitions: { planner: { start: manual } }\n"
     Path("rarms.yaml").write_text(MANIFEST.partition("  vision:")[0] + MEASURED + by_hand, encoding="utf-8")
     for command in (["measure"], ["apply", "--auto-approve"]):
@@ -217,7 +217,7 @@ def test_what_is_started_by_hand_is_started_before_it_is_proven() -> None:
     assert "Next: `rarms prove`" in rarms("status").out
 
 
-def test_a_manifest_that_does_not_fit_is_not_proven_next_but_planned() -> None:
+def test_infeasible_manifest_is_planned_next() -> None:
     Path("rarms.yaml").write_text(MANIFEST.replace("40 %", "80 %"), encoding="utf-8")
     planned, answer = rarms("plan"), rarms("status")
 
@@ -227,14 +227,14 @@ def test_a_manifest_that_does_not_fit_is_not_proven_next_but_planned() -> None:
     assert [finding["code"] for finding in json.loads(rarms("status", "--json").out)["problems"]] == ["RARMS014"]
 
 
-def test_nothing_is_simulated_for_a_partition_that_is_not_there() -> None:
+def test_missing_partition_cannot_be_simulated() -> None:
     answer = rarms("simulate", "change", "nobody", "--off")
 
     assert answer.code == 64
     assert 'robot has no partition "nobody" on onboard.' in answer.err
 
 
-def test_a_host_that_is_not_simulated_is_not_even_looked_at() -> None:
+def test_real_host_is_not_simulated() -> None:
     real = MANIFEST.replace("provider: simulated", "provider: hyperv, connect: { ssh: somebody@nowhere.invalid }")
     Path("rarms.yaml").write_text(real, encoding="utf-8")
 
@@ -265,7 +265,7 @@ def test_the_status_says_when_thresholds_were_proven_last() -> None:
     assert f"logger, mean_response_time at most 100 ms: {missed}" in shown
 
 
-def test_a_robot_that_was_never_proven_does_not_show_another_robots_proof() -> None:
+def test_unproven_robot_shows_no_foreign_proof() -> None:
     Path("rarms.yaml").write_text(MANIFEST.partition("  vision:")[0] + MEASURED, encoding="utf-8")
     for robot in ("robot-12", "robot-13"):
         Path(f"{robot}.yaml").write_text(f"application: {{ description: {robot} }}\n", encoding="utf-8")
@@ -295,7 +295,7 @@ def test_runs_say_which_robot_they_were_for() -> None:
     assert "on robot-12, done" in last
 
 
-def test_after_a_proof_with_too_few_samples_as_many_as_may_tell_are_next() -> None:
+def test_too_few_samples_recommend_enough() -> None:
     near = MEASURED.replace("work: 5 ms", "work: 120 ms, blocked: 20 ms, varies: 40 %").replace("100 ms", "300 ms")
     near = near.replace("    memory", "    processors: 1\n    cpu: { reserve: 0.41 LP }\n    memory")
     Path("rarms.yaml").write_text(MANIFEST[: MANIFEST.index("  vision")] + near, encoding="utf-8")

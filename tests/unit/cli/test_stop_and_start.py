@@ -43,7 +43,7 @@ def running() -> list[str]:
     return [name for name, partition in partitions().items() if partition.settings.running]
 
 
-def test_what_was_stopped_is_off_without_drift_until_it_is_started() -> None:
+def test_stopped_partition_stays_off_without_drift() -> None:
     assert running() == ["speech", "vision"]
 
     assert rarms("stop", "vision", "--auto-approve").code == 0
@@ -61,7 +61,7 @@ def test_what_was_stopped_is_off_without_drift_until_it_is_started() -> None:
     assert rarms("drift").code == 0
 
 
-def test_a_stopped_partition_takes_a_change_of_the_manifest_and_stays_stopped() -> None:
+def test_stopped_partition_takes_changes() -> None:
     assert rarms("stop", "--auto-approve").code == 0
     Path("rarms.yaml").write_text(MANIFEST.replace("40 %", "30 %"), encoding="utf-8")
     assert rarms("drift").code == 5
@@ -85,13 +85,13 @@ def test_undo_takes_a_stop_back() -> None:
     assert partitions() == before
 
 
-def test_stopping_what_is_stopped_and_starting_what_runs_change_nothing() -> None:
+def test_stopping_twice_changes_nothing() -> None:
     assert rarms("start", "--auto-approve").out == "No changes. None of these partitions was stopped by rarms.\n"
     assert rarms("stop", "--auto-approve").code == 0
     assert rarms("stop", "--auto-approve").out == "No changes. None of these partitions is wanted running.\n"
 
 
-def test_a_partition_that_is_started_by_hand_is_started_where_it_is_named() -> None:
+def test_manual_partition_starts_if_named() -> None:
     assert rarms("start", "logger", "--auto-approve").code == 0
 
     assert running() == ["logger", "speech", "vision"]
@@ -101,7 +101,7 @@ def test_a_partition_that_is_started_by_hand_is_started_where_it_is_named() -> N
     assert (rarms("plan").code, rarms("drift").code) == (0, 0)
 
 
-def test_what_another_tool_started_on_the_host_although_it_was_stopped_is_stopped_again() -> None:
+def test_foreign_start_is_stopped_again() -> None:
     assert rarms("stop", "vision", "--auto-approve").code == 0
     started_on_the_host("vision")
     assert running() == ["speech", "vision"]
@@ -121,7 +121,7 @@ def started_on_the_host(name: str) -> None:
     path.write_bytes(write_content(content))
 
 
-def test_a_stop_in_a_plan_file_is_applied_like_any_other() -> None:
+def test_stop_in_a_plan_file_is_applied() -> None:
     assert rarms("stop", "speech", "--out", "stop.plan").code == 0
     assert running() == ["speech", "vision"]
 
@@ -138,7 +138,7 @@ def test_a_name_that_no_host_has_is_refused() -> None:
     assert running() == ["speech", "vision"]
 
 
-def test_what_was_stopped_stays_promised_while_another_is_removed() -> None:
+def test_stopped_partition_stays_promised() -> None:
     assert rarms("stop", "vision", "--auto-approve").code == 0
 
     destroyed = rarms("destroy", "--target", "partition/speech", "--auto-approve")

@@ -64,7 +64,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize("words", VIEWS)
-def test_a_per_cent_says_of_what_it_is_a_share(words: str, folder: Path) -> None:
+def test_per_cent_says_of_what_it_is_share(words: str, folder: Path) -> None:
     answer = rarms(*words.split())
 
     assert answer.code == 0, answer.err
@@ -79,14 +79,14 @@ def _without_drawings(page: str) -> str:
     return re.sub(r"<[^>]*>", " ", read) if read != page else page
 
 
-def test_measure_says_lps_and_the_share_with_its_noun(folder: Path) -> None:
+def test_measure_says_lps_and_share_with_its_noun(folder: Path) -> None:
     out = rarms("measure").out
 
     assert re.search(r"vision +mean_response_time <= 50 ms +onboard +0\.\d+ LP +\d+ % of its 1 VP", out)
     assert not BARE.search(out)
 
 
-def test_in_json_reserve_is_per_cent_of_the_partition_and_lp_are_lps(folder: Path) -> None:
+def test_json_reserve_is_percent_and_lp_are_lps(folder: Path) -> None:
     found = 0
     for words in ("plan", "status", "report", "explain vision", "select vision --at 50ms"):
         for fields in _objects(json.loads(rarms(*words.split(), "--json").out)):

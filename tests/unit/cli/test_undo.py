@@ -106,7 +106,7 @@ def test_keep_is_refused_where_another_needs_the_room() -> None:
     assert reserves()["vision"] == "0.8"
 
 
-def test_steps_that_are_left_of_an_undo_are_listed() -> None:
+def test_steps_that_are_left_of_undo_are_listed() -> None:
     repaired(MANIFEST.replace("reserve: 20 %", "reserve: 30 %"))
     with disk.use(CrashingDisk(12)), pytest.raises(Crash):
         rarms("undo", "--auto-approve")

@@ -199,7 +199,7 @@ def kinds_that_fit(robot: Robot, folder: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("seed", range(examples(10)))
-def test_what_is_proposed_fits_when_it_is_done_to_the_letter(seed: int, tmp_path: Path) -> None:
+def test_proposed_change_fits_when_made(seed: int, tmp_path: Path) -> None:
     robot = a_robot(seed)
     robot.lies_in(tmp_path)
     robot.is_measured_in(tmp_path)
@@ -269,7 +269,7 @@ def test_what_is_missing_decides_what_is_proposed(
     assert kinds_that_fit(robot, tmp_path) == kinds
 
 
-def test_partitions_that_are_there_fit_when_they_may_move(tmp_path: Path) -> None:
+def test_existing_partitions_fit_when_moved(tmp_path: Path) -> None:
     manifest: Manifest = yaml.safe_load(
         FIXED
         + """\
@@ -287,7 +287,7 @@ def test_partitions_that_are_there_fit_when_they_may_move(tmp_path: Path) -> Non
     assert kinds_that_fit(grown, tmp_path) == {"moving", "reserve"}
 
 
-def test_a_pair_is_offered_only_above_what_it_was_shown_to_miss_with(tmp_path: Path) -> None:
+def test_pair_is_offered_above_known_misses(tmp_path: Path) -> None:
     components = f"  c0: {{ criticality: 1, {MEASURED} }}\n  c1: {{ criticality: 2, {MEASURED} }}\n"
     robot = Robot(manifest=yaml.safe_load(FIXED + components), needs={"c0": 55, "c1": 60})
     robot.lies_in(tmp_path)

@@ -56,7 +56,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("columns", [60, 80])
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
-def test_no_line_of_words_is_wider_than_the_terminal(robot: Path, words: tuple[str, ...], columns: int) -> None:
+def test_no_line_of_words_is_wider_than_terminal(robot: Path, words: tuple[str, ...], columns: int) -> None:
     with chdir(robot), a_terminal_of(columns):
         ran = rarms(*words)
 
@@ -66,7 +66,7 @@ def test_no_line_of_words_is_wider_than_the_terminal(robot: Path, words: tuple[s
     assert told
 
 
-def test_many_components_of_long_names_are_told_whole_in_80_columns(tmp_path: Path) -> None:
+def test_long_names_are_shown_in_80_columns(tmp_path: Path) -> None:
     names = [
         "obstacle-avoidance-of-the-front-left-wheel",
         "speech-recognition-of-english-and-finnish",

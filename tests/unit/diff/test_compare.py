@@ -44,7 +44,7 @@ def edited(state: State, name: str, **changes: object) -> State:
     )
 
 
-def test_another_number_of_processors_stops_a_running_partition_only() -> None:
+def test_another_number_of_processors_stops_running_partition_only() -> None:
     more = robot(components=[a_component(processors=1)])
     state = applied(robot())
 
@@ -54,7 +54,7 @@ def test_another_number_of_processors_stops_a_running_partition_only() -> None:
     assert [change.disruption for change in difference(more, off).changes] == [Disruption.LIVE]
 
 
-def test_memory_is_live_only_where_host_and_guest_are_known_to_be_new_enough() -> None:
+def test_memory_is_live_only_on_new_versions() -> None:
     more = robot(components=[a_component(memory="1 GiB")])
     state = applied(robot())
 
@@ -80,7 +80,7 @@ def test_three_partitions_pass_their_names_round() -> None:
     }
 
 
-def test_a_move_onto_a_partition_that_stays_is_told_and_not_done() -> None:
+def test_move_onto_existing_partition_is_told() -> None:
     both = robot(components=[a_component(), a_component("speech")])
     state = applied(both)
     wrong = robot(components=[a_component("speech")], moved={"vision": "speech"})
@@ -91,7 +91,7 @@ def test_a_move_onto_a_partition_that_stays_is_told_and_not_done() -> None:
     assert [str(change.address) for change in found.changes] == ["partition/vision"]  # it is unused now
 
 
-def test_a_saved_machine_is_not_thrown_out_of_its_state() -> None:
+def test_saved_machine_keeps_its_state() -> None:
     state = applied(robot())
     saved = replace(
         state,
@@ -119,7 +119,7 @@ def test_a_class_of_another_application_is_left_alone() -> None:
     assert (found.changes, codes(found.findings)) == ((), ["RARMS150"])
 
 
-def test_a_partition_that_is_started_by_hand_may_run_or_not() -> None:
+def test_manual_partition_may_run_or_not() -> None:
     by_hand = robot(partitions=[a_partition(start=StartMode.MANUAL)])
     state = applied(by_hand)
     assert not state.partitions[0].settings.running
@@ -127,7 +127,7 @@ def test_a_partition_that_is_started_by_hand_may_run_or_not() -> None:
     assert difference(by_hand, edited(state, "vision", running=True)).changes == ()
 
 
-def test_a_shipped_class_of_a_guest_that_is_not_made_yet_waits_for_the_next_plan() -> None:
+def test_shipped_class_of_unmade_guest_waits() -> None:
     system = robot(components=[a_component(task="Games")], tasks=[a_task("Games", replace_shipped=True)])
 
     first = difference(system, empty_state(HOST))
@@ -140,7 +140,7 @@ def test_a_shipped_class_of_a_guest_that_is_not_made_yet_waits_for_the_next_plan
     assert [str(change.address) for change in second.changes] == ["partition/vision/task/Games"]
 
 
-def test_a_partition_of_another_generation_is_made_again_as_wanted() -> None:
+def test_other_generation_is_made_again() -> None:
     state = edited(applied(robot()), "vision", generation=1)
 
     after = applied(robot(), state)
@@ -163,7 +163,7 @@ ODD = [
 
 @pytest.mark.parametrize("odd", ODD, ids=lambda value: value.kind.value)
 @pytest.mark.parametrize("place", ["there", "before rarms"])
-def test_a_class_with_a_value_that_could_not_be_brought_back_is_left_alone(odd: RegistryValue, place: str) -> None:
+def test_class_with_unrestorable_value_is_left_alone(odd: RegistryValue, place: str) -> None:
     player = a_component("player", criticality=3, runs_on=RunsOn.HOST, task="Games")
     wanting = robot(components=[player], tasks=[a_task("Games", priority=4, replace_shipped=True)])
     games = build.task("Games", priority=2)
@@ -190,7 +190,7 @@ def test_a_class_with_a_value_that_could_not_be_brought_back_is_left_alone(odd: 
         ("PSObject", "PowerShell keeps its name"),
     ],
 )
-def test_a_value_whose_name_no_cmdlet_takes_is_left_alone_with_its_class(name: str, why: str) -> None:
+def test_unwritable_value_keeps_its_class_alone(name: str, why: str) -> None:
     player = a_component("player", criticality=3, runs_on=RunsOn.HOST, task="Games")
     wanting = robot(components=[player], tasks=[a_task("Games", priority=4, replace_shipped=True)])
     games = build.task("Games", priority=2)

@@ -26,7 +26,7 @@ def moved(after: State) -> tuple[str, ...]:
     return moved_parts(part_digests(STATE, "robot"), part_digests(after, "robot"))
 
 
-def test_a_host_that_is_as_it_was_has_not_moved() -> None:
+def test_unchanged_host_has_not_moved() -> None:
     assert moved(STATE) == ()
 
 

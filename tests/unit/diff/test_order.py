@@ -46,7 +46,7 @@ def steps(system: System, state: State, limit: Disruption = Disruption.REMOVAL) 
     return ordered.steps
 
 
-def test_what_exceeds_the_limit_is_held_back_with_the_growth_that_rests_on_it() -> None:
+def test_disruptive_change_holds_back_dependent_growth() -> None:
     state = applied(shares(vision=70, speech=30), empty_state(HOST))
     narrower = shares(vision=20, speech=60)
     narrow = replace(narrower.components["vision"], processors=1)
@@ -120,7 +120,7 @@ def crossed() -> tuple[list[PlannedChange], StepBudget]:
     return taken, budget
 
 
-def test_where_no_order_fits_the_least_critical_is_stopped_for_a_while_and_the_plan_says_why() -> None:
+def test_least_critical_stops_when_no_order_fits() -> None:
     taken, budget = crossed()
 
     found = order(taken, budget)
@@ -152,7 +152,7 @@ def never_over(steps: tuple[Step, ...], budget: StepBudget) -> bool:
     return True
 
 
-def test_where_nothing_may_stop_the_cycle_is_named_and_nothing_is_planned() -> None:
+def test_unbreakable_cycle_is_named() -> None:
     taken, budget = crossed()
 
     found = order(taken, replace(budget, max_disruption=Disruption.LIVE))

@@ -18,7 +18,7 @@ STRANGER = Partition(settings=SETTINGS, id="bbbbbbbb-1", state=RunState.RUNNING)
 VISION = Address(partition="vision")
 
 
-def test_a_machine_that_is_merely_called_so_is_not_ours() -> None:
+def test_unmarked_namesake_is_not_read_as_ours() -> None:
     assert readings(State(facts=FACTS, partitions=(STRANGER,)), VISION, SCOPE) == NOTHING
 
 
@@ -57,7 +57,7 @@ def test_two_machines_for_one_name_satisfy_no_guard() -> None:
     assert readings(State(facts=FACTS, partitions=(MANAGED, pending)), VISION, SCOPE) == {"exists": True, "machines": 2}
 
 
-def test_a_task_class_is_read_with_the_types_of_its_values() -> None:
+def test_task_class_is_read_with_types() -> None:
     task = TaskClass(
         name="MotionControl",
         values={
@@ -88,7 +88,7 @@ def test_a_record_without_its_key_is_read_too() -> None:
     assert found == {"exists": False, "values": "", "record": "robot", "robot": "", "set": "1" * 12}
 
 
-def test_the_task_classes_of_a_guest_are_its_own() -> None:
+def test_task_classes_of_guest_are_its_own() -> None:
     values = {"Priority": RegistryValue(kind=ValueKind.DWORD, data=5)}
     inside = TaskClass(name="Games", inside="vision", machine=MANAGED.id, values=values)
     state = State(facts=FACTS, partitions=(MANAGED,), tasks=(inside,))

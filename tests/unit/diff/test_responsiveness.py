@@ -40,7 +40,7 @@ def of_it(found: Route) -> list[object]:
     return [change for change in found.difference.changes if change.address == ADDRESS]
 
 
-def test_a_value_of_windows_is_taken_over_with_what_was_there() -> None:
+def test_windows_value_is_taken_over() -> None:
     found = route(wanting(10), a_state(Responsiveness(value=dword(20))))
 
     (change,) = of_it(found)
@@ -58,7 +58,7 @@ def test_a_value_of_windows_is_taken_over_with_what_was_there() -> None:
     assert steps[1].undo.operation == writing(20)
 
 
-def test_a_value_that_is_not_there_is_created_and_an_undo_takes_it_away() -> None:
+def test_missing_value_is_created_and_undone() -> None:
     found = route(wanting(10), a_state(Responsiveness()))
 
     assert [type(change) for change in of_it(found)] == [Create]
@@ -80,7 +80,7 @@ def test_without_the_line_a_value_of_others_stays() -> None:
     assert of_it(route(wanting(None), a_state(Responsiveness(value=dword(0))))) == []
 
 
-def test_another_applications_value_and_an_unknown_one_are_refused() -> None:
+def test_another_applications_value_and_unknown_one_are_refused() -> None:
     theirs = TaskRecord(application="kiosk", set="a" * 12, before=None)
 
     for there, message in (

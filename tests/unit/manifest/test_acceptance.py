@@ -21,7 +21,7 @@ def policy(code: str = "RARMS058", *at: str, until: date | None = LAST_DAY) -> P
     return Policy(accept={code: Acceptance(code=code, at=at, reason="Known.", until=until)})
 
 
-def test_a_warning_is_accepted_where_the_policy_says_so_and_nowhere_else() -> None:
+def test_warning_is_accepted_only_at_its_place() -> None:
     here, there = case("partition/vision"), case("partition/speech")
 
     kept, accepted = apply_acceptances([here, there], policy("RARMS058", "partition/vision"), PLACES, LAST_DAY)
@@ -57,7 +57,7 @@ def test_each_address_that_silences_nothing_is_told() -> None:
     ]
 
 
-def test_what_a_command_does_not_look_for_is_not_unused() -> None:
+def test_unsearched_acceptance_is_not_unused() -> None:
     accepting = policy("RARMS058", "partition/vision")
 
     assert apply_acceptances([], accepting, PLACES, LAST_DAY, codes={"RARMS041"}) == ((), ())
@@ -78,7 +78,7 @@ def test_an_error_is_kept_under_every_policy() -> None:
     assert apply_acceptances([error], policy("RARMS060", "component/vision"), PLACES, LAST_DAY) == ((error,), ())
 
 
-def test_the_checks_look_at_the_acceptances_and_their_addresses_are_those_of_the_findings() -> None:
+def test_acceptances_use_addresses_of_findings() -> None:
     system = a_system(
         components=[a_component("vision"), a_component("speech")],
         partitions=[a_partition("vision", components=["vision", "speech"], memory="768 MiB")],

@@ -38,7 +38,7 @@ def loaded(folder: Path, text: str, *overlays: str) -> Loaded:
     return load_system(write(folder, text), files, today=date(2026, 1, 1), checks=no_checks)
 
 
-def test_a_small_manifest_becomes_a_system_with_every_default(tmp_path: Path) -> None:
+def test_small_manifest_becomes_system_with_every_default(tmp_path: Path) -> None:
     system = loaded(tmp_path, SMALL).system
 
     assert system is not None
@@ -67,7 +67,7 @@ def test_the_digest_changes_with_the_text_alone(tmp_path: Path) -> None:
     assert first.digest != other.digest
 
 
-def test_lines_of_the_sources_are_there_to_be_shown(tmp_path: Path) -> None:
+def test_lines_of_sources_are_there_to_be_shown(tmp_path: Path) -> None:
     read = loaded(tmp_path, SMALL)
 
     (lines,) = read.sources.values()
@@ -83,7 +83,7 @@ def test_a_flood_of_errors_is_counted(tmp_path: Path) -> None:
     assert (len(codes), codes.count("RARMS015")) == (1001, 1001)
 
 
-def test_a_flood_that_cannot_be_listed_is_counted_too(tmp_path: Path) -> None:
+def test_flood_that_cannot_be_listed_is_counted_too(tmp_path: Path) -> None:
     flood = "".join(f"  C{number}: x\n" for number in range(50_000))
 
     read = loaded(tmp_path, SMALL + flood)
@@ -93,7 +93,7 @@ def test_a_flood_that_cannot_be_listed_is_counted_too(tmp_path: Path) -> None:
     assert "RARMS016" not in {diagnostic.code for diagnostic in read.diagnostics}
 
 
-def test_more_than_the_whole_host_kept_for_it_is_refused_there_and_nowhere_else(tmp_path: Path) -> None:
+def test_keeping_the_whole_host_is_refused(tmp_path: Path) -> None:
     kept = "memory: 4 GiB, keep_for_host: {processor: 110 %}}"
 
     [found] = loaded(tmp_path, SMALL.replace("memory: 4 GiB}", kept)).diagnostics
@@ -139,7 +139,7 @@ def test_a_misspelt_key_is_not_missing_too(tmp_path: Path) -> None:
     assert sorted(diagnostic.code for diagnostic in both) == ["RARMS015", "RARMS016"]
 
 
-def test_a_missing_or_empty_overlay_is_not_advised_to_become_a_manifest(tmp_path: Path) -> None:
+def test_missing_overlay_is_not_to_become_manifest(tmp_path: Path) -> None:
     manifest, empty = write(tmp_path, SMALL), write(tmp_path, "# nothing yet\n", "empty.yaml")
 
     for overlay in (empty, str(tmp_path / "missing.yaml")):

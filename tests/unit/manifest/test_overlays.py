@@ -81,7 +81,7 @@ def test_null_removes(tmp_path: Path) -> None:
     assert vision(read).apt == {}
 
 
-def test_null_removes_inside_what_the_manifest_does_not_have(tmp_path: Path) -> None:
+def test_null_removes_inside_what_manifest_does_not_have(tmp_path: Path) -> None:
     read = loaded(tmp_path, SMALL, "policy: {interference: null, headroom: none}\n")
 
     assert read.system is not None
@@ -89,7 +89,7 @@ def test_null_removes_inside_what_the_manifest_does_not_have(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("overlay", ["run: {until: {elapsed: 3 s}}", "apt: {mean_response_time: {at_most: 7 ms}}"])
-def test_what_only_makes_sense_together_is_replaced_as_a_whole(tmp_path: Path, overlay: str) -> None:
+def test_joint_values_are_replaced_together(tmp_path: Path, overlay: str) -> None:
     base = SMALL.replace("[python3, vision.py]", "[x], until: {samples: 3}")
 
     read = loaded(tmp_path, base, f"components: {{vision: {{{overlay}}}}}\n")
@@ -101,7 +101,7 @@ def test_what_only_makes_sense_together_is_replaced_as_a_whole(tmp_path: Path, o
         assert vision(read).apt["mean_response_time"].value == 7
 
 
-def test_a_place_is_in_the_file_that_said_it(tmp_path: Path) -> None:
+def test_place_is_in_file_that_said_it(tmp_path: Path) -> None:
     read = loaded(tmp_path, SMALL, "components:\n  vision: {memory: 1 GiB}\n")
 
     assert Path(read.places.value("components", "vision", "memory").file).name == "overlay-0.yaml"
@@ -109,7 +109,7 @@ def test_a_place_is_in_the_file_that_said_it(tmp_path: Path) -> None:
     assert read.places.key("components", "vision", "memory").line == 2
 
 
-def test_paths_are_relative_to_the_file_that_says_them(tmp_path: Path) -> None:
+def test_paths_are_relative_to_file_that_says_them(tmp_path: Path) -> None:
     (tmp_path / "cells" / "tools").mkdir(parents=True)
     (tmp_path / "cells" / "tools" / "x.py").touch()
     message = "{command: [python3, tools/x.py, ./new.py, -v, tools/none.py], files: ['*.bin'], folder: work}"

@@ -87,7 +87,7 @@ def beside_three_loads(run: Run, budget_ms: float) -> list[Experiment]:
     return [replace(each, budget=Budget(most_ms=budget_ms)) for each in experiments]
 
 
-def test_a_load_leaves_of_the_budget_what_those_after_it_need_and_has_what_those_before_left() -> None:
+def test_load_leaves_budget_to_later_ones() -> None:
     """164 samples and, beside the busy loop, 29 further starts of 0.5 s; each settles for 3 s."""
     busy, _, last = beside_three_loads(a_run(every="20 ms"), 40_000.0)
     last = replace(last, budget=replace(last.budget, spent_ms={23: 30_000.0, 24: 39_000.0}))
@@ -98,7 +98,7 @@ def test_a_load_leaves_of_the_budget_what_those_after_it_need_and_has_what_those
     assert least_ms(busy, busy.load, 100.0) == pytest.approx(20_780)
 
 
-def test_a_budget_that_is_too_short_is_shared_as_the_loads_need_it() -> None:
+def test_short_budget_is_shared_by_need() -> None:
     budgets = [with_part_of_budget(each, 100.0).budget for each in beside_three_loads(a_run(every="20 ms"), 16_670.0)]
 
     assert [budget.least_ms for budget in budgets] == pytest.approx([10_390, 3_140, 3_140])
@@ -109,11 +109,11 @@ def test_a_budget_that_is_too_short_is_shared_as_the_loads_need_it() -> None:
     ("milliseconds_", "text"),
     [(40, "0.04 s"), (25_000, "25 s"), (420_000, "7 min"), (7_200_000, "2 h"), (9_600_000, "2 h 40 min")],
 )
-def test_a_duration_is_told_in_the_unit_that_fits(milliseconds_: float, text: str) -> None:
+def test_duration_is_told_in_unit_that_fits(milliseconds_: float, text: str) -> None:
     assert show_duration(milliseconds_) == text
 
 
-def test_the_first_setting_may_show_only_how_many_processors_are_used() -> None:
+def test_first_setting_may_show_only_processors() -> None:
     for method in (Search(), Sweep(reserves=(40, 50))):
         plain, shows = (settings_to_run(method, (), 100, shows_processors=each) for each in (False, True))
         assert shows.most == plain.most + 1
@@ -159,7 +159,7 @@ def clock_of(*settings: float) -> Iterator[float]:
     return accumulate(taken for seconds in cycle(settings) for taken in (0.0, seconds))
 
 
-def test_the_rest_follows_from_the_settings_so_far_though_the_host_is_simulated(tmp_path: Path) -> None:
+def test_remaining_time_follows_from_earlier_settings(tmp_path: Path) -> None:
     listener = Listener()
     times = WallTimes(clock=clock_of(2.0, 4.0, 9.0).__next__)
 
@@ -192,9 +192,7 @@ def test_recorded_settings_are_equal_on_a_slow_machine(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("provider", "tells"), [(ProviderKind.SIMULATED, True), (ProviderKind.LINUX, False)])
-def test_another_component_tells_nothing_of_this_one_unless_the_host_is_simulated(
-    provider: ProviderKind, tells: bool
-) -> None:
+def test_other_component_tells_nothing_unless_simulated(provider: ProviderKind, tells: bool) -> None:
     host = a_host(provider=provider)
     speech, vision = (replace(experiment(name), host=host) for name in ("speech", "vision"))
     times = WallTimes()

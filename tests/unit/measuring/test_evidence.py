@@ -29,16 +29,16 @@ QUIET = SettingEvidence(elapsed_ms=10_000, cpu_ms={P1: 12_000.0, P2: 7_900.0}, s
 SHORT_LOAD = replace(QUIET, cpu_ms={P1: 12_000.0, P2: 4_000.0})
 
 
-def test_what_is_as_it_was_asked_for_is_not_disturbed() -> None:
+def test_expected_conditions_are_no_disturbance() -> None:
     assert disturbance(QUIET, 2, load=share(0.8)) == ""
 
 
-def test_a_load_that_does_not_get_its_reserve_disturbs() -> None:
+def test_load_that_does_not_get_its_reserve_disturbs() -> None:
     assert disturbance(SHORT_LOAD, 2, load=share(0.8)) == "the load in P2 got 0.40 LP where 0.80 are reserved"
     assert disturbance(SHORT_LOAD, 2, load=None) == "", "browsers may rest"
 
 
-def test_what_p1_had_beyond_its_reserve_disturbs_no_other() -> None:
+def test_p1_surplus_disturbs_nobody() -> None:
     """Three threads that sleep and wake got 0.31 LP of a group that reserves 0.2."""
     woken = replace(QUIET, cpu_ms={P1: 3_100.0, P2: 16_800.0})
 
@@ -71,7 +71,7 @@ SKIPPED = replace(QUIET, skipped_lines={"vision": SkippedLines(count=7, first=('
 @pytest.mark.parametrize(
     "evidence", [None, QUIET, SKIPPED, ELSEWHERE, replace(SHORT_LOAD, waiting_ms=None, disturbances=("it slept",))]
 )
-def test_a_log_keeps_the_evidence_and_reads_lines_without_any(evidence: SettingEvidence | None) -> None:
+def test_log_keeps_evidence_and_reads_lines_without_any(evidence: SettingEvidence | None) -> None:
     recorded = Recorded(
         setting=Setting(reserve=40, series=(), beside=60, evidence=evidence),
         provenance=Provenance(rarms_version="1.0", when="2026-11-22T20:00:00Z"),
@@ -98,9 +98,7 @@ def an_evidence(p1_ms: float, p2_ms: float, stolen_ms: float = 0.0) -> SettingEv
         (None, False),
     ],
 )
-def test_a_load_leaves_processors_idle_where_neither_partition_had_their_time(
-    evidence: SettingEvidence | None, idle: bool
-) -> None:
+def test_load_leaves_idle_what_nobody_had(evidence: SettingEvidence | None, idle: bool) -> None:
     assert leaves_idle(evidence, Fraction(2)) == idle
 
 
@@ -118,7 +116,7 @@ def test_a_load_leaves_processors_idle_where_neither_partition_had_their_time(
         (Browser(instances=9), True),
     ],
 )
-def test_a_load_is_weak_that_cannot_take_all_or_did_not(load: Interference, weak: bool) -> None:
+def test_weak_load_cannot_or_did_not_take_all(load: Interference, weak: bool) -> None:
     seen = an_evidence(200.0, 1000.0) if not isinstance(load, BusyLoop) else an_evidence(200.0, 1790.0)
 
     assert is_weak(load, replace(a_setting(), evidence=seen), a_host()) == weak

@@ -57,7 +57,7 @@ def code_of(ran: Ran) -> tuple[int, str]:
     return ran.code, ran.err[ran.err.index("RARMS") :][:8]
 
 
-def test_a_pass_that_ended_is_followed_by_another_and_a_plain_measure_runs_nothing(here: Path) -> None:
+def test_ended_pass_is_followed_by_another(here: Path) -> None:
     assert rarms(*SWEPT, "--again").code == 0
     assert rarms(*SWEPT).code == 0
     assert recorded("vision") == TWICE
@@ -86,7 +86,7 @@ def test_what_cannot_be_run_begins_no_pass(here: Path) -> None:
     assert path_of("vision").read_bytes() == before
 
 
-def test_two_hosts_of_one_platform_do_not_write_to_one_log_at_once(here: Path) -> None:
+def test_two_hosts_share_no_log_at_once(here: Path) -> None:
     """Each host has a lock of its own: what they share is the log."""
     before = path_of("vision").read_bytes()
     with hold_data_log(here, path_of("vision"), 0):
@@ -101,7 +101,7 @@ def test_two_hosts_of_one_platform_do_not_write_to_one_log_at_once(here: Path) -
     assert recorded("vision") == [*ONCE, (80, 1)]
 
 
-def test_what_was_measured_on_a_busy_host_no_longer_counts_after_a_pass_that_had_it_alone(here: Path) -> None:
+def test_quiet_pass_replaces_busy_measurements(here: Path) -> None:
     searched = ("measure", "vision", "--samples", "60", "--host", "left")
     manifest = MANIFEST.replace(
         "reserve: measured }\n    memory: 512 MiB\n    simulation: { work: 20 ms",
@@ -130,7 +130,7 @@ def test_what_was_measured_on_a_busy_host_no_longer_counts_after_a_pass_that_had
     assert any(entry.is_busy for entry in the_log("vision").recorded), "what was measured stays in the log"
 
 
-def test_one_setting_that_had_the_host_alone_takes_the_place_of_a_busy_one(here: Path) -> None:
+def test_quiet_setting_replaces_a_busy_one(here: Path) -> None:
     lines = path_of("vision").read_text(encoding="utf-8").splitlines()
     assert len(lines) == 3
     log = the_log("vision")

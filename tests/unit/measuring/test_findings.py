@@ -41,25 +41,25 @@ def told(times: list[float]) -> list[str]:
     return [diagnostic.detail for diagnostic in found]
 
 
-def test_the_indexes_that_are_on_the_wrong_side_are_named() -> None:
+def test_indexes_that_are_on_wrong_side_are_named() -> None:
     (only,) = told([82.0, 86.5] * 30)
 
     assert "mean_response_time" in only
 
 
-def test_what_is_on_the_right_side_and_not_for_sure_is_told_of_as_well() -> None:
+def test_unsure_right_side_is_told_too() -> None:
     """A mean of 83.9 ms, known to within a millisecond, does not show that it is at most 84 ms."""
     assert len(told([81.4, 86.4] * 30)) == len(APT)
 
 
-def test_a_series_without_a_steady_state_is_told_as_such() -> None:
+def test_series_without_steady_state_is_told_as_such() -> None:
     message = " ".join(told([40.0 + number for number in range(100)]))
 
     assert "cannot be told: its response times still changed within 100 samples" in message
 
 
 @pytest.mark.parametrize(("cpu_ms", "helps"), [(60.0, True), (10.0, False)])
-def test_who_waits_for_something_else_is_told_that_more_cpu_does_not_help(cpu_ms: float, helps: bool) -> None:
+def test_waiting_component_is_told_cpu_does_not_help(cpu_ms: float, helps: bool) -> None:
     """Of 60 ms that lie between the ends of two jobs, which are due every 50 ms."""
     run = replace(a_run(), arrival=Periodic(period=Milliseconds(Fraction(50))))
     member = replace(EXPERIMENT.members[0], run=run)
@@ -104,7 +104,7 @@ def drifting(reserve: int) -> Setting:
         (20, (), None),
     ],
 )
-def test_less_that_may_be_enough_is_told_of_where_settings_between_say_nothing(
+def test_possibly_smaller_answer_is_told(
     failed: int | None, inconclusive: tuple[int, ...], message: str | None
 ) -> None:
     end = Sufficient(reserve=46, failed=failed, inconclusive=inconclusive)
@@ -127,7 +127,7 @@ def test_less_that_may_be_enough_is_told_of_where_settings_between_say_nothing(
         (50_000, "Move the threshold away from what the component just reaches: 40000 samples would not tell."),
     ],
 )
-def test_what_is_not_shown_yet_says_with_how_many_samples_it_would_be(samples: int | None, advice: str) -> None:
+def test_unshown_threshold_says_needed_samples(samples: int | None, advice: str) -> None:
     settings = (a_setting(100, a_series("vision", [81.4, 86.4] * 50)),)
 
     [found] = findings_of(EXPERIMENT, NotResolved(reason="within the noise", samples=samples), settings, FirstLine(""))
@@ -139,7 +139,7 @@ def test_what_is_not_shown_yet_says_with_how_many_samples_it_would_be(samples: i
 
 
 @pytest.mark.parametrize(("samples", "asked"), [(7000, 7000), (None, 1000)])
-def test_where_settings_end_at_until_more_samples_are_asked_for(samples: int | None, asked: int) -> None:
+def test_ended_at_until_asks_for_samples(samples: int | None, asked: int) -> None:
     settings = (a_setting(100, a_series("vision", [81.4, 86.4] * 50)),)
     end = NotResolved(reason="within the noise", samples=samples, ends_at_until=True)
 
@@ -149,7 +149,7 @@ def test_where_settings_end_at_until_more_samples_are_asked_for(samples: int | N
     assert "The setting ended" not in found.detail, "no budget ended it"
 
 
-def test_a_search_that_ended_early_and_shows_none_asks_for_the_same_command() -> None:
+def test_early_end_asks_for_the_same_command() -> None:
     settings = (a_setting(70, a_series("vision", [81.4, 86.4] * 50)),)
     end = NotResolved(reason="its 8 settings show no reservation to be enough", more_settings=8)
 
@@ -160,14 +160,14 @@ def test_a_search_that_ended_early_and_shows_none_asks_for_the_same_command() ->
     assert "The setting ended" not in found.detail, "it may be clear"
 
 
-def test_of_a_search_that_ended_early_it_is_not_said_that_the_settings_below_have_no_steady_state() -> None:
+def test_early_end_is_not_called_unsteady() -> None:
     end = Sufficient(reserve=46, failed=20, inconclusive=(45,), more_settings=8)
 
     assert not list(findings_of(an_experiment(None), end, (drifting(45),), FirstLine("")))
 
 
 @pytest.mark.parametrize(("samples", "more_time"), [(100, True), (2000, False)])
-def test_what_has_no_steady_state_in_many_samples_is_not_told_to_take_more_time(samples: int, more_time: bool) -> None:
+def test_unsteady_despite_many_samples_needs_no_time(samples: int, more_time: bool) -> None:
     experiment = an_experiment(None)
     setting = a_setting(45, a_series("vision", [40.0 + number for number in range(samples)]))
     enough = Sufficient(reserve=46, failed=20, inconclusive=(45,))
@@ -180,7 +180,7 @@ def test_what_has_no_steady_state_in_many_samples_is_not_told_to_take_more_time(
 
 
 @pytest.mark.parametrize(("reserve", "codes"), [("30 %", ["RARMS266"]), ("measured", []), (None, [])])
-def test_a_reservation_that_is_fixed_and_measured_is_told_of(reserve: str | None, codes: list[str]) -> None:
+def test_fixed_and_measured_reservation_is_told(reserve: str | None, codes: list[str]) -> None:
     experiment = an_experiment(reserve)
 
     found = list(findings_of(experiment, Sufficient(reserve=21, failed=20), (), FirstLine("")))
@@ -190,9 +190,7 @@ def test_a_reservation_that_is_fixed_and_measured_is_told_of(reserve: str | None
 
 
 @pytest.mark.parametrize(("source", "codes"), [(ProcessorSource.MANIFEST, ["RARMS380"]), (ProcessorSource.HOST, [])])
-def test_fixed_processors_that_are_not_used_are_noted_with_what_fewer_would_save(
-    source: ProcessorSource, codes: list[str]
-) -> None:
+def test_unused_fixed_processors_are_noted(source: ProcessorSource, codes: list[str]) -> None:
     experiment = an_experiment(None).with_processors(ProcessorNumber(number=2, source=source))
     setting = replace(a_setting(54, a_series("vision", [40.0] * 60)), used_processors=1)
 

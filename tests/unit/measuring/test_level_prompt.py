@@ -48,7 +48,7 @@ class Page:
         self.shown.append(f"{outcome.after.value} in {Path(outcome.file).name}")
 
 
-def test_a_page_can_show_the_steps_of_the_use_scenario(tmp_path: Path) -> None:
+def test_page_can_show_steps_of_use_scenario(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST)
     source = ManifestSource(manifest=str(tmp_path), today=date(2026, 1, 1))
     hosts = select_hosts(load_manifest(source), HostSelection())
@@ -73,7 +73,7 @@ def test_a_page_can_show_the_steps_of_the_use_scenario(tmp_path: Path) -> None:
     assert not outcome.findings
 
 
-def test_a_level_beyond_what_was_measured_is_measured_in_the_session_where_that_is_wanted(tmp_path: Path) -> None:
+def test_level_beyond_measured_is_measured_in_session(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST)
     source = ManifestSource(manifest=str(tmp_path), today=date(2026, 1, 1))
     hosts = select_hosts(load_manifest(source), HostSelection())

@@ -65,9 +65,7 @@ class Endless:
 
 @given(asked=st.permutations(range(10, 101, 5)), most=st.integers(1, 6))
 @settings(max_examples=examples(8), deadline=None)
-def test_no_search_takes_more_settings_than_there_may_be_and_the_answer_is_what_a_plan_reserves(
-    asked: list[int], most: int
-) -> None:
+def test_search_is_short_and_equals_the_plan(asked: list[int], most: int) -> None:
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(Path(folder), an_experiment())
         ended = bench.measure(Endless(asked), count=SettingCount(least=1, most=most, ends_early=True))
@@ -86,7 +84,7 @@ def test_no_search_takes_more_settings_than_there_may_be_and_the_answer_is_what_
         assert ended.conclusion.more_settings == max(1, min(most, below))
 
 
-def test_a_search_finds_a_whole_per_cent_with_a_measured_fail_below(bench: Bench) -> None:
+def test_search_finds_percent_above_a_fail(bench: Bench) -> None:
     ended = bench.measure()
 
     assert isinstance(ended.conclusion, Sufficient)
@@ -106,7 +104,7 @@ def counting(monkeypatch: pytest.MonkeyPatch, loads: Sequence[float]) -> None:
     monkeypatch.setattr(SimulatedRun, "evidence", lambda _running: next(counts))
 
 
-def test_a_disturbed_setting_is_measured_again_and_says_so(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_disturbed_setting_is_measured_again_and_says_so(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     counting(monkeypatch, [0.2, 1.0])
 
     ended = bench.measure(Sweep(reserves=(50,)))
@@ -120,7 +118,7 @@ def test_a_disturbed_setting_is_measured_again_and_says_so(bench: Bench, monkeyp
     assert bench.book.known.settings == (setting,)
 
 
-def test_a_setting_that_is_disturbed_three_times_has_no_verdict(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_thrice_disturbed_setting_has_no_verdict(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     counting(monkeypatch, [0.2, 0.3, 0.4])
 
     ended = bench.measure(Sweep(reserves=(50,)))
@@ -131,7 +129,7 @@ def test_a_setting_that_is_disturbed_three_times_has_no_verdict(bench: Bench, mo
     assert setting.series[0].unsettled.startswith("disturbed in each of 3 tries: the load in P2 got 0.40 LP")
 
 
-def test_the_papers_walk_is_its_own_beside_all_else_that_was_measured(bench: Bench) -> None:
+def test_papers_walk_ignores_other_settings(bench: Bench) -> None:
     bench.measure(Sweep(reserves=(20, 45, 90)))
     bench.ran.clear()
     ended = bench.measure(bench.search("paper"))
@@ -140,12 +138,12 @@ def test_the_papers_walk_is_its_own_beside_all_else_that_was_measured(bench: Ben
     assert bench.ran == [10, 30, 40, 50]
 
 
-def test_a_search_stays_within_what_the_host_can_give(bench: Bench) -> None:
+def test_search_stays_within_what_host_can_give(bench: Bench) -> None:
     assert bench.measure(bench.search(most=45)).conclusion == NotAchievable(reserve=45)
     assert max(bench.ran) == 45
 
 
-def test_several_components_in_one_partition_must_all_meet_their_thresholds(tmp_path: Path) -> None:
+def test_all_members_must_meet_thresholds(tmp_path: Path) -> None:
     bench = Bench(tmp_path, an_experiment("speech", "vision"))
     ended = bench.measure(bench.search("paper"))
 
@@ -153,7 +151,7 @@ def test_several_components_in_one_partition_must_all_meet_their_thresholds(tmp_
     assert [series.component for series in ended.settings[0].series] == ["speech", "vision"]
 
 
-def test_the_task_classes_of_the_members_are_in_p1_as_a_plan_would_set_them(tmp_path: Path) -> None:
+def test_p1_has_the_planned_task_classes(tmp_path: Path) -> None:
     bench = Bench(tmp_path, an_experiment("speech", "vision"))
     speech, vision = bench.experiment.members
     bench.experiment = replace(
@@ -176,7 +174,7 @@ def test_the_task_classes_of_the_members_are_in_p1_as_a_plan_would_set_them(tmp_
     assert priorities["vision"] > priorities["speech"] > 16
 
 
-def test_a_search_ends_with_the_reservation_that_a_plan_takes_measured_itself(bench: Bench) -> None:
+def test_search_ends_with_a_measured_reservation(bench: Bench) -> None:
     """Each threshold lies another part of a point from where the search decides."""
     for threshold in (80, 81, 82, 83, 84, 85):
         vision = replace(an_experiment().members[0], apt={"mean_response_time": at_most(threshold)})
@@ -189,7 +187,7 @@ def test_a_search_ends_with_the_reservation_that_a_plan_takes_measured_itself(be
         assert ended.conclusion.reserve in bench.recorded
 
 
-def test_a_threshold_at_the_floor_is_never_met_for_sure(bench: Bench) -> None:
+def test_threshold_at_floor_is_never_met_for_sure(bench: Bench) -> None:
     """A plan could reserve nothing for it: so measuring says that, too, and not that it is not achievable."""
     vision = replace(an_experiment().members[0], apt={"mean_response_time": at_most("83.5")})
     bench.experiment = replace(an_experiment(), members=(vision,))
@@ -210,7 +208,7 @@ def test_a_threshold_at_the_floor_is_never_met_for_sure(bench: Bench) -> None:
     assert within.conclusion.reason.startswith("at 80 % of its VPs vision is neither shown")
 
 
-def test_more_failed_samples_than_are_allowed_end_without_a_verdict(bench: Bench) -> None:
+def test_too_many_failures_end_without_verdict(bench: Bench) -> None:
     def dying(machine: ModelMachine, seed: int) -> Iterator[JobDone]:
         for number, job in enumerate(fluid(machine, seed)):
             yield replace(job, answered=False) if number == 7 else job
@@ -224,7 +222,7 @@ def test_more_failed_samples_than_are_allowed_end_without_a_verdict(bench: Bench
     assert bench.machines == []
 
 
-def test_who_is_asked_to_stop_drops_the_running_setting_and_goes_on_later(bench: Bench) -> None:
+def test_stop_drops_running_setting_and_resumes(bench: Bench) -> None:
     looks = iter(range(1_000_000))
     stopped = bench.measure(bench.search("paper"), should_stop=lambda: next(looks) > 150)
 
@@ -237,7 +235,7 @@ def test_who_is_asked_to_stop_drops_the_running_setting_and_goes_on_later(bench:
     assert bench.ran == [level for level in (10, 20, 30, 40, 50) if level not in before]
 
 
-def test_a_maximum_that_is_met_so_far_is_watched_to_the_end_and_one_that_is_missed_is_not(bench: Bench) -> None:
+def test_met_maximum_is_watched_to_the_end(bench: Bench) -> None:
     apt: dict[str, Threshold] = {"maximum_response_time": at_most(100)}
     vision = replace(bench.experiment.members[0], apt=apt, run=a_run())
     bench.experiment = replace(bench.experiment, members=(vision,))
@@ -248,7 +246,7 @@ def test_a_maximum_that_is_met_so_far_is_watched_to_the_end_and_one_that_is_miss
     assert counts[ended.conclusion.reserve] >= 200 > min(counts.values())
 
 
-def test_what_ended_early_for_another_threshold_is_measured_again_where_it_leaves_todays_open(bench: Bench) -> None:
+def test_early_end_is_remeasured_for_new_threshold(bench: Bench) -> None:
     vision = replace(bench.experiment.members[0], run=a_run())
     bench.experiment = replace(bench.experiment, members=(replace(vision, apt={"mean_response_time": at_most(20)}),))
     assert isinstance(bench.measure().conclusion, NotAchievable)
@@ -263,7 +261,7 @@ def test_what_ended_early_for_another_threshold_is_measured_again_where_it_leave
     assert bench.measure().new == 0
 
 
-def test_the_first_setting_goes_on_until_its_level_is_known_as_precisely_as_the_search_asks(bench: Bench) -> None:
+def test_first_setting_is_as_precise_as_asked(bench: Bench) -> None:
     vision = replace(bench.experiment.members[0], apt={"mean_response_time": at_most(200)}, run=a_run(until=None))
     bench.experiment = replace(bench.experiment, members=(vision,))
     asked = bench.search("default").decide(())
@@ -276,7 +274,7 @@ def test_the_first_setting_goes_on_until_its_level_is_known_as_precisely_as_the_
     assert is_clear(many, goal_of(bench.experiment), precision=asked.precision)
 
 
-def test_what_is_decided_again_from_the_log_is_what_was_decided_before(bench: Bench) -> None:
+def test_log_gives_the_same_decisions(bench: Bench) -> None:
     """Early ends are decided while samples come in, and judged anew from what was recorded."""
     ended = bench.measure()
     replayed = bench.search().decide(bench.book.known.settings)

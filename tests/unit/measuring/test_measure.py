@@ -54,7 +54,7 @@ def host(folder: Path) -> SimulatedHostProvider:
     return SimulatedHostProvider(a_host(), folder / ".rarms" / "hosts" / "onboard.json")
 
 
-def test_a_stop_on_one_of_several_robots_leaves_all_else_out(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stop_on_one_robot_leaves_the_rest(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     vision = MANIFEST.partition("  vision:")[2].partition("\ninterference:")[0]
     more = f"  speech:{vision}  hearing:{vision}\npartitions:\n  talk: {{ components: [hearing, speech] }}\n"
     spare = "  spare: { logical_processors: 2, memory: 4 GiB }\n"
@@ -117,7 +117,7 @@ def test_what_the_manifest_fixes_counts_in_the_total(here: Path) -> None:
     assert "(0.5 LP of it fixed in the manifest), by 1 setting, 1 of them new." in ran.out
 
 
-def test_the_most_critical_component_is_measured_and_told_first(here: Path) -> None:
+def test_most_critical_component_is_measured_and_told_first(here: Path) -> None:
     audio = """\
   audio:
     criticality: 20
@@ -141,7 +141,7 @@ interference:"""
     assert [line.split()[0] for line in summary.splitlines()[1:4]] == ["base", "vision", "audio"]
 
 
-def test_the_papers_walk_says_its_message_where_nothing_is_enough(here: Path) -> None:
+def test_papers_walk_says_its_message(here: Path) -> None:
     write(here, MANIFEST.replace("at_most: 50 ms", "at_most: 15 ms"))
     ran = rarms("measure", "--strategy", "paper")
 
@@ -168,7 +168,7 @@ def refused(ran: Ran) -> tuple[int, str]:
     return ran.code, ran.err[ran.err.index("RARMS") :][:8]
 
 
-def test_chosen_settings_against_another_load_have_a_log_of_their_own(here: Path) -> None:
+def test_other_load_has_its_own_log(here: Path) -> None:
     swept = measured("vision", "--from", "20%", "--to", "50%", "--step", "15 %", "--interference", "light")
 
     assert swept["ending"] == "swept"
@@ -176,7 +176,7 @@ def test_chosen_settings_against_another_load_have_a_log_of_their_own(here: Path
     assert swept["log"] == "measurements/onboard/vision/light.jsonl"
 
 
-def test_a_seed_says_where_chance_is_drawn_and_not_what_counts(here: Path) -> None:
+def test_seed_places_chance_and_changes_no_count(here: Path) -> None:
     words = ("--from", "40%", "--to", "50%")
     measured(*words)
     other = measured(*words, "--seed", "2")
@@ -202,7 +202,7 @@ def test_a_changed_component_is_measured_again(here: Path) -> None:
     assert again["new"] == 0, "the earlier results stay in the file"
 
 
-def test_other_hardware_is_refused_before_a_platform_is_named(here: Path) -> None:
+def test_other_hardware_is_refused_before_platform_is_named(here: Path) -> None:
     measured("--from", "50%", "--to", "50%")
     other = here / "robot-2.yaml"
     other.write_text("hosts: { onboard: { logical_processors: 4 } }\n", encoding="utf-8")
@@ -219,7 +219,7 @@ def test_other_hardware_is_refused_before_a_platform_is_named(here: Path) -> Non
     assert rarms(*words).code == 0
 
 
-def test_what_runs_is_in_the_way_and_can_be_borne(here: Path) -> None:
+def test_running_partitions_block_unless_borne(here: Path) -> None:
     words = ("--from", "30%", "--to", "30%")
     measured(*words)
     assert rarms("apply", "--auto-approve").code == 4, "30 % is not enough"
@@ -246,7 +246,7 @@ def test_a_held_host_is_measured_by_one_only(here: Path) -> None:
     assert "somebody else" in ran.err
 
 
-def test_what_cannot_be_run_or_searched_is_told_with_its_line(here: Path) -> None:
+def test_unmeasurable_component_is_told_with_line(here: Path) -> None:
     write(here, MANIFEST.replace("    simulation: { work: 20 ms, varies: 2 % }\n", ""))
     assert refused(rarms("measure")) == (4, "RARMS114")
 
@@ -287,7 +287,7 @@ def test_words_that_make_no_sense_are_wrong_usage(here: Path, words: tuple[str, 
     assert rarms("measure", *words).code == 64
 
 
-def test_a_level_that_is_picked_after_measuring_stands_in_the_summary(here: Path) -> None:
+def test_picked_level_stands_in_summary(here: Path) -> None:
     ran = rarms("measure", "--interactive", stdin="90 ms\ny\n", at_a_terminal=True)
     summary = rarms("measure", "--from", "45%", "--to", "45%").out
 
@@ -301,7 +301,7 @@ def test_a_level_that_is_picked_after_measuring_stands_in_the_summary(here: Path
     assert ", a plan" in ran.out, "what a plan reserves stands beside it"
 
 
-def test_a_threshold_that_nothing_meets_is_told_of_unless_another_level_is_picked(here: Path) -> None:
+def test_unmet_threshold_is_told_unless_changed(here: Path) -> None:
     write(here, MANIFEST.replace("at_most: 50 ms", "at_most: 15 ms"))
     search = ("measure", "--interactive", "--strategy", "bisection")
     picked = rarms(*search, stdin="40 ms\ny\n", at_a_terminal=True)

@@ -44,7 +44,7 @@ def names(host: SimulatedHostProvider) -> list[str]:
     return [partition.settings.name for partition in host.observe().partitions]
 
 
-def test_test_partitions_stand_marked_and_running_while_the_context_lasts(tmp_path: Path) -> None:
+def test_marked_test_partitions_run_during_context(tmp_path: Path) -> None:
     host = the_host(tmp_path)
     with running_test_partitions(host, "robot", SHAPES):
         p1, p2 = host.observe().partitions
@@ -113,7 +113,7 @@ def reserve_of_load(room: MeasuringResources, reserve: int, processors: int = 2)
     return share.reserve
 
 
-def test_on_an_empty_host_p2_reserves_what_p1_does_not() -> None:
+def test_p2_reserves_the_rest_of_empty_host() -> None:
     room = the_room()
 
     assert [reserve_of_load(room, reserve) for reserve in (10, 62, 100)] == [90, 38, 0]
@@ -121,7 +121,7 @@ def test_on_an_empty_host_p2_reserves_what_p1_does_not() -> None:
     assert highest_reserve(room, a_setup()) == 100
 
 
-def test_what_is_kept_for_the_host_is_p2_s_as_it_may_be_the_host_s_in_service() -> None:
+def test_p2_gets_what_the_host_keeps() -> None:
     room = the_room(keep_processor="10 %")
 
     assert reserve_of_load(room, 10) == 90
@@ -153,7 +153,7 @@ def test_what_strangers_reserve_is_given_to_neither() -> None:
     assert highest_reserve(room, a_setup()) == 75
 
 
-def test_a_narrow_p1_leaves_p2_what_is_left_on_the_processor_that_both_use() -> None:
+def test_narrow_p1_leaves_p2_the_rest() -> None:
     assert reserve_of_load(the_room(), 30, processors=1) == 70
 
 
@@ -161,7 +161,7 @@ def test_a_limit_is_the_highest_cr() -> None:
     assert highest_reserve(the_room(), a_setup(limit=60)) == 60
 
 
-def test_p2_takes_the_memory_that_is_left_and_none_is_too_little() -> None:
+def test_p2_takes_left_memory_or_fails() -> None:
     room = the_room(keep_memory="1 GiB")
 
     assert memory_for_load(room, a_setup()) == 512 * MIB
@@ -169,14 +169,14 @@ def test_p2_takes_the_memory_that_is_left_and_none_is_too_little() -> None:
     assert highest_reserve(room, a_setup(ram="3072 MiB")) == 0
 
 
-def test_p2_of_a_linux_host_takes_all_the_memory_that_is_left() -> None:
+def test_p2_of_linux_takes_all_memory() -> None:
     host = a_host(provider=ProviderKind.LINUX)
     resources = host_resources(host, State(facts=facts(), partitions=()), "robot")
 
     assert memory_for_load(resources, a_setup(ram="1 GiB")) == resources.capacity.memory - 1024 * MIB
 
 
-def test_each_machine_that_runs_is_in_the_way_and_test_partitions_are_not() -> None:
+def test_running_machines_block_and_test_partitions_not() -> None:
     ours = partition(settings("vision", running=True))
     strangers = partition(settings("a-game", running=True), application=None)
     off = partition(settings("speech", running=False))

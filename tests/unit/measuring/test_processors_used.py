@@ -41,9 +41,7 @@ def recorded() -> list[tuple[int, int | None]]:
 
 
 @pytest.mark.parametrize(("threads", "used"), [(1, 1), (2, 2), (6, 4)])
-def test_the_first_setting_shows_how_many_are_used_and_all_others_and_the_plan_have_so_many(
-    threads: int, used: int, manifest: Path
-) -> None:
+def test_first_setting_shows_used_processors(threads: int, used: int, manifest: Path) -> None:
     manifest.write_text(MANIFEST.replace("THREADS", str(threads)), encoding="utf-8", newline="\n")
     with chdir(manifest.parent):
         measured = json.loads(rarms("measure", "--json").out)["experiments"][0]
@@ -61,7 +59,7 @@ def test_the_first_setting_shows_how_many_are_used_and_all_others_and_the_plan_h
     assert f'"processors": {used}' in json.dumps(planned)
 
 
-def test_what_the_manifest_fixes_stays_and_is_noted_where_it_is_not_used(manifest: Path) -> None:
+def test_fixed_processors_stay_and_are_noted(manifest: Path) -> None:
     fixed = manifest.read_text(encoding="utf-8").replace("    memory", "    processors: 2\n    memory")
     with chdir(manifest.parent):
         manifest.write_text(fixed, encoding="utf-8", newline="\n")
@@ -75,7 +73,7 @@ def test_what_the_manifest_fixes_stays_and_is_noted_where_it_is_not_used(manifes
     assert left_open["processors"] == 1
 
 
-def test_the_papers_strategy_keeps_the_hosts_number_and_says_nothing_of_what_is_used(manifest: Path) -> None:
+def test_papers_strategy_keeps_the_hosts_number(manifest: Path) -> None:
     with chdir(manifest.parent):
         measured = json.loads(rarms("measure", "--strategy", "paper", "--json").out)["experiments"][0]
         settings = recorded()
@@ -86,7 +84,7 @@ def test_the_papers_strategy_keeps_the_hosts_number_and_says_nothing_of_what_is_
     assert "4 virtual processors as many as the host has" in " ".join(planned.split())
 
 
-def test_who_uses_more_later_is_measured_with_so_many_and_the_old_settings_stay(manifest: Path) -> None:
+def test_later_growth_is_measured_with_more_processors(manifest: Path) -> None:
     """The program is the same for rarms: a log that holds says 1, and now 2 threads run at once."""
     with chdir(manifest.parent):
         rarms("measure")
@@ -102,7 +100,7 @@ def test_who_uses_more_later_is_measured_with_so_many_and_the_old_settings_stay(
     assert after[len(before)] == (4, 2)
 
 
-def test_a_setting_that_shows_more_begins_a_curve_of_its_own_and_says_anew_how_many_settings_it_may_take(
+def test_growing_use_begins_a_new_curve(
     manifest: Path,
 ) -> None:
     """What a log says was seen of two threads is one processor: the next setting shows two."""

@@ -98,7 +98,7 @@ def row_of(text: str, component: str) -> list[str]:
     return re.split(r"\s{2,}", next(line for line in text.splitlines() if line.startswith(component)))
 
 
-def test_every_verdict_says_how_likely_it_is_wrong_in_each_place_where_it_is_told(here: Path) -> None:
+def test_every_verdict_says_its_error(here: Path) -> None:
     code, indexes, found = proven()
     text = prove().out
 
@@ -118,9 +118,7 @@ def test_every_verdict_says_how_likely_it_is_wrong_in_each_place_where_it_is_tol
     assert (recorded.lower, recorded.upper) == (mean["lower"], mean["upper"])
 
 
-def test_what_is_too_near_its_threshold_is_not_shown_yet_with_the_samples_that_would(
-    here: Path, long_mean: float
-) -> None:
+def test_value_near_threshold_says_needed_samples(here: Path, long_mean: float) -> None:
     change(here, "interference: busy-loop", "interference: busy-loop, measuring: { proof: 1 min }")
     change(here, "at_most: 70 ms", f"at_most: {long_mean * 1.004:.3f} ms")
     code, indexes, found = proven()
@@ -141,7 +139,7 @@ def test_what_is_too_near_its_threshold_is_not_shown_yet_with_the_samples_that_w
     assert (entry.indexes[0].met, entry.indexes[0].samples_needed) == (False, mean["samples_needed"])
 
 
-def test_a_proof_goes_on_until_its_thresholds_are_shown(here: Path, long_mean: float) -> None:
+def test_proof_goes_on_until_its_thresholds_are_shown(here: Path, long_mean: float) -> None:
     """Its budget of the host's time is longer than eight starts, and its threshold near."""
     change(here, "at_most: 70 ms", f"at_most: {long_mean * 1.02:.3f} ms")
     ran = prove("--json")
@@ -152,7 +150,7 @@ def test_a_proof_goes_on_until_its_thresholds_are_shown(here: Path, long_mean: f
     assert proof["interference"] == "busy-loop"
 
 
-def test_a_proof_keeps_its_budget_unless_its_samples_are_asked_for(here: Path) -> None:
+def test_proof_keeps_its_budget_unless_asked(here: Path) -> None:
     """80 jobs that are due every 4 s take five minutes, and eight starts of 6 s have a few."""
     change(here, "interference: busy-loop", "interference: busy-loop, measuring: { proof: 1 min }")
     change(here, "mean_response_time: { at_most: 70 ms }", "p90_response_time: { at_most: 90 ms }")
@@ -167,7 +165,7 @@ def test_a_proof_keeps_its_budget_unless_its_samples_are_asked_for(here: Path) -
     assert int(str(asked["vision p90_response_time"]["samples"])) >= 40
 
 
-def test_a_load_leaves_the_next_one_what_it_did_not_take(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_load_leaves_unused_time_to_the_next(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     change(here, "interference: busy-loop", "interference: [busy-loop, bursts-20], measuring: { proof: 10 min }")
     budgets: list[float] = []
 
@@ -184,7 +182,7 @@ def test_a_load_leaves_the_next_one_what_it_did_not_take(here: Path, monkeypatch
     assert 500_000 < budgets[1] < 600_000
 
 
-def test_each_load_of_the_policy_is_proven_and_recorded(here: Path) -> None:
+def test_each_load_of_policy_is_proven_and_recorded(here: Path) -> None:
     several = prove("--interference", "busy-loop", "--interference", "bursts-20", "--json")
     weaker = prove("--without-load", "--json")
     entries = read_entries(configuration_path(here, "onboard", "vision"))
@@ -234,9 +232,7 @@ def test_a_miss_names_its_ways_out_with_figures(here: Path) -> None:
 
 
 @pytest.mark.parametrize("words", [("prove",), ("apply", "--auto-approve", "--prove")])
-def test_without_a_terminal_all_idle_time_is_used_only_where_it_is_asked_for(
-    here: Path, words: tuple[str, ...]
-) -> None:
+def test_idle_time_is_loaded_only_on_request(here: Path, words: tuple[str, ...]) -> None:
     before = (here / ".rarms" / "hosts" / "onboard.json").read_bytes()
     change(here, "reserve: 40 %", "reserve: 45 %")
     ran = rarms(*words)
@@ -246,7 +242,7 @@ def test_without_a_terminal_all_idle_time_is_used_only_where_it_is_asked_for(
     assert (here / ".rarms" / "hosts" / "onboard.json").read_bytes() == before, "nothing is applied either"
 
 
-def test_a_component_that_is_overloaded_misses_a_threshold_that_no_job_has_passed_yet(here: Path) -> None:
+def test_overloaded_component_misses_before_late_jobs(here: Path) -> None:
     """Jobs come quicker than they are served: each waits longer than the one before."""
     change(here, "at_most: 70 ms", "at_most: 100 s")
     change(here, "command: [vision], until: { samples: 60 }", "command: [vision], arrival: { every: 15 ms }")
@@ -270,7 +266,7 @@ def test_a_component_that_is_overloaded_misses_a_threshold_that_no_job_has_passe
     assert "missed, overloaded: a job is due every 15 ms, and one ends every 2" in text, "it waits: LPs say nothing"
 
 
-def test_samples_that_depend_on_one_another_too_strongly_ask_for_twice_as_many() -> None:
+def test_dependent_samples_ask_for_twice_as_many() -> None:
     component = a_component("vision", apt={"mean_response_time": AtMost(value=Fraction(99))})
     layout = AppliedLayout(
         application="robot", host_processors=2, reserved=Fraction(1), partitions={}, on_host=(component,)
@@ -283,7 +279,7 @@ def test_samples_that_depend_on_one_another_too_strongly_ask_for_twice_as_many()
     assert verdict.samples_needed == 128
 
 
-def test_a_threshold_that_is_missed_is_told_with_its_error(here: Path) -> None:
+def test_missed_threshold_is_told_with_error(here: Path) -> None:
     change(here, "at_most: 70 ms", "at_most: 15 ms")
     code, indexes, found = proven()
 
@@ -317,7 +313,7 @@ def test_what_is_proven_is_what_is_applied(here: Path, old: str, new: str, waits
     assert prove().code == 0
 
 
-def test_a_plan_is_proven_as_the_manifest_that_it_was_made_of(here: Path, tmp_path: Path) -> None:
+def test_plan_is_proven_as_its_manifest(here: Path, tmp_path: Path) -> None:
     change(here, "reserve: 40 %", "reserve: 45 %")
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
@@ -332,7 +328,7 @@ def test_a_plan_is_proven_as_the_manifest_that_it_was_made_of(here: Path, tmp_pa
     assert entry.reserve == 45
 
 
-def test_a_plan_is_not_proven_where_the_manifest_asks_for_more_by_now(here: Path) -> None:
+def test_outgrown_plan_is_not_proven(here: Path) -> None:
     change(here, "reserve: 40 %", "reserve: 45 %")
     assert rarms("plan", "--out", "plan.json").code == 0
     change(here, "reserve: 45 %", "reserve: 50 %")
@@ -347,7 +343,7 @@ def machines(folder: Path) -> tuple[Partition, ...]:
     return host.observe().partitions
 
 
-def test_where_no_memory_is_left_for_a_load_it_may_be_proven_without_one(here: Path) -> None:
+def test_missing_load_memory_allows_proof_without_load(here: Path) -> None:
     change(here, "memory: 4 GiB", "memory: 1 GiB")
     ran = prove()
 
@@ -357,7 +353,7 @@ def test_where_no_memory_is_left_for_a_load_it_may_be_proven_without_one(here: P
     assert rarms("prove", "--without-load").code == 0
 
 
-def test_a_component_of_the_host_itself_runs_among_the_others(here: Path) -> None:
+def test_component_of_host_itself_runs_among_others(here: Path) -> None:
     change(here, "    criticality: 20\n", "    criticality: 20\n    runs_on: host\n")
     change(here, "    cpu: { reserve: 20 % }\n", "")
     assert rarms("apply", "--auto-approve").code == 0
@@ -370,7 +366,7 @@ def test_a_component_of_the_host_itself_runs_among_the_others(here: Path) -> Non
     assert (entry.partition, entry.reserve, entry.beside) == ("", 0, ("vision",))
 
 
-def test_hosts_that_are_not_asked_for_are_not_missed_and_are_named(here: Path) -> None:
+def test_unasked_hosts_are_named_and_not_missed(here: Path) -> None:
     change(
         here,
         "processor: 10 % } }\n",
@@ -386,7 +382,7 @@ def test_hosts_that_are_not_asked_for_are_not_missed_and_are_named(here: Path) -
     assert "on other hosts: speech" in onboard.err
 
 
-def test_without_a_threshold_nothing_is_said_to_be_met(here: Path) -> None:
+def test_without_threshold_nothing_is_said_to_be_met(here: Path) -> None:
     change(here, "    apt: { mean_response_time: { at_most: 70 ms } }\n", "")
     change(here, f"    apt: {{ {SPEECH_APT} }}\n", "")
     assert rarms("apply", "--auto-approve").code in (0, 2)
@@ -420,7 +416,7 @@ components:
 """
 
 
-def test_where_starts_differ_there_are_more_of_them_and_none_is_longer(tmp_path: Path) -> None:
+def test_differing_starts_are_more_not_longer(tmp_path: Path) -> None:
     """Each start keeps the phase in which the two began, and only few of them are bad for the short one."""
     write(tmp_path, PHASES)
     with chdir(tmp_path):
@@ -434,7 +430,7 @@ def test_where_starts_differ_there_are_more_of_them_and_none_is_longer(tmp_path:
     assert estimate["samples"] / proof["starts"] < 10, "starts of an eighth of all would become longer and longer"
 
 
-def test_a_component_that_cannot_run_is_named_with_its_line(here: Path) -> None:
+def test_unrunnable_component_is_named_with_line(here: Path) -> None:
     write(here, MANIFEST.replace("    simulation: { work: 20 ms, varies: 10 % }\n", ""))
 
     ran = rarms("prove", "--load-host")

@@ -34,9 +34,7 @@ while True:
 """
 
 
-def test_run_names_a_value_from_the_environment_that_is_too_short_to_be_hidden(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_run_names_a_too_short_secret(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = Path(manifest(tmp_path, vision=QUICK), "rarms.yaml")
     text = path.read_text("utf-8").replace(
         "      until:", "      environment: { TOKEN: { from_env: TOKEN } }\n      until:"
@@ -91,7 +89,7 @@ def test_an_apt_that_is_missed_here_is_told(tmp_path: Path) -> None:
 
 
 @same_everywhere
-def test_more_failed_samples_than_allowed_are_the_answer_no(tmp_path: Path) -> None:
+def test_more_failed_samples_than_allowed_are_answer_no(tmp_path: Path) -> None:
     program = "import sys\nsys.stderr.write('no camera\\n')\nprint('loading', flush=True)\n"
 
     ran = rarms("run", "-f", manifest(tmp_path, vision=program))
@@ -111,7 +109,7 @@ def test_more_failed_samples_than_allowed_are_the_answer_no(tmp_path: Path) -> N
         ("success_rate: { at_least: 95 % }", 0, "success_rate  0 %"),
     ],
 )
-def test_a_program_that_never_does_its_job_meets_nothing(tmp_path: Path, apt: str, code: int, shown: str) -> None:
+def test_program_that_never_does_its_job_meets_nothing(tmp_path: Path, apt: str, code: int, shown: str) -> None:
     text = (
         HEAD
         + f"  sorter: {{ criticality: 10, memory: 64 MiB, apt: {{ {apt} }}, run: {{ command: [python3, no.py] }} }}"
@@ -167,7 +165,7 @@ def test_programs_get_the_same_as_json(tmp_path: Path) -> None:
 
 
 @same_everywhere
-def test_a_run_may_last_a_time_against_a_load(tmp_path: Path) -> None:
+def test_run_may_last_time_against_load(tmp_path: Path) -> None:
     ran = rarms(
         "run", "vision", "-f", manifest(tmp_path, vision=QUICK), "--for", "300ms", "--interference", "busy-loop"
     )
@@ -193,7 +191,7 @@ def test_words_that_do_not_fit_are_wrong_usage(tmp_path: Path, words: tuple[str,
     assert message in " ".join(ran.err.split())
 
 
-def test_a_component_that_does_not_say_how_is_told(tmp_path: Path) -> None:
+def test_component_that_does_not_say_how_is_told(tmp_path: Path) -> None:
     (tmp_path / "rarms.yaml").write_text(
         HEAD + "  vision: { criticality: 10, memory: 64 MiB, cpu: { reserve: 10 % }, simulation: { work: 1 ms } }\n",
         encoding="utf-8",
@@ -246,7 +244,7 @@ JOB = "import time\ndef job():\n    time.sleep(0.001)\n    return {'ms': 1}\n"
         ("command: [python3, vision.py]", "ObjectIdentification", "only its own threads can join ObjectIdentification"),
     ],
 )
-def test_on_windows_the_runner_joins_for_a_call_and_others_are_told_what_to_add(
+def test_windows_runner_joins_only_for_calls(
     run: str, task: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(rcss, "_AVRT", str(CHECKOUT / ".cache" / "windows" / "avrt" / "avrt.dll"))
@@ -292,7 +290,7 @@ def on_linux(folder: Path, component: str = "", settings: str = "") -> Path:
 
 @pytest.mark.needs("control-groups")
 @pytest.mark.alone
-def test_a_component_runs_in_its_partition_and_task_class_where_these_are_here(linux_folder: Path) -> None:
+def test_component_runs_in_its_partition_and_class(linux_folder: Path) -> None:
     """And without, as long as it is not applied; what it left behind is gone with it."""
     seen, slice_name = on_linux(linux_folder, "\n    task: MotionControl"), slice_of(linux_folder)
 
@@ -389,7 +387,7 @@ def test_what_rarms_cannot_become(words: list[str], code: int, message: str, tmp
 
 @pytest.mark.needs("control-groups")
 @pytest.mark.alone
-def test_a_deadline_is_of_the_components_first_thread_and_needs_all_processors(linux_folder: Path) -> None:
+def test_deadline_needs_first_thread_and_all_processors(linux_folder: Path) -> None:
     seen = on_linux(linux_folder, settings=", mechanism: deadline")
     assert rarms("apply", "-f", str(linux_folder), "--auto-approve").code == 0
 
@@ -404,7 +402,7 @@ def test_a_deadline_is_of_the_components_first_thread_and_needs_all_processors(l
 
 
 @pytest.mark.needs("control-groups")
-def test_a_component_of_the_host_itself_runs_outside_in_its_task_class(linux_folder: Path) -> None:
+def test_host_component_runs_outside_in_its_class(linux_folder: Path) -> None:
     seen = on_linux(linux_folder, "\n    task: MotionControl\n    runs_on: host")
     file = linux_folder / "rarms.yaml"
     file.write_text(file.read_text(encoding="utf-8").replace("    cpu: { reserve: 10 % }\n", ""), encoding="utf-8")

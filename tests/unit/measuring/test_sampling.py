@@ -32,7 +32,7 @@ def an_experiment(load: str) -> Experiment:
     return experiment_of(system, system.hosts["onboard"], ("coi",), load)
 
 
-def test_a_setting_of_a_search_has_thirty_starts_of_periodic_jobs_beside_a_load_that_never_pauses(
+def test_search_setting_has_thirty_load_starts(
     tmp_path: Path,
 ) -> None:
     bench = Bench(tmp_path, an_experiment("busy-loop"))
@@ -105,7 +105,7 @@ def going_on(settling: Settling, running: Running, until: float, processors: flo
         settling.record_job(running, "quick")
 
 
-def test_however_quick_the_jobs_are_the_schedulers_memory_passes_many_times_first() -> None:
+def test_scheduler_memory_passes_for_quick_jobs() -> None:
     settling, running = Settling(scheduler_window_ms=100.0, contenders=(P1,)), Running()
     going_on(settling, running, LEAST - 10.0, 0.4)
 
@@ -115,7 +115,7 @@ def test_however_quick_the_jobs_are_the_schedulers_memory_passes_many_times_firs
     assert settling.excess_message() == ""
 
 
-def test_who_gets_more_than_its_reserve_is_waited_for_until_that_has_passed() -> None:
+def test_unearned_surplus_is_waited_for() -> None:
     settling, running = Settling(scheduler_window_ms=100.0, contenders=(P1,)), Running()
     going_on(settling, running, 2 * LEAST, 1.0)
 
@@ -128,7 +128,7 @@ def test_who_gets_more_than_its_reserve_is_waited_for_until_that_has_passed() ->
 
 
 @pytest.mark.parametrize("excess_forbids_verdict", [True, False])
-def test_what_never_comes_down_ends_without_a_verdict_where_it_would_have_to(excess_forbids_verdict: bool) -> None:
+def test_lasting_surplus_ends_without_verdict(excess_forbids_verdict: bool) -> None:
     contender = Contender(components=("quick",), processors=0.5, excess_forbids_verdict=excess_forbids_verdict)
     settling, running = Settling(scheduler_window_ms=100.0, contenders=(contender,)), Running()
     going_on(settling, running, (PATIENCE_FACTOR + 1) * LEAST, 0.8)
@@ -137,7 +137,7 @@ def test_what_never_comes_down_ends_without_a_verdict_where_it_would_have_to(exc
     assert ("quick still consumed 0.8 LP where 0.5 are reserved" in settling.excess_message()) is excess_forbids_verdict
 
 
-def test_a_job_that_takes_longer_is_looked_at_whole() -> None:
+def test_job_that_takes_longer_is_looked_at_whole() -> None:
     settling, running = Settling(scheduler_window_ms=100.0, contenders=(P1,)), Running()
     for now, consumed in ((500.0, 500.0), (500.0 + 4 * LEAST, 500.0 + 2 * LEAST)):
         running.now, running.consumed["quick"] = now, consumed
@@ -145,7 +145,7 @@ def test_a_job_that_takes_longer_is_looked_at_whole() -> None:
         assert settling.is_over(running.now) is (now > LEAST)
 
 
-def test_jobs_that_take_longer_than_the_memory_are_not_waited_for_without_an_end() -> None:
+def test_long_jobs_are_not_waited_for_endlessly() -> None:
     settling, running = Settling(scheduler_window_ms=100.0, contenders=(P1,)), Running()
     for number in range(1, PATIENCE_FACTOR + 2):
         running.now, running.consumed["quick"] = number * 1.5 * LEAST, number * 1.5 * LEAST
@@ -172,6 +172,6 @@ def test_where_consumption_cannot_be_told_time_decides() -> None:
         (LOADS_WITHOUT_ENTRY["bursts-100"], False),
     ],
 )
-def test_only_a_load_that_wants_all_makes_consumption_a_witness(load: Interference, contends: bool) -> None:
+def test_only_load_that_wants_all_makes_consumption_witness(load: Interference, contends: bool) -> None:
     assert wants_all_processors(load, 2) is contends
     assert not wants_all_processors(None, 2)

@@ -58,7 +58,7 @@ def measure(needs: Needs, method: Method = SEARCH) -> Sequence[ExperimentResult]
     return results
 
 
-def test_each_load_begins_with_the_answer_so_far_and_the_last_answer_stands_up_to_all() -> None:
+def test_each_load_begins_with_the_answer() -> None:
     needs = Needs({"busy-loop": 30, "bursts-20": 42, "bursts-100": 37})
 
     results = measure(needs)
@@ -68,7 +68,7 @@ def test_each_load_begins_with_the_answer_so_far_and_the_last_answer_stands_up_t
     assert decisive(results).interference == "bursts-20"
 
 
-def test_without_an_answer_there_is_nothing_that_another_load_could_confirm() -> None:
+def test_without_answer_no_load_confirms() -> None:
     needs = Needs({"busy-loop": 30, "bursts-20": 0, "bursts-100": 37})
 
     results = measure(needs)
@@ -77,14 +77,14 @@ def test_without_an_answer_there_is_nothing_that_another_load_could_confirm() ->
     assert decisive(results).conclusion == NotAchievable(reserve=100)
 
 
-def test_an_end_that_is_asked_for_leaves_the_other_loads_out() -> None:
+def test_asked_end_leaves_other_loads() -> None:
     loads = experiments(*LOADS)
     stopped = ExperimentResult(experiment=loads[0], conclusion=Stopped(), settings=(), new=0, planned=None, log="log")
 
     assert next_experiment(loads, [stopped], Search()) is None
 
 
-def test_a_sweep_runs_beside_each_load_and_shows_the_one_by_which_most_is_reserved() -> None:
+def test_sweep_shows_the_hardest_load() -> None:
     needs = Needs({"busy-loop": 30, "bursts-20": 42, "bursts-100": 37})
 
     results = measure(needs, Sweep(reserves=(40, 50)))
@@ -93,7 +93,7 @@ def test_a_sweep_runs_beside_each_load_and_shows_the_one_by_which_most_is_reserv
     assert decisive(results).interference == "bursts-20"
 
 
-def test_experiments_that_differ_in_the_load_alone_belong_together() -> None:
+def test_experiments_that_differ_in_load_alone_belong_together() -> None:
     groups = [
         experiments(*LOADS),
         experiments("busy-loop", host="other"),
@@ -119,7 +119,7 @@ policy: { interference: [busy-loop, bursts-100] }
 """One of the pair that misses, measured beside the load that never pauses alone: 11 % are enough for it there."""
 
 
-def test_what_is_measured_beside_several_loads_is_what_a_plan_reserves(tmp_path: Path) -> None:
+def test_several_loads_give_the_planned_reservation(tmp_path: Path) -> None:
     (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
     with chdir(tmp_path):
         ran = rarms("measure", "--json")
@@ -139,7 +139,7 @@ def test_what_is_measured_beside_several_loads_is_what_a_plan_reserves(tmp_path:
     assert "load bursts-100 asks for most; busy-loop for no more" in " ".join(explained.out.split())
 
 
-def test_without_the_log_of_one_load_there_is_no_plan(tmp_path: Path) -> None:
+def test_one_missing_log_prevents_the_plan(tmp_path: Path) -> None:
     (tmp_path / "rarms.yaml").write_text(MANIFEST.replace("at_most: 6 ms", "at_most: 60 ms"), encoding="utf-8")
     leave_logs(tmp_path, {"a": 12})
     (tmp_path / "measurements" / "onboard" / "a" / "bursts-100.jsonl").unlink()
@@ -167,7 +167,7 @@ policy: { interference: [busy-loop, bursts-20, bursts-100], measuring: { setting
 """34 s are the least: 30 starts of the busy loop, and 164 samples beside each. With 13 s each it had no answer."""
 
 
-def test_a_budget_that_lasts_for_all_loads_finds_what_a_longer_one_finds(tmp_path: Path) -> None:
+def test_sufficient_budget_finds_the_same(tmp_path: Path) -> None:
     reserves = []
     for name, setting in (("short", "40 s"), ("long", "3 min")):
         (tmp_path / name).mkdir()
@@ -186,7 +186,7 @@ LIGHT = MANIFEST.replace("logical_processors: 1", "logical_processors: 2").repla
 )
 
 
-def test_an_answer_beside_weak_loads_is_none_unless_it_is_wanted_and_the_log_keeps_that(tmp_path: Path) -> None:
+def test_weak_answer_counts_only_on_request(tmp_path: Path) -> None:
     (tmp_path / "rarms.yaml").write_text(LIGHT, encoding="utf-8")
     log = tmp_path / "measurements" / "onboard" / "a" / "light.jsonl"
     with chdir(tmp_path):
@@ -207,7 +207,7 @@ def test_an_answer_beside_weak_loads_is_none_unless_it_is_wanted_and_the_log_kee
     assert "warning[RARMS325]" in planned.out + planned.err
 
 
-def test_a_log_whose_load_was_seen_to_leave_processors_idle_is_taken_with_a_warning(tmp_path: Path) -> None:
+def test_idle_log_is_taken_with_warning(tmp_path: Path) -> None:
     manifest = MANIFEST.replace("[busy-loop, bursts-100]", "busy-loop").replace("at_most: 6 ms", "at_most: 60 ms")
     (tmp_path / "rarms.yaml").write_text(manifest, encoding="utf-8")
     leave_logs(tmp_path, {"a": 12})
@@ -219,9 +219,7 @@ def test_a_log_whose_load_was_seen_to_leave_processors_idle_is_taken_with_a_warn
     assert "warning[RARMS105]" in planned.out + planned.err
 
 
-def test_a_busy_loop_that_left_processors_idle_gives_no_answer_and_is_measured_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_idle_busy_loop_is_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     make = OutsideWork(name="make", group="/user.slice", cpu_ms=200.0)
     counted = SettingEvidence(elapsed_ms=1000.0, cpu_ms={P1: 100.0, P2: 500.0}, others=(make,))
     monkeypatch.setattr(SimulatedRun, "evidence", lambda _running: counted)

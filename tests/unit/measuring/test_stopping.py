@@ -40,7 +40,7 @@ def machines() -> dict[str, tuple[bool, StoppedBy | None]]:
 RUNNING = {"speech": (True, StoppedBy.NO_USER), "vision": (True, StoppedBy.NO_USER)}
 
 
-def test_what_was_stopped_runs_again_and_the_log_is_that_of_a_quiet_host() -> None:
+def test_stopped_partitions_run_again() -> None:
     ran = rarms(*SWEEP, "--stop-partitions")
 
     assert ran.code == 0, ran.err
@@ -51,7 +51,7 @@ def test_what_was_stopped_runs_again_and_the_log_is_that_of_a_quiet_host() -> No
     assert (rarms("plan").code, rarms("drift").code) == (0, 0)
 
 
-def test_history_says_which_runs_stopped_and_started_for_a_measurement() -> None:
+def test_history_names_runs_for_a_measurement() -> None:
     assert rarms(*SWEEP, "--stop-partitions").code == 0
     assert rarms("stop", "speech", "--auto-approve").code == 0
     assert rarms("start", "speech", "--auto-approve").code == 0
@@ -62,7 +62,7 @@ def test_history_says_which_runs_stopped_and_started_for_a_measurement() -> None
     assert kinds == ["apply", "apply", "start after measuring", "stop to measure", "apply"]
 
 
-def test_undo_takes_back_the_users_own_apply_and_not_the_start_after_measuring() -> None:
+def test_undo_skips_the_start_after_measuring() -> None:
     Path("rarms.yaml").write_text(MANIFEST.replace("reserve: 20 %", "reserve: 30 %"), encoding="utf-8")
     assert rarms("apply", "--auto-approve").code == 0
     for setting in ("50%", "60%"):  # a measurement after a measurement
@@ -125,7 +125,7 @@ STOPPED = {"speech": (False, StoppedBy.MEASUREMENT), "vision": (False, StoppedBy
 
 
 @pytest.mark.usefixtures("_stopped_and_out_of_room")
-def test_what_cannot_be_started_again_is_an_error_beside_what_was_measured() -> None:
+def test_unstartable_partition_is_an_error() -> None:
     ran = rarms(*SWEEP)
     for_programs = rarms(*SWEEP, "--json")
 
@@ -138,7 +138,7 @@ def test_what_cannot_be_started_again_is_an_error_beside_what_was_measured() -> 
 
 
 @pytest.mark.usefixtures("_stopped_and_out_of_room")
-def test_what_cannot_be_started_after_a_failure_is_told_beside_the_failure() -> None:
+def test_unstartable_partition_is_told_with_the_failure() -> None:
     failed = rarms("measure", "vision", "--from", "70%", "--to", "90%")
 
     assert failed.code == 4, failed.err
@@ -154,7 +154,7 @@ def test_what_the_user_stopped_stays_stopped() -> None:
     assert machines() == {"speech": (False, StoppedBy.USER), "vision": (True, StoppedBy.NO_USER)}
 
 
-def test_it_says_how_many_settings_there_are_and_how_long_they_take_once_it_has_run_some() -> None:
+def test_remaining_time_is_told_after_some_settings() -> None:
     loads = ("--interference", "busy-loop", "--interference", "bursts-20")
     said = " ".join(rarms(*SWEEP, *loads, "--stop-partitions", "--samples", "10").err.split())
 

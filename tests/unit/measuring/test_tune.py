@@ -156,7 +156,7 @@ def test_what_tuning_finds_is_what_a_plan_reserves(tmp_path: Path) -> None:
     assert chosen.reserve == compound["reserve"]
 
 
-def test_a_log_that_was_not_asked_for_may_void_the_proof(here: Path) -> None:
+def test_unasked_log_may_void_the_proof(here: Path) -> None:
     """Vision and paths together are seen to do with less than vision was shown to miss with."""
     together = [replace(steady(name, 10.0), elapsed_ms=1000.0) for name in ("paths", "vision")]
     leave_log(here, ("paths", "vision"), [a_setting(5, *together)])
@@ -169,7 +169,7 @@ def test_a_log_that_was_not_asked_for_may_void_the_proof(here: Path) -> None:
     assert "No other layout" not in ran.out
 
 
-def test_the_papers_procedure_says_its_message_and_walks_by_ten(here: Path) -> None:
+def test_papers_procedure_walks_by_ten(here: Path) -> None:
     ran = rarms("tune", "--samples", "60", "--strategy", "paper", "--json")
 
     found = json.loads(ran.out)["run"]
@@ -179,7 +179,7 @@ def test_the_papers_procedure_says_its_message_and_walks_by_ten(here: Path) -> N
     assert [reserve for _, reserve in asked[1:]] == list(range(10, 10 * len(asked), 10))
 
 
-def test_where_nothing_may_be_combined_the_answer_is_no(here: Path) -> None:
+def test_where_nothing_may_be_combined_answer_is_no(here: Path) -> None:
     alone = MANIFEST.replace("    criticality:", "    dedicated: true\n    criticality:")
     (here / "rarms.yaml").write_text(alone, encoding="utf-8", newline="\n")
     lower = rarms("measure", "--from", "20%", "--to", "40%", "--samples", "60")
@@ -216,7 +216,7 @@ def test_where_another_host_has_room_nothing_is_tuned(tmp_path: Path) -> None:
     assert all("left, right: nothing to do, 1.36 LP are reserved" in " ".join(tune.out.split()) for tune in tunes)
 
 
-def test_after_the_papers_procedure_pairs_that_it_does_not_try_are_a_way_out(tmp_path: Path) -> None:
+def test_untried_pairs_are_a_way_out(tmp_path: Path) -> None:
     """It tries only pairs with the least critical component, which is on its own here."""
     (tmp_path / "rarms.yaml").write_text(
         MANIFEST.replace("    criticality: 10\n", "    criticality: 10\n    dedicated: true\n"),
@@ -232,7 +232,7 @@ def test_after_the_papers_procedure_pairs_that_it_does_not_try_are_a_way_out(tmp
     assert "Combining may be enough, and `rarms tune` measures it: paths and vision reserve 1.7 LP" in said
 
 
-def test_what_is_not_tuned_counts_in_what_is_reserved_and_in_what_there_is(tmp_path: Path) -> None:
+def test_untuned_reservations_count(tmp_path: Path) -> None:
     fixed = MANIFEST.replace("reserve: measured", "reserve: 20 %")
     (tmp_path / "rarms.yaml").write_text(fixed, encoding="utf-8", newline="\n")
 
@@ -243,7 +243,7 @@ def test_what_is_not_tuned_counts_in_what_is_reserved_and_in_what_there_is(tmp_p
     assert (ran.code, ran.out) == (0, f"onboard: nothing to do, {amount}\n")
 
 
-def test_where_the_manifest_fixes_all_reserves_and_they_do_not_fit_one_may_be_measured(tmp_path: Path) -> None:
+def test_fixed_reserves_may_be_measured_instead(tmp_path: Path) -> None:
     fixed = MANIFEST.replace("reserve: measured", "reserve: 40 %")
     (tmp_path / "rarms.yaml").write_text(fixed, encoding="utf-8", newline="\n")
 
@@ -257,7 +257,7 @@ def test_where_the_manifest_fixes_all_reserves_and_they_do_not_fit_one_may_be_me
     assert "Or have a reserve measured: `cpu: { reserve: measured }`." in said
 
 
-def test_a_protected_partition_takes_others_in_and_is_never_combined_away(here: Path) -> None:
+def test_protected_partition_is_never_combined_away(here: Path) -> None:
     protected = "\npartitions:\n  {}: {{ protect: true }} # never lose it\n"
     (here / "rarms.yaml").write_text(MANIFEST + protected.format("video"), encoding="utf-8", newline="\n")
     graph = rarms("graph", "--candidates").out
@@ -285,7 +285,7 @@ def test_explain_says_what_was_measured_together_and_rejected(here: Path) -> Non
     assert "rejected by tuning" in next(line for line in after.splitlines() if line.startswith("paths+video "))
 
 
-def test_asked_first_it_measures_only_what_was_said_yes_to(here: Path) -> None:
+def test_only_confirmed_combinations_are_measured(here: Path) -> None:
     no = rarms("tune", "--interactive", "--samples", "60", stdin="\n" * 9, at_a_terminal=True)
     assert (no.code, "RARMS305" in no.err) == (4, True)
     assert "Try paths and video? About " in no.err
@@ -315,7 +315,7 @@ def running() -> list[str]:
     return sorted(each.name for each in settings if each.running)
 
 
-def test_on_an_applied_host_it_stops_what_runs_there_only_where_that_is_wanted(applied: Path) -> None:
+def test_applied_partitions_stop_only_on_request(applied: Path) -> None:
     refused = rarms("tune", "--samples", "60")
     tuned = rarms("tune", "--samples", "60", "--stop-partitions")
 
@@ -328,7 +328,7 @@ def test_on_an_applied_host_it_stops_what_runs_there_only_where_that_is_wanted(a
     assert rarms("tune", "--stop-partitions", "--on-busy-host").code == 64
 
 
-def test_a_session_on_an_applied_host_goes_on_to_combining_and_asks_once_whether_it_may_stop_what_runs(
+def test_session_asks_once_before_stopping(
     applied: Path,
 ) -> None:
     levels, combined = "\n" * 3, "y\n" * 9

@@ -69,7 +69,7 @@ def subject_of(*hosts: str) -> TuningSubject:
     return subject_of_tuning(found, tuning_host(found), observe_hosts(found))
 
 
-def test_a_compound_stays_where_the_partition_of_its_name_runs(here: Path) -> None:
+def test_compound_stays_where_partition_of_its_name_runs(here: Path) -> None:
     write(MANIFEST)
     done = rarms("apply", "--auto-approve")
     assert done.code == 0, done.err
@@ -101,7 +101,7 @@ class Once:
         return False
 
 
-def test_who_stops_it_is_told_what_was_asked_with_what_was_predicted(here: Path) -> None:
+def test_declined_combination_tells_its_prediction(here: Path) -> None:
     write(MANIFEST.replace("0.8 LP", "1 LP") + VIDEO)
     subject = subject_of("onboard")
     oracle = Once()
@@ -132,7 +132,7 @@ class AsIfBroken:
         return False
 
 
-def test_a_setting_that_contradicts_the_assumption_is_told_and_nothing_is_proved(tmp_path: Path) -> None:
+def test_contradicting_setting_proves_nothing(tmp_path: Path) -> None:
     component = "{ criticality: 10, apt: { mean_response_time: { at_most: 100 ms } }, simulation: { work: 10 ms } }"
     least = {"gripper": 13, "speech": 11, "paths": 28, "video": 15}
     lines = "".join(f"  {name}: {component.replace('10,', f'{40 - at},')}\n" for at, name in enumerate(least))
@@ -168,7 +168,7 @@ class Never:
         return False
 
 
-def test_after_the_papers_procedure_the_default_strategy_is_a_way_out(here: Path) -> None:
+def test_after_papers_procedure_default_strategy_is_way_out(here: Path) -> None:
     write(MANIFEST.replace("0.8 LP", "1 LP") + VIDEO)
     subject = subject_of("onboard")
     inquiry = Inquiry(oracle=Never(), may_share=subject.may_share)
@@ -182,7 +182,7 @@ def test_after_the_papers_procedure_the_default_strategy_is_a_way_out(here: Path
     assert "rarms tune" not in advice("default")
 
 
-def test_hosts_of_several_platforms_are_tuned_one_after_the_other_by_commands_that_are_named(here: Path) -> None:
+def test_platforms_are_tuned_by_named_commands(here: Path) -> None:
     write(MANIFEST.replace("platform: two-core }\n\n", "platform: dual }\n\n"))
 
     refused = rarms("tune")
@@ -224,7 +224,7 @@ def test_tuning_a_host_counts_what_can_be_there(tmp_path: Path) -> None:
     assert fits.out.endswith("a: nothing to do, 0.45 LP are reserved; the capacity is 0.5 LP.\n")
 
 
-def test_a_full_other_host_does_not_keep_a_host_from_being_tuned(tmp_path: Path) -> None:
+def test_full_other_host_does_not_prevent_tuning(tmp_path: Path) -> None:
     """Component q may run on both hosts; b has no room for r and s, and so none for q."""
     with chdir(tmp_path):
         write(TWO_HOSTS + "  s: { criticality: 9, memory: 64 MiB, cpu: { reserve: 0.8 LP }, hosts: [b] }\n")
@@ -240,7 +240,7 @@ def test_a_full_other_host_does_not_keep_a_host_from_being_tuned(tmp_path: Path)
     )
 
 
-def test_who_only_has_a_log_for_a_full_host_counts_there(tmp_path: Path) -> None:
+def test_log_for_full_host_counts_there(tmp_path: Path) -> None:
     """Component q names no hosts: only its data log binds it to a."""
     with chdir(tmp_path):
         on_two_hosts(tmp_path, p=55, q=25, r=65)
@@ -253,7 +253,7 @@ def test_who_only_has_a_log_for_a_full_host_counts_there(tmp_path: Path) -> None
     assert {name: float(each.reserved_lp) for name, each in totals.items()} == {"a": 0.8, "b": 1.3}
 
 
-def test_who_has_a_choice_counts_where_there_is_room(tmp_path: Path) -> None:
+def test_who_has_choice_counts_where_there_is_room(tmp_path: Path) -> None:
     with chdir(tmp_path):
         write(
             TWO_HOSTS.replace("memory: 4 GiB", "memory: 4 GiB, platform: alike").replace(
@@ -266,7 +266,7 @@ def test_who_has_a_choice_counts_where_there_is_room(tmp_path: Path) -> None:
     assert {name: float(each.reserved_lp) for name, each in totals.items()} == {"a": 1.2, "b": 1.6}
 
 
-def test_on_whole_cores_an_offer_and_a_way_out_count_what_the_compound_takes_of_them(tmp_path: Path) -> None:
+def test_whole_cores_count_in_offers(tmp_path: Path) -> None:
     """One thread and two take a core each, and three together take two: 4 LPs, of which one stands idle."""
     host = "  onboard: { logical_processors: 4, memory: 4 GiB, simulated: { smt: true } }\n"
     head, components = MANIFEST.partition("hosts:\n")[0], MANIFEST.partition("components:\n")[2]

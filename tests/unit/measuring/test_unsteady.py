@@ -76,7 +76,7 @@ FAR_BELOW: Mapping[str, tuple[str, str, int, int]] = {
 
 
 @pytest.mark.parametrize("case", FAR_BELOW)
-def test_a_first_setting_without_a_steady_state_costs_no_reservation(case: str, tmp_path: Path) -> None:
+def test_first_setting_without_steady_state_costs_no_reservation(case: str, tmp_path: Path) -> None:
     work, varies, limit, needed = FAR_BELOW[case]
     experiment = an_experiment(work, varies, limit)
     ended = searched(experiment, tmp_path)
@@ -93,7 +93,7 @@ def test_a_first_setting_without_a_steady_state_costs_no_reservation(case: str, 
     assert "RARMS267" not in {finding.code for finding in found}
 
 
-def test_where_nothing_close_below_is_steady_it_says_that_it_does_not_know(tmp_path: Path) -> None:
+def test_unsteady_neighbourhood_is_unknown(tmp_path: Path) -> None:
     experiment = an_experiment("15 ms", "10 %", 28)
     ended = searched(experiment, tmp_path, NEAR)
     end = ended.conclusion
@@ -110,7 +110,7 @@ def test_where_nothing_close_below_is_steady_it_says_that_it_does_not_know(tmp_p
     assert str(told.advice) == "Look for what grows in coi while it runs. Or leave it."
 
 
-def test_quick_jobs_that_have_a_processor_for_themselves_at_first_are_not_believed(tmp_path: Path) -> None:
+def test_first_quick_jobs_are_not_believed(tmp_path: Path) -> None:
     """40 samples of 3 ms are over before the load beside them has missed anything: 1 % seemed enough, for 303 ms."""
     experiment = an_experiment("3 ms", "0 %", 4)
     log = tmp_path / "settled"

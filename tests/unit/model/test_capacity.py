@@ -18,7 +18,7 @@ def claim(reserve: int, processors: int = 1, memory: int = 0) -> Claim:
     return Claim(processors=processors, reserve=reserve, memory=memory)
 
 
-def test_a_virtual_processor_needs_its_whole_reserve_on_one_logical_one() -> None:
+def test_virtual_processor_needs_one_logical_one() -> None:
     assert not packs([claim(60), claim(60), claim(60)], a_capacity(2))
     assert packs([claim(60), claim(60), claim(40, 2)], a_capacity(2))
 
@@ -27,19 +27,19 @@ def test_a_packing_that_first_fit_misses_is_found() -> None:
     assert packs([claim(size) for size in (44, 43, 39, 37, 19, 18)], a_capacity(2))
 
 
-def test_what_leaves_nothing_over_is_found_without_trying_the_same_twice() -> None:
+def test_exact_packing_is_found_without_repetition() -> None:
     sizes = (52, 44, 43, 39, 34, 31, 26, 23, 21, 17, 16, 13, 12, 11, 9, 9)
     assert sum(sizes) == 400
 
     assert packs([claim(size) for size in sizes], a_capacity(4))
 
 
-def test_a_reserve_on_more_processors_than_there_are_does_not_hold() -> None:
+def test_reserve_on_missing_processors_does_not_hold() -> None:
     assert not packs([claim(1, 3)], a_capacity(2))
     assert packs([claim(0, 3)], a_capacity(2))
 
 
-def test_what_is_kept_for_the_host_counts_against_the_sum() -> None:
+def test_what_is_kept_for_host_counts_against_sum() -> None:
     room = Capacity(logical_processors=2, processors=LogicalProcessors(Fraction(3, 2)), memory=Bytes(100))
 
     assert fits(room, [claim(75, 2, 100)])
@@ -77,7 +77,7 @@ def test_how_a_machine_takes_cores(facts: dict[str, Any], threads_per_core: int 
     assert core_sharing(facts_for(a_host(logical_processors=8), **facts), threads_per_core) == sharing
 
 
-def test_a_core_never_runs_two_machines_under_the_core_scheduler_with_smt() -> None:
+def test_core_never_runs_two_machines() -> None:
     narrow = CoreSharing(threads=2, used=2)
     seven = [narrow.claim(1, 95, 0)] * 7
 

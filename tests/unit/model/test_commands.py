@@ -13,7 +13,7 @@ from rarms_iac.model.commands import (
 )
 
 
-def test_a_command_is_data_until_it_is_written_out() -> None:
+def test_command_is_data_until_it_is_written_out() -> None:
     measure = command("measure", "vision", again=True, script=False, samples=200, from_="10%")
 
     assert measure.arguments == ("vision",)
@@ -36,9 +36,7 @@ def test_a_command_is_data_until_it_is_written_out() -> None:
         (command("plan", f="robot"), "`rarms plan -f robot`"),
     ],
 )
-def test_a_command_names_the_manifest_where_it_takes_one_and_names_none(
-    recommended: RecommendedCommand, written: str
-) -> None:
+def test_command_names_the_manifest_if_it_takes_one(recommended: RecommendedCommand, written: str) -> None:
     assert plain_text(prose("Look: ", recommended, "."), " -f cell") == f"Look: {written}."
 
 

@@ -9,11 +9,11 @@ from rarms_iac.model.host import SchedulerType, SimulatedHost, host_identity
 MACHINE = "5b0f6a3e-9d1c-4d57-8b7e-2f6a1c0d9e84"
 
 
-def test_a_hosts_identity_is_the_beginning_of_a_digest_made_for_rarms() -> None:
+def test_host_identity_is_a_digest() -> None:
     assert host_identity(MACHINE) == hashlib.sha256(f"rarms host {MACHINE}".encode()).hexdigest()[:32]
 
 
-def test_blanks_and_case_do_not_matter_and_without_an_id_there_is_none() -> None:
+def test_identity_ignores_blanks_and_case() -> None:
     assert host_identity(f" {MACHINE.upper()}\n") == host_identity(MACHINE)
     assert host_identity(" \n") == ""
 
@@ -28,7 +28,5 @@ def test_blanks_and_case_do_not_matter_and_without_an_id_there_is_none() -> None
         (SimulatedHost(), SchedulerType.CLASSIC),
     ],
 )
-def test_a_simulated_server_has_the_scheduler_of_its_windows_where_cores_are_shared(
-    host: SimulatedHost, scheduler: SchedulerType
-) -> None:
+def test_simulated_server_has_its_windows_scheduler(host: SimulatedHost, scheduler: SchedulerType) -> None:
     assert host.scheduler_type is scheduler

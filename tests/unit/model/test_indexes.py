@@ -24,7 +24,7 @@ def test_every_index_is_found_by_its_own_name() -> None:
         ("p95_response_time", "at_most", Unit.TIME),
     ],
 )
-def test_an_index_knows_its_unit_and_which_side_is_good(name: str, direction: str, unit: Unit) -> None:
+def test_index_knows_unit_and_good_side(name: str, direction: str, unit: Unit) -> None:
     index = find_index(name)
 
     assert index is not None

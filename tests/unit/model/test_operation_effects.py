@@ -47,9 +47,7 @@ SETTINGS: tuple[tuple[MachineOperation, dict[str, Any]], ...] = (
 
 
 @pytest.mark.parametrize(("operation", "changes"), SETTINGS)
-def test_an_operation_changes_what_it_names_and_nothing_else(
-    operation: MachineOperation, changes: dict[str, Any]
-) -> None:
+def test_operation_changes_what_it_names_and_nothing_else(operation: MachineOperation, changes: dict[str, Any]) -> None:
     before = replace(build.settings("vision"), secure_boot="MicrosoftWindows")
 
     assert applied(before, operation) == replace(before, **changes)
@@ -71,7 +69,7 @@ def test_the_way_back_leads_to_what_was_there(operation: MachineOperation, mark:
     assert partition_after(partition_after(before, operation), back) == before  # type: ignore[arg-type]  # on a machine
 
 
-def test_a_machine_gets_its_own_id_into_its_mark() -> None:
+def test_machine_gets_its_own_id_into_its_mark() -> None:
     writing = WriteMark(application="robot", name="vision", set="0" * 12, stopped_by=StoppedBy.USER, **HERE)
 
     assert partition_after(replace(build.partition(), id="0a1b2c3d-vm", mark=OLD), writing).mark == NEW
@@ -85,7 +83,7 @@ def test_what_cannot_come_back_has_no_way_back() -> None:
     assert reverse(StopPartition(grace_ms=0, **HERE), paused) is None
 
 
-def test_what_was_started_is_stopped_within_the_grace_of_its_guest() -> None:
+def test_undo_of_start_keeps_the_grace() -> None:
     off = build.partition(build.settings(running=False))
 
     assert reverse(StartPartition(**HERE), off, grace_ms=7) == StopPartition(grace_ms=7, **HERE)

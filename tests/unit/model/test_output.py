@@ -29,7 +29,7 @@ class Answer:
 ANSWER = Answer(address=Address(partition="vision"), amount=Fraction(1, 4), upper=float("inf"))
 
 
-def test_a_result_is_its_fields_and_its_marked_properties() -> None:
+def test_result_is_its_fields_and_its_marked_properties() -> None:
     assert encode_output(ANSWER) == {"address": "partition/vision", "amount": 0.25, "upper": None, "double": 0.5}
 
 

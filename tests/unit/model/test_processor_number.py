@@ -22,7 +22,7 @@ SEEN = {("open",): 1, ("one", "open"): 3}
         ((a_component("new"), NARROW), None, 4, ProcessorSource.HOST),
     ],
 )
-def test_the_manifest_comes_before_what_was_seen_and_that_before_the_host(
+def test_manifest_comes_before_observed_and_host(
     members: tuple[object, ...], requested: int | None, number: int, source: ProcessorSource
 ) -> None:
     found = processor_number(members, requested, 4, SEEN.get)  # type: ignore[arg-type]  # components
@@ -30,13 +30,13 @@ def test_the_manifest_comes_before_what_was_seen_and_that_before_the_host(
     assert found == ProcessorNumber(number=number, source=source)
 
 
-def test_components_together_have_at_most_the_hosts_and_never_fewer_than_one_of_them() -> None:
+def test_compound_has_between_member_and_host_processors() -> None:
     assert together([1, 2], 4) == 3
     assert together([3, 2], 4) == 4
     assert together([6, 1], 4) == 6
 
 
-def test_what_is_at_once_for_a_moment_does_not_count() -> None:
+def test_momentary_use_does_not_count() -> None:
     assert most_at_once({0: 50.0, 1: 49.0, 3: 1.0}, 100.0) == 1
     assert most_at_once({0: 50.0, 1: 48.5, 2: 0.7, 3: 0.8}, 100.0) == 2
     assert most_at_once({}, 0.0) == 1

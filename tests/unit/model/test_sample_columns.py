@@ -27,7 +27,7 @@ SAMPLES = st.lists(
 
 @settings(max_examples=examples(100))
 @given(samples=SAMPLES, data=st.data())
-def test_columns_are_equal_to_their_samples_and_so_is_every_part(samples: list[Sample], data: st.DataObject) -> None:
+def test_columns_equal_their_samples(samples: list[Sample], data: st.DataObject) -> None:
     columns = columns_of(samples)
     part = data.draw(st.slices(max(1, len(samples))))
 
@@ -42,7 +42,7 @@ def test_columns_are_equal_to_their_samples_and_so_is_every_part(samples: list[S
 
 @settings(max_examples=examples(100))
 @given(samples=SAMPLES)
-def test_the_numbers_of_columns_are_those_of_the_samples(samples: list[Sample]) -> None:
+def test_numbers_of_columns_are_those_of_samples(samples: list[Sample]) -> None:
     columns, run = columns_of(samples), a_run(deadline="40 ms")
 
     assert response_times(columns) == [sample.response_ms for sample in samples if sample.response_ms is not None]
@@ -56,7 +56,7 @@ def is_late(sample: Sample, run: Run) -> bool:
     return sample.response_ms is None or sample.response_ms > run.deadline
 
 
-def test_what_was_worked_out_once_is_not_worked_out_again() -> None:
+def test_derived_columns_are_kept() -> None:
     columns = columns_of([Sample(began_ms=0.0, response_ms=1.0, successful=True)])
     asked: list[str] = []
 

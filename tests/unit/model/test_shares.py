@@ -34,7 +34,7 @@ def test_nothing_else_is_of_a_host(text: str) -> None:
         parse_quantity(text, Unit.SHARE, Unit.PROCESSORS)
 
 
-def test_a_share_that_is_of_no_host_does_not_say_so() -> None:
+def test_share_of_no_host_names_none() -> None:
     with pytest.raises(NotAQuantity):
         parse_quantity("70 % of host", Unit.SHARE)
 
@@ -44,13 +44,13 @@ def test_bytes_have_few_digits() -> None:
     assert list(map(show_bytes, sizes)) == ["31.9 GiB", "3.5 GiB", "1.5 GiB", "4 GiB", "512 MiB", "1.5 KiB", "0 B"]
 
 
-def test_two_amounts_that_differ_never_read_alike_in_one_sentence() -> None:
+def test_different_amounts_never_read_alike() -> None:
     assert show_bytes(1026 * 2**20, 2**30) == "1.002 GiB"
     assert show_bytes(2**30, 1026 * 2**20) == "1 GiB"
     assert show_bytes(2**30, 2**30) == "1 GiB"
 
 
-def test_memory_is_written_as_identities_of_data_logs_have_it() -> None:
+def test_memory_is_written_as_in_identities() -> None:
     sizes = (1280 * 2**20, 1536 * 2**20, 4 * 2**30, 11776 * 2**20, 2048, 0)
     assert list(map(write_bytes, sizes)) == ["1280 MiB", "1536 MiB", "4 GiB", "11.5 GiB", "2 KiB", "0 B"]
 
@@ -61,7 +61,7 @@ def test_what_is_written_of_memory_is_exact(size: int) -> None:
 
 
 @given(st.fractions(min_value=Fraction(1, 10**9), max_value=100))
-def test_an_amount_above_zero_is_not_shown_as_zero(amount: Fraction) -> None:
+def test_amount_above_zero_is_not_shown_as_zero(amount: Fraction) -> None:
     shown = [
         show_processors(amount),
         show_processors(-amount),
@@ -73,7 +73,7 @@ def test_an_amount_above_zero_is_not_shown_as_zero(amount: Fraction) -> None:
     assert show_processors(Fraction(1, 250)) == "0.004 LP"
 
 
-def test_amounts_have_two_decimals_and_shares_say_of_what() -> None:
+def test_amounts_have_two_decimals() -> None:
     assert show_processors(Fraction(11, 3)) == "3.67 LP"
     assert show_reserve(80, 2) == "1.6 LP (80 % of its 2 VPs)"
     assert share_of_host(Fraction(8, 5), 8, "cell") == "20 % of cell"

@@ -38,7 +38,7 @@ def steps_for(new: PartitionSettings) -> tuple[list[Step], list[Step]]:
 
 
 @pytest.mark.parametrize("setting", CHANGED)
-def test_a_step_back_says_from_what_to_what_as_the_step_does(setting: str) -> None:
+def test_reversed_step_says_from_and_to(setting: str) -> None:
     new, there, back = CHANGED[setting]
 
     done, undone = steps_for(new)
@@ -46,7 +46,7 @@ def test_a_step_back_says_from_what_to_what_as_the_step_does(setting: str) -> No
     assert ([step.title for step in done], [step.title for step in undone]) == ([there], [back])
 
 
-def test_memory_that_was_dynamic_is_said_to_be_so_again() -> None:
+def test_dynamic_memory_is_named_again() -> None:
     dynamic = replace(OLD, dynamic_memory=True)
     host_plan, _ = rendered_plan([build.update(build.partition(dynamic), marked(build.partition(OLD)))])
     (step, *_) = host_plan.steps
@@ -55,7 +55,7 @@ def test_memory_that_was_dynamic_is_said_to_be_so_again() -> None:
     assert reversal(step, host_plan.changes_by_address).title == "memory 1 GiB -> 1 GiB, dynamic"
 
 
-def test_an_undo_script_has_the_reserve_in_both_units_in_its_step_and_its_head() -> None:
+def test_undo_script_has_reserve_in_both_units() -> None:
     new, _, back = CHANGED["reserve"]
     change = build.update(build.partition(OLD), marked(build.partition(new)))
     known = replace(change, address=replace(change.address, machine="id-of-vision"))

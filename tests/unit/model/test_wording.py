@@ -47,11 +47,11 @@ def test_small_numbers_are_words() -> None:
         ("", None),
     ],
 )
-def test_a_slip_finds_the_name_and_another_word_does_not(word: str, meant: str | None) -> None:
+def test_slip_finds_name_and_another_word_does_not(word: str, meant: str | None) -> None:
     assert did_you_mean(word, ["speech", "vision"]) == meant
 
 
-def test_ties_go_by_name_in_any_order_of_the_candidates() -> None:
+def test_ties_go_by_name() -> None:
     assert did_you_mean("arm-3", ["arm-2", "arm-1"]) == did_you_mean("arm-3", ["arm-1", "arm-2"]) == "arm-1"
 
 
@@ -76,7 +76,7 @@ def test_distance_stops_above_its_limit() -> None:
     assert distance("aaaaaaaa", "bbbbbbbb", 2) == 3
 
 
-def test_a_quoted_text_is_on_one_line_and_nothing_in_it_is_hidden() -> None:
+def test_quoted_text_is_one_visible_line() -> None:
     assert quoted("vision") == '"vision"'
     assert quoted("vid\x00eo\n\u202eexe\xa0") == '"vid<U+0000>eo<U+000A><U+202E>exe<U+00A0>"'
     assert quoted("it's") == '"it\'s"'
@@ -96,7 +96,7 @@ def test_of_many_names_the_first_are_listed(names: str, without: str, expected: 
     assert list_others(names, without) == expected
 
 
-def test_names_are_in_the_order_in_which_a_reader_counts() -> None:
+def test_names_are_in_order_in_which_reader_counts() -> None:
     assert sorted(["c10", "c2", "a", "c1", "c1b2", "c1b10", "2"], key=natural_order) == [
         "2",
         "a",
@@ -108,7 +108,7 @@ def test_names_are_in_the_order_in_which_a_reader_counts() -> None:
     ]
 
 
-def test_of_many_unknown_names_the_first_get_a_suggestion_and_the_others_say_that_none_was_looked_for() -> None:
+def test_only_first_unknown_names_get_suggestions() -> None:
     suggestions = Suggestions()
 
     found = [suggestions.find("visoin", ["speech", "vision"]) for _ in range(MOST_SUGGESTIONS + 1)]
@@ -145,7 +145,7 @@ def test_last_words_are_never_empty(said: str, code: int | None, words: str) -> 
     assert last_words(said, code) == words
 
 
-def test_no_other_module_asks_an_error_for_its_words() -> None:
+def test_no_other_module_asks_error_for_its_words() -> None:
     """An OSError may have no `strerror`; programs of their own that import nothing of rarms say what they do then."""
     alone = {
         "install_there.py",

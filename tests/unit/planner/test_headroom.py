@@ -28,7 +28,7 @@ def a_robot(reserve: str = "30 %") -> System:
     )
 
 
-def test_by_criticality_the_more_critical_has_the_larger_part() -> None:
+def test_by_criticality_more_critical_has_larger_part() -> None:
     found = partitions_of(a_robot())
 
     assert {name: (partition.settings.limit, partition.settings.weight) for name, partition in found.items()} == {
@@ -40,7 +40,7 @@ def test_by_criticality_the_more_critical_has_the_larger_part() -> None:
     assert "100 times the criticality 30" in found["vision"].why_weight
 
 
-def test_a_partition_of_several_has_the_weight_of_its_most_critical_member() -> None:
+def test_shared_partition_has_its_highest_weight() -> None:
     system = a_robot()
     vision = replace(system.components["vision"], together=("speech",))
     found = partitions_of(replace(system, components={**system.components, "vision": vision}))
@@ -63,7 +63,7 @@ def test_equal_hands_out_the_same() -> None:
     assert weights == {USUAL_WEIGHT}
 
 
-def test_none_keeps_those_without_an_apt_to_their_reservation() -> None:
+def test_none_keeps_those_without_apt_to_their_reservation() -> None:
     found = partitions_of(a_robot(), Headroom.NONE)
 
     assert {name: (partition.settings.limit, partition.settings.weight) for name, partition in found.items()} == {
@@ -92,7 +92,7 @@ def test_a_new_component_moves_no_other_weight() -> None:
 
 
 @given(st.lists(st.integers(0, 1_000_000), min_size=1))
-def test_the_order_of_criticalities_is_the_order_of_weights_up_to_a_hundred(criticalities: list[int]) -> None:
+def test_weights_follow_criticalities_to_a_hundred(criticalities: list[int]) -> None:
     weights = [weight_of_criticality(criticality) for criticality in sorted(criticalities)]
 
     assert weights == sorted(weights)

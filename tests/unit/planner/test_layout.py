@@ -43,13 +43,13 @@ def test_the_delivery_robot_gets_what_it_fixes() -> None:
     assert found.placement is None, "there was one host to choose"
 
 
-def test_a_reserve_is_rounded_up_to_whole_per_cent() -> None:
+def test_reserve_is_rounded_up_to_whole_per_cent() -> None:
     (partition,) = layout(a_system(components=[a_component(reserve="0.25 LP", processors=2)])).partitions
 
     assert (partition.settings.reserve, partition.reserved) == (13, Fraction(26, 100))
 
 
-def test_a_partition_by_hand_has_the_sum_of_its_members_unless_it_says_otherwise() -> None:
+def test_manual_partition_has_the_sum_of_members() -> None:
     members = [
         a_component("vision", reserve="30 %", limit="50 %", memory="512 MiB", criticality=2),
         a_component("speech", reserve="20 %", limit="40 %", memory="256 MiB", criticality=3, weight=300),
@@ -67,7 +67,7 @@ def test_a_partition_by_hand_has_the_sum_of_its_members_unless_it_says_otherwise
     assert (settings.reserve, settings.limit, settings.weight, settings.memory) == (45, 60, 50, 512 * MIB)
 
 
-def test_a_limit_left_open_by_one_member_is_open() -> None:
+def test_limit_left_open_by_one_member_is_open() -> None:
     members = [a_component("vision", limit="50 %"), a_component("speech")]
 
     (partition,) = layout(
@@ -77,7 +77,7 @@ def test_a_limit_left_open_by_one_member_is_open() -> None:
     assert partition.settings.limit == 100
 
 
-def test_components_that_must_be_together_share_a_partition_of_the_most_critical() -> None:
+def test_bound_components_share_a_partition() -> None:
     members = [
         a_component("vision", criticality=1, together=["speech"]),
         a_component("speech", criticality=2),
@@ -92,7 +92,7 @@ def test_components_that_must_be_together_share_a_partition_of_the_most_critical
     }
 
 
-def test_what_is_kept_for_the_host_and_what_strangers_hold_is_not_promised() -> None:
+def test_kept_and_foreign_capacity_is_not_promised() -> None:
     system = a_system(
         hosts=[a_host(keep_processor="10 %", keep_memory="1 GiB")], components=[a_component(reserve="60 %")]
     )
@@ -115,7 +115,7 @@ def test_what_is_kept_for_the_host_and_what_strangers_hold_is_not_promised() -> 
     assert layout(system, with_stranger(asleep)).partitions
 
 
-def test_memory_counts_the_partitions_that_are_not_in_the_conflict_too() -> None:
+def test_memory_counts_partitions_outside_the_conflict() -> None:
     needs = {"seams": "1 GiB", "motion": "512 MiB", "messages": "256 MiB"}
     components = [a_component(name, memory=memory) for name, memory in needs.items()]
 
@@ -128,7 +128,7 @@ def test_memory_counts_the_partitions_that_are_not_in_the_conflict_too() -> None
     assert "768 MiB more memory on onboard" in str(found[0].advice)
 
 
-def test_what_one_host_cannot_hold_is_spread_over_several() -> None:
+def test_overfull_host_is_spread() -> None:
     hosts = [a_host("front"), a_host("rear")]
     system = a_system(hosts=hosts, components=[a_component(name, reserve="50 %") for name in "abcd"])
 
@@ -147,7 +147,7 @@ def test_what_one_host_cannot_hold_is_spread_over_several() -> None:
     ]
 
 
-def test_the_least_reservation_in_all_decides_where_hosts_differ() -> None:
+def test_least_reservation_in_all_decides_where_hosts_differ() -> None:
     hosts = [a_host("large", logical_processors=8), a_host("small", logical_processors=2)]
 
     (partition,) = layout(a_system(hosts=hosts, components=[a_component(reserve="20 %")])).partitions
@@ -155,7 +155,7 @@ def test_the_least_reservation_in_all_decides_where_hosts_differ() -> None:
     assert partition.host == "small"
 
 
-def test_a_partition_stays_where_it_is_unless_removal_is_allowed_and_the_gain_is_told() -> None:
+def test_partition_stays_unless_removal_is_allowed() -> None:
     hosts = [a_host("large", logical_processors=8), a_host("small", logical_processors=2)]
     system = a_system(hosts=hosts, components=[a_component(reserve="20 %")])
     states = {"large": state_with(hosts[0], "vision")}
@@ -165,7 +165,7 @@ def test_a_partition_stays_where_it_is_unless_removal_is_allowed_and_the_gain_is
     assert layout(system, states, Disruption.REMOVAL).partitions[0].host == "small"
 
 
-def test_a_host_that_is_smaller_than_the_manifest_says_is_planned_as_it_is() -> None:
+def test_smaller_host_is_planned_as_it_is() -> None:
     host = a_host(logical_processors=4)
     states = {"onboard": state_with(host, logical_processors=2)}
 
@@ -175,14 +175,14 @@ def test_a_host_that_is_smaller_than_the_manifest_says_is_planned_as_it_is() -> 
     assert codes(found.findings) == ["RARMS126"]
 
 
-def test_only_hosts_that_every_member_may_run_on_are_taken() -> None:
+def test_only_common_hosts_are_taken() -> None:
     hosts = [a_host("front"), a_host("rear")]
     system = a_system(hosts=hosts, components=[a_component(hosts=["rear"])])
 
     assert layout(system).partitions[0].host == "rear"
 
 
-def test_what_is_to_be_measured_has_no_layout_yet_and_no_apt_means_no_reservation() -> None:
+def test_unmeasured_has_no_layout() -> None:
     apt = {"mean_response_time": at_most(100)}
 
     assert misfit(a_system(components=[a_component(reserve="measured")]))[1] == ["RARMS100"]
@@ -190,7 +190,7 @@ def test_what_is_to_be_measured_has_no_layout_yet_and_no_apt_means_no_reservatio
     assert layout(a_system(components=[a_component(reserve=None)])).partitions[0].settings.reserve == 0
 
 
-def test_more_than_its_processors_can_use_and_more_processors_than_the_host_has() -> None:
+def test_impossible_processors_are_told() -> None:
     assert misfit(a_system(components=[a_component(reserve="1.4 LP", processors=1)]))[1] == ["RARMS060"]
     assert misfit(a_system(components=[a_component(reserve="40 %", processors=4)]))[1] == ["RARMS060"]
 
@@ -201,7 +201,7 @@ def test_a_component_of_the_host_has_no_partition() -> None:
     assert (found.partitions, found.on_hosts) == ((), (("watcher", "onboard"),))
 
 
-def test_hyperv_settings_come_from_the_partition_or_else_from_the_host() -> None:
+def test_hyperv_settings_come_from_partition_then_host() -> None:
     host = a_host(provider=ProviderKind.HYPERV, settings=HypervHost(switch="lan", image="base.vhdx", generation=1))
 
     (partition,) = layout(a_system(hosts=[host])).partitions
@@ -209,7 +209,7 @@ def test_hyperv_settings_come_from_the_partition_or_else_from_the_host() -> None
     assert (partition.settings.generation, partition.making.switch, partition.making.image) == (1, "lan", "base.vhdx")
 
 
-def test_an_open_reserve_of_a_partition_is_its_members() -> None:
+def test_open_reserve_of_partition_is_its_members() -> None:
     by_hand = replace(a_partition(), cpu=CpuRequest(reserve=None))
 
     assert layout(a_system(partitions=[by_hand])).partitions[0].settings.reserve == 20

@@ -80,7 +80,7 @@ def codes(planning: Planning) -> list[str]:
     return [finding.code for finding in planning.findings]
 
 
-def test_the_reserve_is_the_least_that_was_measured_to_meet_the_apt() -> None:
+def test_reserve_is_the_least_measured_to_pass() -> None:
     found = planned(vision(), {("vision",): a_log({10: 700, 61: 110, 62: 90, 70: 88})})
 
     assert reserves(found) == {"vision": 62}
@@ -115,9 +115,7 @@ def test_a_cr_is_of_the_partitions_own_processors() -> None:
         ({}, "has no setting with 2 virtual processors yet", True),
     ],
 )
-def test_where_no_setting_meets_the_apt_the_answer_is_no(
-    means: dict[int, float], message: str, measures_on: bool
-) -> None:
+def test_where_no_setting_meets_apt_answer_is_no(means: dict[int, float], message: str, measures_on: bool) -> None:
     found = planned(vision(), {("vision",): a_log(means)})
 
     (diagnostic,) = found.findings
@@ -129,7 +127,7 @@ def test_where_no_setting_meets_the_apt_the_answer_is_no(
     )
 
 
-def test_only_the_thresholds_that_no_setting_meets_are_named() -> None:
+def test_only_thresholds_that_no_setting_meets_are_named() -> None:
     apt = {"mean_response_time": at_most(500), "p95_response_time": at_most(100)}
 
     (diagnostic,) = planned(vision(apt=apt), {("vision",): a_log({50: 300, 80: 150})}).findings
@@ -137,7 +135,7 @@ def test_only_the_thresholds_that_no_setting_meets_are_named() -> None:
     assert "meets p95_response_time of vision: the highest" in diagnostic.detail
 
 
-def test_without_a_log_it_says_what_it_was_told() -> None:
+def test_without_log_it_says_what_it_was_told() -> None:
     why = explained(STALE, ("vision",), "onboard", "It changed.", "Measure again.")
     stale = NotMeasured(components=("vision",), why=why)
 
@@ -148,7 +146,7 @@ def test_without_a_log_it_says_what_it_was_told() -> None:
     assert unknown.code == "RARMS100"
 
 
-def test_what_is_said_of_a_log_is_said_of_a_reservation_that_rests_on_it() -> None:
+def test_remarks_of_a_log_follow_its_reservation() -> None:
     remark = NOT_VERIFIED.at(None, "model.bin is not here.", "Plan elsewhere.", address="component/vision")
     log = a_log({61: 110, 62: 90}, remarks=(remark,))
     fixed = PartitionRequest(name="vision", components=("vision",), cpu=a_cpu(reserve="70 %"))
@@ -157,7 +155,7 @@ def test_what_is_said_of_a_log_is_said_of_a_reservation_that_rests_on_it() -> No
     assert codes(planned(replace(vision(), partitions={"vision": fixed}), {("vision",): log})) == []
 
 
-def test_together_they_rest_on_their_common_log_and_on_no_less_than_what_is_fixed() -> None:
+def test_common_log_counts_with_fixed_minimum() -> None:
     members = [a_component("vision", reserve="measured", apt=APT), a_component("speech", reserve="80 %", apt=APT)]
     request = PartitionRequest(name="both", components=("vision", "speech"))
     system = a_system(components=members, partitions=[request])
@@ -168,14 +166,14 @@ def test_together_they_rest_on_their_common_log_and_on_no_less_than_what_is_fixe
     assert reserves(planned(system, {("speech", "vision"): log})) == {"both": 80}
 
 
-def test_another_apt_is_looked_up_in_the_same_log() -> None:
+def test_another_apt_is_looked_up_in_same_log() -> None:
     log: Logs = {("vision",): a_log({10: 700, 61: 110, 62: 90, 70: 88})}
 
     assert reserves(planned(vision(apt={"mean_response_time": at_most(120)}), log)) == {"vision": 61}
     assert reserves(planned(vision(apt={"mean_response_time": at_most(800)}), log)) == {"vision": 10}
 
 
-def test_several_loads_reserve_what_the_hardest_of_them_asks_for() -> None:
+def test_hardest_load_decides() -> None:
     logs = (
         a_log({30: 110, 40: 95}, load="busy-loop"),
         a_log({40: 105, 55: 95}, load="bursts-20"),
@@ -185,7 +183,7 @@ def test_several_loads_reserve_what_the_hardest_of_them_asks_for() -> None:
     assert reserves(planned(vision(), {("vision",): logs})) == {"vision": 55}
 
 
-def test_a_load_beside_which_nothing_is_enough_leaves_no_reservation() -> None:
+def test_hopeless_load_leaves_no_reservation() -> None:
     logs = (a_log({40: 95}), a_log({40: 120, 60: 110}, load="bursts-20"))
 
     planning = planned(vision(), {("vision",): logs})

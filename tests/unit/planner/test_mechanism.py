@@ -39,7 +39,7 @@ def vision_with(mechanism: Mechanism, *, processors: int | None = None) -> Place
     return next(partition for partition in answer.partitions if partition.name == "vision")
 
 
-def test_a_share_caps_nothing_and_no_partition_has_a_weight_on_linux() -> None:
+def test_linux_share_caps_nothing() -> None:
     found = vision_with(Mechanism.AUTOMATIC)
 
     settings = found.settings
@@ -48,7 +48,7 @@ def test_a_share_caps_nothing_and_no_partition_has_a_weight_on_linux() -> None:
     assert found.mechanism == "kept as a share, for then idle processors serve everybody (chosen by rarms)"
 
 
-def test_a_quota_is_a_limit_of_what_is_reserved_counted_ten_times_within_the_threshold() -> None:
+def test_quota_limits_within_the_threshold() -> None:
     found = vision_with(Mechanism.QUOTA)
 
     assert (found.settings.reserve, found.settings.limit, found.settings.quota_period_us) == (35, 35, 8_800)
@@ -56,7 +56,7 @@ def test_a_quota_is_a_limit_of_what_is_reserved_counted_ten_times_within_the_thr
     assert found.mechanism.endswith("(the manifest says so)")
 
 
-def test_fewer_processors_than_the_host_has_are_a_quota_on_linux() -> None:
+def test_fewer_processors_are_a_linux_quota() -> None:
     found = vision_with(Mechanism.SHARE, processors=1)
 
     assert (found.settings.processors, found.settings.limit, found.settings.quota_period_us) == (1, 100, 8_800)
@@ -66,13 +66,11 @@ def test_fewer_processors_than_the_host_has_are_a_quota_on_linux() -> None:
     ("apt_ms", "quota_percent", "period_us"),
     [(88, 70, 8_800), (2, 70, 1_429), (5_000, 70, 100_000), (None, 70, 100_000), (10, 5, 20_000)],
 )
-def test_a_period_is_a_tenth_of_the_threshold_within_what_the_kernel_takes(
-    apt_ms: float | None, quota_percent: int, period_us: int
-) -> None:
+def test_period_is_a_tenth_of_the_threshold(apt_ms: float | None, quota_percent: int, period_us: int) -> None:
     assert quota_period_us(apt_ms, quota_percent) == period_us
 
 
-def test_a_deadline_gives_a_thread_all_of_the_reservation_and_caps_no_other() -> None:
+def test_deadline_gives_one_thread_everything() -> None:
     found = vision_with(Mechanism.DEADLINE)
 
     assert (found.settings.reserve, found.settings.limit, found.settings.quota_period_us) == (35, 100, None)
@@ -106,7 +104,7 @@ def test_a_deadline_gives_a_thread_all_of_the_reservation_and_caps_no_other() ->
         ),
     ],
 )
-def test_a_deadline_that_the_kernel_would_refuse_is_refused_before(
+def test_deadline_that_kernel_would_refuse_is_refused_before(
     components: list[Component], together: tuple[str, ...], percent: int | None, message: str
 ) -> None:
     findings = planned(a_linux_host(Mechanism.DEADLINE), components, together=together, percent=percent).findings

@@ -65,7 +65,7 @@ MEAN = {"mean_response_time": at_most(60)}
 PERIODIC = a_run(every="50 ms")
 
 
-def test_measured_beside_steady_loads_alone_a_tail_is_warned_of_with_the_number() -> None:
+def test_steady_loads_alone_warn_of_a_tail() -> None:
     ((severity, detail),) = found(vision(TAIL))
 
     assert severity == "warning"
@@ -73,7 +73,7 @@ def test_measured_beside_steady_loads_alone_a_tail_is_warned_of_with_the_number(
     assert detail.endswith("p95_response_time allows less.")
 
 
-def test_measured_beside_bursts_a_tail_depends_on_its_neighbours_and_that_is_a_note() -> None:
+def test_bursts_note_neighbours_of_a_tail() -> None:
     ((severity, detail),) = found(vision(TAIL), loads=("busy-loop", "bursts-20"))
 
     assert severity == "note"
@@ -96,19 +96,19 @@ def test_measured_beside_bursts_a_tail_depends_on_its_neighbours_and_that_is_a_n
         (vision({"success_rate": at_least(90)}), 0),  # nothing says by when
     ],
 )
-def test_what_allows_less_than_the_work_and_a_window_is_told(component: Component, count: int) -> None:
+def test_too_little_for_window_is_told(component: Component, count: int) -> None:
     assert len(found(component)) == count
 
 
-def test_who_is_alone_on_a_host_has_no_neighbours() -> None:
+def test_who_is_alone_on_host_has_no_neighbours() -> None:
     assert found(vision(TAIL), others=()) == []
 
 
-def test_a_job_that_is_longer_than_the_window_sees_whole_windows() -> None:
+def test_long_job_sees_whole_windows() -> None:
     assert found(vision({"p95_response_time": at_most(260)}), work_ms=100.0) == []
 
 
-def test_the_kernel_of_a_linux_host_keeps_no_claim_for_so_long() -> None:
+def test_linux_keeps_no_long_claim() -> None:
     linux = replace(a_host(), provider=ProviderKind.LINUX)
 
     assert found(vision(TAIL), host=linux) == []

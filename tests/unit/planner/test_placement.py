@@ -56,7 +56,7 @@ def test_a_layout_that_runs_and_fits_stays() -> None:
     assert not planning.findings
 
 
-def test_one_point_more_moves_no_more_than_must_move() -> None:
+def test_one_point_moves_only_what_must() -> None:
     """Two partitions fill a host; one grows by a point, so that one of them must leave, and no other."""
     running = {"a": "host0", "c": "host0", "b": "host1", "d": "host1", "e": "host2"}
 
@@ -67,14 +67,14 @@ def test_one_point_more_moves_no_more_than_must_move() -> None:
     assert (placement.moves, placement.moves_bound) == (1, 1)
 
 
-def test_equal_hosts_in_another_order_are_no_reason_to_move() -> None:
+def test_host_order_moves_nothing() -> None:
     shares = {"a": 60, "b": 60}
 
     assert hosts_of(planned({"a": "host1", "b": "host0"}, shares, hosts=2)) == {"a": "host1", "b": "host0"}
     assert hosts_of(planned({}, shares, hosts=2)) == {"a": "host0", "b": "host1"}
 
 
-def test_where_nothing_is_to_be_chosen_nothing_is_said() -> None:
+def test_no_choice_says_nothing() -> None:
     planning = plan_layout(system_of({"a": 30}, hosts=1), FixedReservations(), {}, PLACES)
 
     assert isinstance(planning.answer, Layout)
@@ -82,7 +82,7 @@ def test_where_nothing_is_to_be_chosen_nothing_is_said() -> None:
     assert not planning.findings
 
 
-def test_those_that_stay_are_counted_with_those_that_have_a_choice() -> None:
+def test_staying_partitions_are_counted() -> None:
     """Thirty-five that stay where they are, and the five that have a choice beside them."""
     fixed = {f"p{at:02}": f"host{at % 3}" for at in range(35)}
 
@@ -93,7 +93,7 @@ def test_those_that_stay_are_counted_with_those_that_have_a_choice() -> None:
     assert (placement.verdict, placement.reserved) == ("optimal", 2 * (70 + 200))
 
 
-def test_a_layout_that_is_not_proved_says_how_far_it_may_be_from_the_best() -> None:
+def test_unproved_layout_says_its_distance() -> None:
     placement = Placement(reserved=420, reserved_bound=400, moves=3, moves_bound=1)
 
     assert placement.verdict == "within the bound"

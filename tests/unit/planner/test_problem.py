@@ -17,9 +17,7 @@ from tests.builders import a_component, a_host, a_system
 @pytest.mark.parametrize(
     ("provider", "alike"), [(ProviderKind.SIMULATED, True), (ProviderKind.LINUX, True), (ProviderKind.HYPERV, False)]
 )
-def test_a_search_without_checks_is_another_only_where_one_bounds_something(
-    provider: ProviderKind, alike: bool
-) -> None:
+def test_unchecked_search_differs_only_with_bounds(provider: ProviderKind, alike: bool) -> None:
     components = [a_component(name, reserve="60 %", memory="64 MiB") for name in ("speech", "vision")]
     problem = problem_of(
         a_system(hosts=[a_host(provider=provider)], components=components), FixedReservations(), {}, may_move=True
@@ -31,9 +29,7 @@ def test_a_search_without_checks_is_another_only_where_one_bounds_something(
 
 
 @pytest.mark.parametrize("provider", list(ProviderKind))
-def test_what_certainly_does_not_fit_is_searched_for_once(
-    provider: ProviderKind, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_certain_misfit_is_searched_once(provider: ProviderKind, monkeypatch: pytest.MonkeyPatch) -> None:
     components = [a_component(name, reserve="80 %", memory="64 MiB") for name in ("speech", "vision")]
     problem = problem_of(
         a_system(hosts=[a_host(provider=provider)], components=components), FixedReservations(), {}, may_move=True

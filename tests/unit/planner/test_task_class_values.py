@@ -99,9 +99,7 @@ def groups(requests: Sequence[TaskRequest]) -> Iterator[list[list[TaskRequest]]]
 
 @pytest.mark.parametrize("requests", [SOME + MORE if LONG else SOME])
 @pytest.mark.parametrize("number", [1, 2, 3])
-def test_the_order_is_there_whenever_any_values_have_it_and_with_as_much_room(
-    requests: list[TaskRequest], number: int
-) -> None:
+def test_possible_order_is_found_with_room(requests: list[TaskRequest], number: int) -> None:
     possible = {id(request): values(request) for request in requests}
     for drawn in product(requests, repeat=number):
         for levels in groups(drawn):
@@ -115,7 +113,7 @@ def test_the_order_is_there_whenever_any_values_have_it_and_with_as_much_room(
 
 
 @pytest.mark.parametrize("number", range(1, 18))
-def test_sixteen_criticalities_are_all_that_can_be_in_order_and_eight_lie_two_apart(number: int) -> None:
+def test_sixteen_criticalities_are_the_maximum(number: int) -> None:
     threads = [thread for _, thread in as_values(chosen_values([[ALL_OPEN]] * number))]
 
     steps = [upper - lower for upper, lower in pairwise(threads)]
@@ -123,7 +121,7 @@ def test_sixteen_criticalities_are_all_that_can_be_in_order_and_eight_lie_two_ap
     assert all(step >= 2 for step in steps) == (number <= 8)
 
 
-def test_where_no_values_keep_all_in_order_the_fewest_are_left_out() -> None:
+def test_fewest_are_left_out_of_order() -> None:
     lowest = a_task("Lowest", category=LOW, background_priority=1)
 
     ((first,), (second,), (third,)) = chosen_values([[lowest], [ALL_OPEN], [ALL_OPEN]])
@@ -140,13 +138,13 @@ def test_equals_run_alike_as_far_as_each_can() -> None:
 
 
 @pytest.mark.parametrize("task_request", SOME + MORE)
-def test_what_a_request_leaves_is_listed_once_each_the_highest_threads_first(task_request: TaskRequest) -> None:
+def test_leftovers_are_listed_highest_first(task_request: TaskRequest) -> None:
     assert [
         (level_values.category, level_values.thread_priority) for level_values in values_within(task_request)
     ] == values(task_request)
 
 
-def test_the_number_that_a_category_does_not_go_by_follows_the_one_that_it_does() -> None:
+def test_unused_number_follows_the_used_one() -> None:
     for level_values in values_within(ALL_OPEN):
         assert level_values.priority == level_values.background_priority
 
@@ -164,7 +162,7 @@ def of_no_class(criticality: int) -> Component:
     return replace(a_class("plain", criticality, 1), task=None)
 
 
-def test_the_less_critical_are_kept_to_the_last_processors_each_with_its_own_beside_those_below() -> None:
+def test_less_critical_keep_to_last_processors() -> None:
     arm, log, map_ = a_class("arm", 30, 2, apt=True), a_class("log", 10, 1), a_class("map", 20, 2)
 
     found = classes_of([arm, log, map_], {}, "body", PLACES, processors=4).classes
@@ -181,7 +179,7 @@ def test_the_less_critical_are_kept_to_the_last_processors_each_with_its_own_bes
     }
 
 
-def test_the_most_critical_may_use_what_none_above_wants() -> None:
+def test_most_critical_may_use_what_none_above_wants() -> None:
     x, y = a_class("x", 90, 1), a_class("y", 10, 2)
 
     assert masks_of([[x], [y]], 4) == {"y": 0b1100}
@@ -189,13 +187,13 @@ def test_the_most_critical_may_use_what_none_above_wants() -> None:
     assert masks_of([], 4) == {}
 
 
-def test_what_finds_no_room_beside_those_below_may_use_all_and_so_may_all_above_it() -> None:
+def test_without_room_all_above_may_use_all() -> None:
     classes = [[a_class("a", 40, 1)], [a_class("b", 30, 1)], [a_class("c", 20, 2)], [a_class("d", 10, 2)]]
 
     assert masks_of(classes, 4) == {"d": 0b1100}
 
 
-def test_what_has_an_apt_or_says_nothing_frees_itself_and_all_above_it() -> None:
+def test_unrestricted_component_frees_all_above() -> None:
     free, promised, log, top = (
         a_class("free", 20),
         a_class("promised", 20, 1, apt=True),
@@ -208,7 +206,7 @@ def test_what_has_an_apt_or_says_nothing_frees_itself_and_all_above_it() -> None
     assert masks_of([[log], top], 4) == {"log": 0b1000}
 
 
-def test_who_names_no_class_may_use_all_so_what_is_above_may_too_and_what_is_below_leaves_it_room() -> None:
+def test_unnamed_class_frees_those_above() -> None:
     log = a_class("log", 20, 1)
 
     assert _masks(log, of_no_class(10)) == {"Log": ALL}
@@ -226,7 +224,7 @@ def test_who_shares_a_class_shares_its_processors() -> None:
     assert masks_of([[first, second], [top]], 4) == {"log": 0b1100}
 
 
-def test_a_mask_names_no_processor_that_it_has_no_bit_for() -> None:
+def test_mask_names_only_its_bits() -> None:
     classes = [[a_class("log", 10, 1)], [a_class("top", 30)]]
 
     assert masks_of(classes, 33) == {}
@@ -255,7 +253,7 @@ def systems(processors: int) -> Iterator[tuple[list[Component], list[int]]]:
 
 
 @pytest.mark.parametrize("processors", range(2, WIDEST + 1))
-def test_no_thread_waits_while_a_less_critical_one_runs(processors: int) -> None:
+def test_no_thread_waits_while_less_critical_one_runs(processors: int) -> None:
     """However threads are laid out, once none is left that waits and could go ahead of another, or to a free one."""
     seen = {
         (tuple(component.criticality for component in components), tuple(masks))
@@ -283,7 +281,7 @@ def _can_go(component: int, running: RunningOn, masks: Sequence[int], criticalit
 
 
 @pytest.mark.parametrize("processors", range(2, 6 if LONG else 5))
-def test_the_more_critical_never_has_less_and_what_is_kept_to_some_finds_its_own_there(processors: int) -> None:
+def test_more_critical_never_has_less(processors: int) -> None:
     for components, masks in systems(processors):
         everything = (1 << processors) - 1
         by_weight = sorted(zip(components, masks, strict=True), key=lambda pair: pair[0].criticality)
@@ -300,7 +298,7 @@ def test_the_more_critical_never_has_less_and_what_is_kept_to_some_finds_its_own
                 assert sum(wanted for wanted, _ in some) <= together.bit_count(), "Hall's condition: each finds its own"
 
 
-def test_who_says_how_many_is_kept_where_there_is_room_beside_those_below() -> None:
+def test_explicit_number_is_kept_if_possible() -> None:
     for components, masks in systems(4):
         narrowed = {component.name: mask for component, mask in zip(components, masks, strict=True) if mask != 0b1111}
         assert narrowed == {
@@ -312,7 +310,7 @@ def test_who_says_how_many_is_kept_where_there_is_room_beside_those_below() -> N
         }
 
 
-def test_masks_are_found_in_any_order_of_the_classes() -> None:
+def test_masks_are_found_in_any_order_of_classes() -> None:
     classes = [[a_class("arm", 30)], [a_class("log", 10, 1)], [a_class("map", 20, 1)]]
     wanted: Mapping[str, int] = {"log": 0b1000, "map": 0b1100}
 

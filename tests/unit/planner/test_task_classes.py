@@ -19,14 +19,14 @@ def threads(found: Classes) -> dict[str, int]:
     return {task_class.name: task_class.thread_priority for task_class in found.classes}
 
 
-def test_threads_run_in_the_order_of_criticalities_and_equals_alike() -> None:
+def test_threads_follow_criticalities() -> None:
     found = decided(users(Localization=10, MotionControl=40, SpeechRecognition=10))
 
     assert threads(found) == {"MotionControl": 23, "Localization": 21, "SpeechRecognition": 21}
     assert found.findings == ()
 
 
-def test_a_shared_class_counts_as_its_most_critical_component() -> None:
+def test_shared_class_counts_as_its_most_critical_component() -> None:
     shared = [*users(Localization=20), a_component("a", task="MotionControl", criticality=5)]
 
     found = decided([*shared, a_component("b", task="motioncontrol", criticality=50)])
@@ -34,7 +34,7 @@ def test_a_shared_class_counts_as_its_most_critical_component() -> None:
     assert threads(found) == {"MotionControl": 23, "Localization": 21}
 
 
-def test_what_is_fixed_stands_and_the_rest_goes_around_it() -> None:
+def test_fixed_values_stand() -> None:
     found = decided(users(Localization=30, MotionControl=20, SpeechRecognition=10), a_task("MotionControl", priority=3))
 
     assert threads(found) == {"Localization": 23, "MotionControl": 19, "SpeechRecognition": 17}
@@ -49,7 +49,7 @@ def test_more_criticalities_than_windows_has_levels_are_told() -> None:
     assert "RARMS128" in codes(of_all(17).findings)
 
 
-def test_a_fixed_class_that_nothing_can_be_above_is_reported_once() -> None:
+def test_fixed_top_class_is_reported_once() -> None:
     high = a_task("MotionControl", category=TaskCategory.HIGH)
     found = decided(users(Localization=30, MotionControl=20), high)
     both = decided(users(Localization=30, MotionControl=20), high, a_task("Localization", category=TaskCategory.MEDIUM))
@@ -59,14 +59,14 @@ def test_a_fixed_class_that_nothing_can_be_above_is_reported_once() -> None:
     assert threads(found) == {"Localization": 23, "MotionControl": 26}
 
 
-def test_what_is_fixed_below_drives_the_open_class_into_high_only_where_nothing_else_is_above() -> None:
+def test_fixed_below_drives_open_into_high() -> None:
     for priority, wanted in ((6, 23), (7, 26), (8, 26)):
         fixed = a_task("MotionControl", category=TaskCategory.MEDIUM, priority=priority)
 
         assert threads(decided(users(Localization=30, MotionControl=20), fixed))["Localization"] == wanted
 
 
-def test_classes_that_leave_no_room_between_two_fixed_ones_are_told_once() -> None:
+def test_roomless_fixed_classes_are_told_once() -> None:
     found = decided(
         users(Localization=30, MotionControl=20, SpeechRecognition=10),
         a_task("Localization", category=TaskCategory.MEDIUM, priority=2),
@@ -77,7 +77,7 @@ def test_classes_that_leave_no_room_between_two_fixed_ones_are_told_once() -> No
     assert "MotionControl" in found.findings[0].detail
 
 
-def test_below_a_class_in_low_what_is_open_goes_into_low() -> None:
+def test_open_below_low_goes_into_low() -> None:
     found = decided(
         users(Localization=30, MotionControl=20, SpeechRecognition=10),
         a_task("Localization", category=TaskCategory.MEDIUM, priority=2),
@@ -90,7 +90,7 @@ def test_below_a_class_in_low_what_is_open_goes_into_low() -> None:
     assert "MotionControl goes first, and so does SpeechRecognition." in found.findings[0].detail
 
 
-def test_two_classes_that_are_fixed_in_high_are_on_one_level() -> None:
+def test_two_fixed_in_high_are_equal() -> None:
     high = [a_task(name, category=TaskCategory.HIGH) for name in ("Localization", "MotionControl")]
 
     assert codes(decided(users(Localization=30, MotionControl=20), *high).findings) == ["RARMS128"]
@@ -121,9 +121,7 @@ def test_all_values_have_their_types() -> None:
         (13, [23, 22, 21, 19, 17, 15, 14, 13, 12, 11, 10, 9, 8], ["RARMS129", "RARMS129"]),
     ],
 )
-def test_four_criticalities_find_room_in_medium_and_four_more_in_low(
-    count: int, spread: list[int], expected: list[str]
-) -> None:
+def test_four_criticalities_fit_medium_and_low(count: int, spread: list[int], expected: list[str]) -> None:
     found = of_all(count)
 
     assert sorted(threads(found).values(), reverse=True) == spread

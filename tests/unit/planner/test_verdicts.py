@@ -72,7 +72,7 @@ def test_a_component_stands_as_its_worst_threshold(
     assert verdict.reserve == reserve
 
 
-def test_a_member_that_is_met_reserves_nothing_while_another_is_open() -> None:
+def test_met_member_waits_for_open_one() -> None:
     quick: Component = a_component("quick", reserve="measured", apt={MEAN: at_most(120)})
     log = a_log(OPEN, samples=80)
     settings = [a_setting(60, a_series("quick", [90.0, 91.0] * 300))]
@@ -87,7 +87,7 @@ def test_a_member_that_is_met_reserves_nothing_while_another_is_open() -> None:
     assert (verdict.of("quick"), verdict.of("vision"), verdict.reserve) == (Achievement.MET, Achievement.OPEN, None)
 
 
-def test_what_is_missing_is_said_with_the_numbers_that_are_there() -> None:
+def test_missing_log_says_known_numbers() -> None:
     logs: list[LogOfLoad] = [a_log(MET), missing("bursts-20"), missing("bursts-100")]
 
     answer = why_unknown(("vision",), decide([VISION], logs), logs, "onboard")
@@ -102,7 +102,7 @@ def test_what_is_missing_is_said_with_the_numbers_that_are_there() -> None:
     )
 
 
-def test_a_missed_threshold_is_told_of_the_log_that_misses_it() -> None:
+def test_missed_threshold_names_its_log() -> None:
     logs = [a_log(OPEN, samples=80), a_log(MISSED, "bursts-20")]
 
     answer = why_unknown(("vision",), decide([VISION], logs), logs, "onboard")

@@ -19,7 +19,7 @@ def compared(old: ScriptSteps, new: ScriptSteps) -> ScriptDifference:
     return compare_steps(old, new, ("a", "b"))
 
 
-def test_the_same_steps_of_another_plan_do_not_differ() -> None:
+def test_same_steps_of_another_plan_do_not_differ() -> None:
     found = compared(script(more=True), script(more=True, plan="ba9876543210"))
 
     assert (found.steps, found.same) == ((), len(script(more=True).steps))

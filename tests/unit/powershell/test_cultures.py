@@ -26,7 +26,7 @@ ORDINAL = {"ToLowerInvariant", "ToUpperInvariant"}
 
 
 @templates
-def test_no_word_of_a_template_depends_on_the_culture(name: str) -> None:
+def test_no_word_of_template_depends_on_culture(name: str) -> None:
     """`-cmatch` and its like tell case; `-eq`, `-contains` and `-replace` go by the invariant culture."""
     leaves = [node for node in walk(parse(TEXTS[name])) if node.child_count == 0]
     found = [text_of(leaf) for leaf in leaves if leaf.type not in {"comment", "verbatim_string_characters"}]
@@ -46,7 +46,7 @@ def test_no_number_is_shaped_by_the_culture(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["module", *(f"part {name}" for name in MEASURING_PARTS)])
-def test_every_table_that_is_filled_as_a_script_runs_tells_its_keys_apart_by_their_characters(name: str) -> None:
+def test_script_tables_compare_keys_by_characters(name: str) -> None:
     """A table that is written out has words of ours as keys; all others are given `$script:Ordinal`."""
     text = TEXTS[name]
 
@@ -59,7 +59,7 @@ def test_every_table_that_is_filled_as_a_script_runs_tells_its_keys_apart_by_the
     assert [key for key in keys if not re.fullmatch("[A-Za-z_]+", key)] == []
 
 
-def test_names_that_a_culture_takes_for_one_stay_two_while_a_script_runs() -> None:
+def test_names_equal_in_a_culture_stay_two() -> None:
     prepared = fresh()
     host = prepared.copy()
     assert apply(host, prepared.plan).code == 0
@@ -73,7 +73,7 @@ def test_names_that_a_culture_takes_for_one_stay_two_while_a_script_runs() -> No
 
 
 @pytest.mark.parametrize("other", ["value:SFIO", "value:sf\u00adio"])
-def test_the_stand_in_refuses_a_key_that_a_culture_decides_about(other: str) -> None:
+def test_stand_in_refuses_key_that_culture_decides_about(other: str) -> None:
     table = Table([("value:sfio", 1)])
 
     with pytest.raises(Unsupported):

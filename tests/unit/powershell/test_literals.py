@@ -37,7 +37,7 @@ def test_each_form(value: bool | int | str, written: str) -> None:
 
 
 @pytest.mark.parametrize("value", [-1, LARGEST + 1, "\ud800", "x\udfff", "é" * (MOST_PARTS + 1)])
-def test_what_has_no_literal_is_refused_with_its_facts(value: int | str) -> None:
+def test_unrepresentable_value_is_refused(value: int | str) -> None:
     with pytest.raises(NoLiteral) as refused:
         literal(value)
 

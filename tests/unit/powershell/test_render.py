@@ -39,7 +39,7 @@ def renamed(change: Change, name: str, message: str) -> Change:
             raise AssertionError(change.kind)
 
 
-def test_one_script_and_its_undo_for_each_operating_system() -> None:
+def test_one_script_and_undo_per_system() -> None:
     scripts = render_scripts(*rendered_plan())
 
     assert sorted(scripts) == [
@@ -61,7 +61,7 @@ def test_a_script_knows_its_undo_by_its_bytes() -> None:
     assert f"Undo = '{script_name(on, undo=True)}'" in steps_of(scripts[script_name(on)])
 
 
-def test_both_forms_have_the_same_head_plan_and_end_but_for_the_digest_of_the_undo() -> None:
+def test_both_forms_share_head_plan_and_end() -> None:
     on, plan = rendered_plan()
     texts = {
         form: {name: text.decode("ascii") for name, text in render_scripts(on, plan, form=form).items()}
@@ -75,7 +75,7 @@ def test_both_forms_have_the_same_head_plan_and_end_but_for_the_digest_of_the_un
         assert module != single
 
 
-def test_each_start_stands_under_a_banner_that_names_its_partition() -> None:
+def test_each_start_has_a_banner() -> None:
     host_plan, plan = rendered_plan()
     starts = [step.address for step in host_plan.steps if step.title == "start it"]
 
@@ -85,7 +85,7 @@ def test_each_start_stands_under_a_banner_that_names_its_partition() -> None:
     assert told == [address.partition for address in starts]
 
 
-def test_a_child_of_an_older_disk_has_its_parents_format() -> None:
+def test_child_of_older_disk_has_its_parents_format() -> None:
     new = build.create(marked(replace(build.partition(build.settings("planning")), id="")))
 
     text = steps_of(host_script(*rendered_plan([new], image="D:\\images\\old.VHD")))
@@ -116,7 +116,7 @@ def test_a_template_that_asks_for_more_fails() -> None:
         fill("script.ps1.j2", {"requirements": [], "name": "", "plan": [], "module": ""})
 
 
-def test_the_module_reads_every_mark_that_rarms_writes_also_while_two_partitions_exchange_names() -> None:
+def test_module_reads_every_mark() -> None:
     module = template_text("Rarms/Rarms.psm1")
     forms = {}
     for name in ("form", "set", "name"):

@@ -41,7 +41,7 @@ def test_a_table_stands_where_it_is_shorter_alone() -> None:
     assert "$rows" not in few
 
 
-def test_a_table_whose_blocks_have_no_banner_says_what_its_steps_do() -> None:
+def test_table_without_banner_says_its_steps() -> None:
     def lines(*actions: str) -> list[str]:
         blocks = (
             PlanBlock(

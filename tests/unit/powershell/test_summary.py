@@ -38,7 +38,7 @@ def test_a_changed_reserve_stops_removes_and_deletes_nothing() -> None:
     assert there.groups() == back.groups()[::-1]
 
 
-def test_an_undo_says_of_a_machine_that_was_removed_that_it_is_not_made_again() -> None:
+def test_undo_says_machine_is_not_made_again() -> None:
     there, back = (
         [line for line in SCRIPTS[name].split("\r\n") if "Not undone: " in line]
         for name in ("onboard.ps1", "onboard.undo.ps1")
@@ -48,12 +48,12 @@ def test_an_undo_says_of_a_machine_that_was_removed_that_it_is_not_made_again() 
     assert any("the machine is not made again" in line for line in there)
 
 
-def test_everything_is_counted_and_the_undo_counts_the_other_way() -> None:
+def test_everything_is_counted_and_undo_counts_other_way() -> None:
     assert RISK in SCRIPTS["onboard.ps1"]
     assert UNDO_RISK in SCRIPTS["onboard.undo.ps1"]
 
 
-def test_a_guests_script_counts_task_classes_and_no_machines() -> None:
+def test_guests_script_counts_task_classes_and_no_machines() -> None:
     head = SCRIPTS["onboard.guest.speech.ps1"].partition(".PARAMETER")[0]
 
     assert "    task classes: 1 changed, 0 removed; no machine is stopped or changed.\r\n" in head
@@ -61,7 +61,7 @@ def test_a_guests_script_counts_task_classes_and_no_machines() -> None:
     assert "    Time: some seconds a call. It waits for no guest.\r\n" in head
 
 
-def test_the_head_says_how_long_it_may_wait_and_what_is_off_for_how_long() -> None:
+def test_head_says_waits_and_downtime() -> None:
     head = [re.split("  +", line.strip()) for line in SCRIPTS["onboard.ps1"].partition("#>")[0].split("\r\n")]
     offs = {row[0]: row[2] for row in head if len(row) == 3}
 
@@ -76,7 +76,7 @@ def test_the_head_says_how_long_it_may_wait_and_what_is_off_for_how_long() -> No
     assert f"$settled = [DateTime]::UtcNow.AddMilliseconds({at_the_end}000)" in shipped_module()["Rarms.psm1"]
 
 
-def test_an_undo_starts_a_removed_machine_only_where_the_run_ended_before_and_asks_nothing_of_the_host() -> None:
+def test_undo_starts_only_removed_machines_that_ran() -> None:
     undo = SCRIPTS["onboard.undo.ps1"]
     rows = [line.strip() for line in undo.partition(".PARAMETER")[0].split("\r\n")]
 
@@ -86,7 +86,7 @@ def test_an_undo_starts_a_removed_machine_only_where_the_run_ended_before_and_as
     assert not any(f"{name} = " in undo for name in HOST_FACT_NAMES)
 
 
-def test_what_cannot_be_brought_back_is_said_of_each_machine() -> None:
+def test_unrestorable_parts_are_said_by_machine() -> None:
     removals = [build.delete(build.partition(build.settings(name))) for name in ("part-2", "part-10")]
     (lost,) = (
         line for line in render_scripts(*rendered_plan(removals))["onboard.ps1"].split(b"\r\n") if b"Not un" in line
@@ -95,7 +95,7 @@ def test_what_cannot_be_brought_back_is_said_of_each_machine() -> None:
     assert lost.strip() == b"Not undone: part-2, part-10: the machine is not made again"
 
 
-def test_a_machine_that_is_made_is_a_line_of_a_table_with_its_literal_paths() -> None:
+def test_new_machine_is_a_table_line() -> None:
     head = SCRIPTS["onboard.ps1"].partition("#>")[0].split("\r\n")
     titles = next(at for at, line in enumerate(head) if line.startswith("    machine "))
 
@@ -107,7 +107,7 @@ def test_a_machine_that_is_made_is_a_line_of_a_table_with_its_literal_paths() ->
     assert "    machine " not in SCRIPTS["onboard.undo.ps1"]
 
 
-def test_the_head_says_the_digests_of_undo_and_module() -> None:
+def test_head_says_digests_of_undo_and_module() -> None:
     undo = hashlib.sha256(SCRIPTS["onboard.undo.ps1"].encode("ascii")).hexdigest()
 
     head = SCRIPTS["onboard.ps1"].partition("#>")[0]
@@ -116,7 +116,7 @@ def test_the_head_says_the_digests_of_undo_and_module() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(SCRIPTS))
-def test_every_call_of_the_steps_stands_in_the_head(name: str) -> None:
+def test_every_call_of_steps_stands_in_head(name: str) -> None:
     (line,) = (line for line in SCRIPTS[name].split("\r\n") if "Only these calls change something" in line)
     told = {word.split()[0] for word in line.partition(": ")[2].rstrip(".").split(", ")}
 

@@ -41,7 +41,7 @@ def test_nothing_runs_while_the_module_is_imported() -> None:
     assert [text for text in texts if not re.match(r"Set-StrictMode -Version 3.0$|\$[A-Za-z:]+ = ['@\[]", text)] == []
 
 
-def test_the_manifest_of_the_module_names_its_version_and_what_it_exports() -> None:
+def test_module_manifest_names_version_and_exports() -> None:
     manifest = template_text("Rarms/Rarms.psd1")
     exported = re.search(r"FunctionsToExport    = @\(([^)]*)\)", manifest)
 
@@ -51,13 +51,13 @@ def test_the_manifest_of_the_module_names_its_version_and_what_it_exports() -> N
         assert f"\nfunction {name} {{\n    <#\n    .SYNOPSIS\n" in MODULE
 
 
-def test_the_module_holds_the_digest_of_the_script_that_observes() -> None:
+def test_module_holds_digest_of_script_that_observes() -> None:
     digest = hashlib.sha256(render_observe()).hexdigest()
 
     assert f"$script:Observe = '{digest}'\n" in MODULE, f"write this digest there: {digest}"
 
 
-def test_a_signature_does_not_count_in_the_digest_of_a_file_of_the_module() -> None:
+def test_signature_does_not_change_module_digest() -> None:
     text = module_file(MODULE_FILES[1]).decode("ascii")
     block = "\r\n# SIG # Begin signature block\r\n# MII\r\n# SIG # End signature block\r\n"
 
@@ -67,7 +67,7 @@ def test_a_signature_does_not_count_in_the_digest_of_a_file_of_the_module() -> N
 
 
 @scripts
-def test_a_script_names_the_digests_of_its_module_or_holds_it(form: ScriptForm, name: str) -> None:
+def test_script_names_or_holds_its_module(form: ScriptForm, name: str) -> None:
     script = SCRIPTS[form, name]
 
     if form is ScriptForm.MODULE:
@@ -77,7 +77,7 @@ def test_a_script_names_the_digests_of_its_module_or_holds_it(form: ScriptForm, 
         assert MODULE.replace("\n", "\r\n") in script
 
 
-def test_a_guest_s_script_says_nothing_of_the_host() -> None:
+def test_guest_s_script_says_nothing_of_host() -> None:
     script = SCRIPTS[ScriptForm.MODULE, "onboard.guest.speech.ps1"]
 
     assert "Hyper-V" not in script

@@ -36,7 +36,7 @@ def test_a_journal_reads_back() -> None:
 
 
 @pytest.mark.parametrize("step", FORGED, ids=["address", "operation", "task"])
-def test_a_journal_with_a_name_that_no_manifest_can_give_is_damaged(step: Step) -> None:
+def test_journal_with_impossible_name_is_damaged(step: Step) -> None:
     forged = replace(RUN, steps=(step, *RUN.steps[1:]))
 
     with pytest.raises(NotDecodable, match="no manifest can give the name"):

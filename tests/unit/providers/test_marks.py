@@ -25,7 +25,7 @@ def test_writing_again_replaces_the_line() -> None:
 
 
 @given(st.text(alphabet=st.sampled_from("ab \r\n\t/1=") | st.characters(codec="utf-8")))
-def test_a_mark_taken_out_leaves_the_notes_as_they_were(notes: str) -> None:
+def test_mark_taken_out_leaves_notes_as_they_were(notes: str) -> None:
     assert erase_mark(write_mark(notes, MARK)) == notes
     assert read_mark(write_mark(notes, MARK)) == MARK
 
@@ -50,7 +50,7 @@ def test_what_does_not_count_is_said(notes: str, why: str) -> None:
     assert (judged.mark, judged.foreign) == (None, why)
 
 
-def test_of_a_machine_and_its_copy_only_the_machine_is_ours() -> None:
+def test_copy_of_a_machine_is_not_ours() -> None:
     judged = read_marks({FIRST: LINE, SECOND: LINE})
 
     assert judged[FIRST].mark == MARK

@@ -77,7 +77,7 @@ def test_noise_of_a_login_is_passed_over() -> None:
     assert answering(saying("Welcome!", READY, answer)).ask("look", None, UNHEARD) == 7
 
 
-def test_no_text_of_a_manifest_is_in_a_command() -> None:
+def test_no_text_of_manifest_is_in_command() -> None:
     robot = answering("pass")
     hostile = a_host(name="on$(reboot)board")
 

@@ -47,7 +47,7 @@ def test_a_json_line_is_a_sample(tmp_path: Path) -> None:
     assert all(sample.successful and sample.count == 1 for sample in samples)
 
 
-def test_lines_that_match_are_samples_and_others_are_not(tmp_path: Path) -> None:
+def test_only_matching_lines_are_samples(tmp_path: Path) -> None:
     lines = ["model loaded", "heard stop ok=1 s=0.25", "", "noise", "heard go ok=0 s=1.5"]
     run = a_run(f"for line in {lines}: say(line)\ntime.sleep(60)", samples=PATTERN, until=2)
 
@@ -56,7 +56,7 @@ def test_lines_that_match_are_samples_and_others_are_not(tmp_path: Path) -> None
     assert [(sample.response_ms, sample.successful) for sample in samples] == [(250, True), (1500, False)]
 
 
-def test_a_run_is_a_job_and_its_exit_code_its_success(tmp_path: Path) -> None:
+def test_exit_code_is_success_of_a_run(tmp_path: Path) -> None:
     program = (
         "from pathlib import Path\nseen = Path('seen')\nfirst = not seen.exists()\nseen.touch()\n"
         "time.sleep(0.05)\nsys.exit(0 if first else 7)"
@@ -70,7 +70,7 @@ def test_a_run_is_a_job_and_its_exit_code_its_success(tmp_path: Path) -> None:
 
 
 @same_everywhere
-def test_the_schedule_of_periodic_runs_is_not_shifted_by_an_overrun(tmp_path: Path) -> None:
+def test_overrun_does_not_shift_the_schedule(tmp_path: Path) -> None:
     program = (
         "from pathlib import Path\nfirst = not Path('seen').exists()\nPath('seen').touch()\n"
         "time.sleep(0.5 if first else 0)"
@@ -118,7 +118,7 @@ def test_fields_of_what_a_function_returns_are_read(tmp_path: Path) -> None:
 
 
 @same_everywhere
-def test_an_exception_of_a_function_is_a_failed_sample_and_the_next_job_is_done(tmp_path: Path) -> None:
+def test_exception_is_a_failed_sample(tmp_path: Path) -> None:
     text = "turn = [0, 1, 1]\ndef plan():\n    return 1 / turn.pop(0)\n"
 
     samples = all_of(a_run(module(tmp_path, text), samples=PER_RUN, until=3, failures=1), tmp_path)
@@ -127,7 +127,7 @@ def test_an_exception_of_a_function_is_a_failed_sample_and_the_next_job_is_done(
     assert samples[0].response_ms is None
 
 
-def test_a_program_that_has_done_its_part_is_started_again(tmp_path: Path) -> None:
+def test_finished_program_is_started_again(tmp_path: Path) -> None:
     samples = all_of(a_run("say('{\"ms\": 1}')\nsay('{\"ms\": 2}')", until=5), tmp_path)
 
     assert responses(samples) == [1, 2, 1, 2, 1]
@@ -146,11 +146,11 @@ def test_a_setting_may_last_a_time(tmp_path: Path) -> None:
 
 
 @same_everywhere
-def test_a_job_that_runs_when_the_time_is_over_is_no_sample(tmp_path: Path) -> None:
+def test_unfinished_last_job_is_no_sample(tmp_path: Path) -> None:
     assert all_of(a_run("time.sleep(60)", samples=PER_RUN, until=200.0), tmp_path) == []
 
 
-def test_who_reads_the_samples_may_stop_at_any_moment(tmp_path: Path) -> None:
+def test_who_reads_samples_may_stop_at_any_moment(tmp_path: Path) -> None:
     run = a_run("while True: say('{\"ms\": 1}')", until=1_000_000)
 
     with component(run, tmp_path) as component_run:
@@ -181,7 +181,7 @@ def test_the_processor_time_of_all_processes_is_told(tmp_path: Path) -> None:
 
 
 @same_everywhere
-def test_without_a_field_for_it_a_line_has_no_response_time(tmp_path: Path) -> None:
+def test_line_without_field_has_no_time(tmp_path: Path) -> None:
     samples = Samples(source="json_lines", count=Field(field="frames"))
 
     found = all_of(a_run("say('{\"frames\": 3}')\ntime.sleep(9)", samples=samples, until=1), tmp_path)

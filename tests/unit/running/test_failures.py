@@ -20,14 +20,14 @@ GOOD = "say('{\"ms\": 1}')\n"
 
 
 @same_everywhere
-def test_an_unreadable_line_is_a_failed_sample_and_the_next_is_read(tmp_path: Path) -> None:
+def test_unreadable_line_is_a_failed_sample(tmp_path: Path) -> None:
     samples = all_of(a_run(f"say('{{oops')\n{GOOD}time.sleep(60)", until=2, failures=1), tmp_path)
 
     assert [(sample.response_ms, sample.successful) for sample in samples] == [(None, False), (1, True)]
     assert failures(samples) == ['not a JSON object: "{oops"']
 
 
-def test_bytes_that_are_no_text_are_an_unreadable_line(tmp_path: Path) -> None:
+def test_bytes_that_are_no_text_are_unreadable_line(tmp_path: Path) -> None:
     program = f"os.write(1, b'{{' + bytes(range(256)).replace(b'\\n', b'\\n{{') + b'\\n')\n{GOOD}time.sleep(60)"
 
     samples = all_of(a_run(program, until=3, failures=2), tmp_path)
@@ -37,7 +37,7 @@ def test_bytes_that_are_no_text_are_an_unreadable_line(tmp_path: Path) -> None:
 
 
 @same_everywhere
-def test_a_timeout_counts_from_when_the_job_has_started_since_it_cannot_be_stopped_before(tmp_path: Path) -> None:
+def test_timeout_counts_from_job_start(tmp_path: Path) -> None:
     program = "from pathlib import Path\ntime.sleep(20)\nPath('whole').touch()"
 
     samples = all_of(a_run(program, samples=PER_RUN, until=1, timeout=1, failures=1), tmp_path)
@@ -47,7 +47,7 @@ def test_a_timeout_counts_from_when_the_job_has_started_since_it_cannot_be_stopp
 
 
 @same_everywhere
-def test_a_job_without_an_answer_is_no_failed_sample(tmp_path: Path) -> None:
+def test_job_without_answer_is_no_failed_sample(tmp_path: Path) -> None:
     samples = all_of(a_run("say('{\"ms\": null}')\ntime.sleep(60)", until=1), tmp_path)
 
     assert [(sample.response_ms, sample.successful, sample.failure) for sample in samples] == [(None, False, "")]
@@ -62,7 +62,7 @@ def test_more_failed_samples_than_allowed_end_the_setting(tmp_path: Path) -> Non
     assert component_run.ending is SamplingEnd.FAILURES
 
 
-def test_a_program_that_ends_with_another_code_is_a_failed_sample_and_starts_again(tmp_path: Path) -> None:
+def test_other_exit_code_is_a_failed_sample(tmp_path: Path) -> None:
     samples = all_of(a_run(f"{GOOD}sys.exit(3)", until=4, failures=9), tmp_path)
 
     assert responses(samples) == [1, None, 1, None]
@@ -70,7 +70,7 @@ def test_a_program_that_ends_with_another_code_is_a_failed_sample_and_starts_aga
 
 
 @same_everywhere
-def test_a_program_that_ends_without_a_sample_is_a_failed_sample(tmp_path: Path) -> None:
+def test_program_that_ends_without_sample_is_failed_sample(tmp_path: Path) -> None:
     assert failures(all_of(a_run("say('')", until=2, failures=9), tmp_path)) == ["it ended without a sample"] * 2
 
 
@@ -85,7 +85,7 @@ def test_death_by_a_signal_is_a_failed_sample(tmp_path: Path, samples: Samples) 
 
 
 @same_everywhere
-def test_a_run_that_takes_too_long_is_a_failed_sample_and_the_next_is_started(tmp_path: Path) -> None:
+def test_slow_run_is_a_failed_sample(tmp_path: Path) -> None:
     program = "from pathlib import Path\nif not Path('seen').exists():\n    Path('seen').touch()\n    time.sleep(60)"
 
     samples = all_of(
@@ -96,7 +96,7 @@ def test_a_run_that_takes_too_long_is_a_failed_sample_and_the_next_is_started(tm
     assert [sample.successful for sample in samples] == [False, True]
 
 
-def test_a_program_that_says_nothing_for_too_long_is_started_again(tmp_path: Path) -> None:
+def test_silent_program_is_started_again(tmp_path: Path) -> None:
     samples = all_of(a_run(f"{GOOD}time.sleep(60)", until=3, timeout=PATIENT, failures=1), tmp_path)
 
     assert [sample.failure for sample in samples] == ["", f"no sample within {show_milliseconds(ms(PATIENT))}", ""]
@@ -110,7 +110,7 @@ def test_a_function_that_hangs_is_a_failed_sample(tmp_path: Path) -> None:
     assert failures(all_of(run, tmp_path)) == [f"no sample within {show_milliseconds(ms(PATIENT))}"]
 
 
-def test_a_function_that_ends_its_process_is_a_failed_sample(tmp_path: Path) -> None:
+def test_function_that_ends_its_process_is_failed_sample(tmp_path: Path) -> None:
     (tmp_path / "planning.py").write_text("import os\ndef plan():\n    os._exit(9)\n", encoding="utf-8")
     run = a_run(Call(module="planning", function="plan"), samples=PER_RUN, until=1)
 
@@ -118,7 +118,7 @@ def test_a_function_that_ends_its_process_is_a_failed_sample(tmp_path: Path) -> 
 
 
 @same_everywhere
-def test_a_line_that_is_too_long_is_a_failed_sample(tmp_path: Path) -> None:
+def test_line_that_is_too_long_is_failed_sample(tmp_path: Path) -> None:
     program = f"say('x' * 300_000)\n{GOOD}time.sleep(60)"
 
     samples = all_of(a_run(program, until=2, failures=1), tmp_path)
@@ -133,7 +133,7 @@ def test_a_line_without_end_ends_the_process(tmp_path: Path) -> None:
 
 
 @same_everywhere
-def test_a_flood_of_lines_that_are_no_samples_ends_the_process(tmp_path: Path) -> None:
+def test_flood_of_foreign_lines_ends_the_process(tmp_path: Path) -> None:
     samples = Samples(source="pattern", pattern="^ms=(?P<ms>[0-9]+)", response_time=TimeField(field="ms", unit="ms"))
     run = a_run("while True: os.write(1, (b'x' * 1000 + b'\\n') * 60)", samples=samples, until=9)
 
@@ -153,7 +153,7 @@ def test_output_that_is_not_read_does_no_harm(tmp_path: Path) -> None:
     assert component_run.tail.endswith("yend")
 
 
-def test_the_environment_is_the_manifest_s_and_a_periodic_program_knows_its_period(tmp_path: Path) -> None:
+def test_environment_is_the_manifests(tmp_path: Path) -> None:
     program = (
         "here = os.environ\nright = here['A'] + here['B'] == 'text secret'\n"
         "say(json.dumps({'ms': here['RARMS_PERIOD_MS'], 'ok': right}))"
@@ -174,7 +174,7 @@ def test_the_environment_is_the_manifest_s_and_a_periodic_program_knows_its_peri
     assert [(sample.response_ms, sample.successful) for sample in found] == [(33.5, True)]
 
 
-def test_a_component_runs_in_its_folder_and_words_that_name_files_are_the_manifest_s(tmp_path: Path) -> None:
+def test_component_runs_in_its_folder(tmp_path: Path) -> None:
     (tmp_path / "data").mkdir()
     (tmp_path / "vision.py").write_text(
         "import json, os\nprint(json.dumps({'ms': 1, 'in': os.path.basename(os.getcwd())}))", encoding="utf-8"
@@ -210,7 +210,7 @@ def test_what_cannot_be_started_is_told(tmp_path: Path, run: Run, message: str) 
 
 
 @pytest.mark.needs("posix")
-def test_a_program_that_the_system_refuses_cannot_be_started(tmp_path: Path) -> None:
+def test_program_that_system_refuses_cannot_be_started(tmp_path: Path) -> None:
     (tmp_path / "vision").write_bytes(b"\x7fnothing that can be run")
     (tmp_path / "vision").chmod(0o755)
 
@@ -234,7 +234,7 @@ def test_asked_to_end_a_program_may_do_so(tmp_path: Path) -> None:
 
 
 @pytest.mark.needs("posix")
-def test_who_does_not_end_is_killed_after_its_grace(tmp_path: Path) -> None:
+def test_stubborn_component_is_killed_after_grace(tmp_path: Path) -> None:
     program = f"signal.signal(signal.SIGTERM, signal.SIG_IGN)\n{GOOD}while True: time.sleep(1)"
     before = time.perf_counter()
 
@@ -243,7 +243,7 @@ def test_who_does_not_end_is_killed_after_its_grace(tmp_path: Path) -> None:
     assert 0.3 <= time.perf_counter() - before < 10
 
 
-def test_a_failure_without_a_sample_shows_the_first_lines(tmp_path: Path) -> None:
+def test_failure_without_sample_shows_first_lines(tmp_path: Path) -> None:
     samples = Samples(source="pattern", pattern="took (?P<t>[0-9]+) us", response_time=TimeField(field="t", unit="ms"))
     program = "for n in range(5): say(f'\\x1b[1mlooked {n} times')\n"
 

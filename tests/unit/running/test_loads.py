@@ -45,7 +45,7 @@ def test_a_busy_loop_uses_what_it_is_given(tmp_path: Path) -> None:
 
 
 @pytest.mark.needs("linux")
-def test_bursts_take_their_duty_of_processor_time_and_pause(tmp_path: Path) -> None:
+def test_bursts_take_their_duty(tmp_path: Path) -> None:
     half = Bursts(every=ms(40), duty=Percent(Fraction(50)), threads=1)
     began = time.perf_counter()
     with InterferingLoad("pulses", half, StartContext(base=tmp_path)) as load:
@@ -59,7 +59,7 @@ def test_bursts_take_their_duty_of_processor_time_and_pause(tmp_path: Path) -> N
     assert 50 < used < 0.6 * lasted_ms + 500, "half of the time at most, and what two Pythons take to start"
 
 
-def test_bursts_without_a_duty_take_what_their_partition_reserves(tmp_path: Path) -> None:
+def test_bursts_without_duty_take_what_their_partition_reserves(tmp_path: Path) -> None:
     frames = Bursts(every=ms(50))
 
     assert load_words("frames", frames, tmp_path, 3, 40.0)[-3:] == ("3", "20000000", "30000000")
@@ -117,7 +117,7 @@ def test_a_load_that_cannot_run_is_told(tmp_path: Path) -> None:
         InterferingLoad("others", CommandLoad(command=("no-such-program-anywhere",)), StartContext(base=tmp_path))
 
 
-def test_a_browser_shows_a_page_of_ours_that_needs_no_network(tmp_path: Path) -> None:
+def test_browser_shows_our_page_without_network(tmp_path: Path) -> None:
     if not any(map(shutil.which, BROWSERS)):
         with pytest.raises(CannotStart, match="there is no browser"):
             load_words("browsers", Browser(instances=2), tmp_path, 1, None)
@@ -133,7 +133,7 @@ def test_a_browser_shows_a_page_of_ours_that_needs_no_network(tmp_path: Path) ->
 
 @pytest.mark.needs("linux", "stress-ng")
 @pytest.mark.parametrize("stressor", ["timer", "switch", *(("hdd", "stream", "sock") if LONG else ())])
-def test_stress_workers_run_until_they_are_ended_and_nothing_of_them_stays(tmp_path: Path, stressor: str) -> None:
+def test_ended_stress_workers_leave_nothing(tmp_path: Path, stressor: str) -> None:
     with InterferingLoad("stress", Stress(stressor=stressor, workers=2), StartContext(base=tmp_path)) as load:
         until = time.perf_counter() + 20
         while len(processes_with(f"stress-ng-{stressor}")) < 2 and time.perf_counter() < until:
@@ -181,7 +181,7 @@ def test_several_components_run_at_once(tmp_path: Path) -> None:
 
 
 @same_everywhere
-def test_components_that_run_at_once_end_at_any_moment(tmp_path: Path) -> None:
+def test_parallel_components_end_at_any_moment(tmp_path: Path) -> None:
     endless = a_run("while True: say('{\"ms\": 1}')", until=1_000_000)
     runs = [component(endless, tmp_path), component(endless, tmp_path)]
 

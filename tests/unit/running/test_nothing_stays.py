@@ -48,14 +48,14 @@ def test_what_a_component_started_ends_with_its_run(tmp_path: Path) -> None:
     assert not still_beats(tmp_path)
 
 
-def test_what_a_run_leaves_behind_is_gone_before_the_next(tmp_path: Path) -> None:
+def test_what_run_leaves_behind_is_gone_before_next(tmp_path: Path) -> None:
     with component(a_run(BEATS, samples=PER_RUN, until=1), tmp_path) as component_run:
         assert next(component_run).successful
         assert not still_beats(tmp_path)
 
 
 @same_everywhere
-def test_a_run_that_is_left_by_an_exception_leaves_nothing(tmp_path: Path) -> None:
+def test_run_that_is_left_by_exception_leaves_nothing(tmp_path: Path) -> None:
     def interrupted() -> None:
         with component(a_run(ANSWERS, until=1000), tmp_path) as component_run:
             next(component_run)
@@ -85,7 +85,7 @@ def test_rarms_killed_leaves_nothing(tmp_path: Path) -> None:
     assert not beats_in_the_end(tmp_path)
 
 
-def test_a_keeper_that_is_killed_is_told_and_takes_the_component_with_it(tmp_path: Path) -> None:
+def test_killed_keeper_takes_its_component(tmp_path: Path) -> None:
     program = "open('pid', 'w').write(str(os.getppid()))\nopen('beat', 'w').close()\nsay('{\"ms\": 1}')\n" + (
         "while True:\n    open('beat', 'a').write('.')\n    time.sleep(0.01)"
     )

@@ -63,13 +63,13 @@ def test_dots_lead_into_objects_and_units_into_ours(success: str, means: bool) -
     assert found == Reading(response_ms=250, successful=means, count=3)
 
 
-def test_a_key_with_a_dot_in_it_comes_before_the_way_into_an_object() -> None:
+def test_dotted_key_comes_before_object() -> None:
     found = line_reader(WHOLE)('{"job.took": 1, "job": {"took": 2, "frames": 1}, "ok": true}')
 
     assert found == Reading(response_ms=1000)
 
 
-def test_a_group_that_took_no_part_is_a_job_without_an_answer() -> None:
+def test_unmatched_group_gives_no_answer() -> None:
     read = line_reader(OPTIONAL)
 
     assert read("job took 12") == Reading(response_ms=12)
@@ -106,7 +106,7 @@ def took(pattern: str) -> Samples:
         ("0x10", "0", "0x10"),
     ],
 )
-def test_a_group_with_a_part_of_a_number_fails(text: str, part: str, whole: str) -> None:
+def test_group_with_part_of_number_fails(text: str, part: str, whole: str) -> None:
     found = line_reader(took("took (?P<t>[0-9.]+)"))(f"took {text}, done")
 
     assert found == Unreadable(message=f'the field "t" is "{part}", and only a part of "{whole}"')
@@ -172,7 +172,7 @@ def test_a_number_that_the_pattern_cannot_take_fails(pattern: str, line: str, nu
 
 
 @pytest.mark.parametrize("line", ["loading 1.5e3 files", "took 1.5e3 s", "12:30:00.5 took long", "took 5us 1e3", "1e3"])
-def test_a_line_that_is_no_sample_with_any_number_is_skipped(line: str) -> None:
+def test_line_without_number_is_skipped(line: str) -> None:
     assert line_reader(took("took (?P<t>[0-9.]+) us"))(line) is None
 
 
@@ -184,7 +184,7 @@ def test_only_a_comma_between_two_groups_parts_values() -> None:
         assert isinstance(line_reader(took(pattern))(line), Unreadable)
 
 
-def test_a_part_of_a_success_or_count_fails_too() -> None:
+def test_part_of_success_or_count_fails_too() -> None:
     samples = Samples(
         source="pattern", pattern="ok=(?P<ok>[01]).* n=(?P<n>[0-9]+)", success=Field(field="ok"), count=Field(field="n")
     )

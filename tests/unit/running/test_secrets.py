@@ -43,7 +43,7 @@ def test_base64_of_a_value_is_hidden(before: str, after: str, encode: Callable[[
     assert len(hide(text)) > len(others)
 
 
-def test_base64_of_a_long_value_is_hidden_in_lines() -> None:
+def test_base64_of_long_value_is_hidden_in_lines() -> None:
     value = "".join(map(chr, range(33, 120)))
     hide = hide_secrets(replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE")}), {"MINE": value})
 
@@ -61,7 +61,7 @@ def test_base64_of_a_long_value_is_hidden_in_lines() -> None:
         ("s3cr3t is a word, t-value another", "s3cr3t is a word, t-value another"),
     ],
 )
-def test_what_a_cut_left_of_a_value_is_hidden(text: str, shown: str) -> None:
+def test_what_cut_left_of_value_is_hidden(text: str, shown: str) -> None:
     run = replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE")})
 
     assert hide_secrets(run, {"MINE": "s3cr3t-value"})(text) == shown
@@ -73,7 +73,7 @@ def test_a_line_of_a_value_is_hidden() -> None:
     assert hide_secrets(run, {"MINE": "first-line\nsecond-line"})("read second-line;") == "read <MINE>;"
 
 
-def test_a_value_in_a_long_line_is_in_no_reason(tmp_path: Path) -> None:
+def test_value_in_long_line_is_in_no_reason(tmp_path: Path) -> None:
     run = a_run("say('{' + 'x' * 39 + os.environ['TOKEN'])\ntime.sleep(60)", until=1, failures=1)
     run = replace(run, environment={**run.environment, "TOKEN": FromEnvironment(name="MINE")})
     context = StartContext(base=tmp_path, environment={"MINE": "s3cr3t-value" * 4, "PATH": ""})
@@ -85,13 +85,13 @@ def test_a_value_in_a_long_line_is_in_no_reason(tmp_path: Path) -> None:
     assert "<MINE>..." in sample.failure
 
 
-def test_a_short_value_and_one_of_another_variable_stay() -> None:
+def test_short_value_and_one_of_another_variable_stay() -> None:
     run = replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE"), "OTHER": "visible text"})
 
     assert hide_secrets(run, {"MINE": "short"})("a short, visible text") == "a short, visible text"
 
 
-def test_what_a_component_prints_of_it_is_neither_recorded_nor_shown(tmp_path: Path) -> None:
+def test_printed_secrets_are_not_recorded(tmp_path: Path) -> None:
     program = "import os\nsys.stderr.write(os.environ['TOKEN'])\nsys.stderr.flush()\nsay('{x' + os.environ['TOKEN'])\n"
     run = a_run(f"{program}time.sleep(60)", until=1, failures=1)
     run = replace(run, environment={**run.environment, "TOKEN": FromEnvironment(name="MINE")})

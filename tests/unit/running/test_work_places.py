@@ -33,7 +33,7 @@ def outside(
 SUPERVISOR = {50: process("supervisor", 1, parent=40)}
 
 
-def test_a_daemon_counts_with_more_than_its_usual_use(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_daemon_counts_with_more_than_its_usual_use(monkeypatch: pytest.MonkeyPatch) -> None:
     """In the 10 s before, one used a tenth of a processor and the other a half: both use a half now."""
     before = {7: process("daemon", 100), 8: process("compiler", 500), **SUPERVISOR}
     after = {7: process("daemon", 600), 8: process("compiler", 1000), **SUPERVISOR}

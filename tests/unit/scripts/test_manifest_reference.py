@@ -21,7 +21,7 @@ def test_the_page_is_the_generated_one() -> None:
     assert page.read_text(encoding="utf-8") == reference_markdown()
 
 
-def test_every_block_and_key_has_its_place_on_the_page() -> None:
+def test_every_key_is_on_the_page() -> None:
     page = reference_markdown()
 
     for block in _blocks().values():

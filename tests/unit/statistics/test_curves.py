@@ -30,7 +30,7 @@ def test_it_is_straight_between_settings_and_nothing_outside() -> None:
     assert curve.value_at(41) is None
 
 
-def test_a_setting_that_breaks_the_order_is_pooled_with_its_neighbour() -> None:
+def test_unordered_setting_is_pooled() -> None:
     curve = measured({20: 400.0, 40: 200.0, 60: 210.0})
     points, shown = curve.points, curve.estimate_at(60)
 
@@ -41,7 +41,7 @@ def test_a_setting_that_breaks_the_order_is_pooled_with_its_neighbour() -> None:
     assert curve.estimate_at(50) is None
 
 
-def test_the_least_reservation_is_a_whole_per_cent_on_the_safe_side() -> None:
+def test_least_reservation_is_on_the_safe_side() -> None:
     curve = measured({20: 400.0, 40: 200.0})
 
     assert least_reserve([(curve, at_most(300))]) == 40
@@ -55,7 +55,7 @@ def test_all_members_and_all_indexes_must_hold() -> None:
     assert least_reserve([(fast, at_most(95)), (slow, at_most(350))]) == 30
 
 
-def test_who_is_named_at_a_setting_stays_the_same_when_more_is_measured() -> None:
+def test_named_component_stays_when_more_is_measured() -> None:
     """Its 205 ms at 60 % are made 202.5 on the curve by what is measured later, at 70 %: it had missed 200 ms alone."""
     slow, fast = {40: 400.0, 60: 205.0}, replace(measured({40: 400.0, 60: 150.0}), component="fast")
 
@@ -66,13 +66,13 @@ def test_who_is_named_at_a_setting_stays_the_same_when_more_is_measured() -> Non
     assert components_not_shown([(fast, at_most(200))], 60) == ()
 
 
-def test_who_misses_only_on_the_curve_is_named_where_none_misses_alone() -> None:
+def test_component_missing_only_on_curve_is_named() -> None:
     rising = measured({40: 190.0, 60: 260.0})
 
     assert components_not_shown([(rising, at_most(200))], 40) == ("coi",)
 
 
-def test_the_highest_setting_that_misses_for_sure_lies_below_the_noise() -> None:
+def test_highest_sure_miss_lies_below_noise() -> None:
     settings = [
         Setting(reserve=reserve, series=(a_series(noisy(reserve, mean, variation=0.25)),))
         for reserve, mean in {20: 400.0, 28: 330.0, 30: 303.0, 32: 296.0, 40: 200.0}.items()
@@ -85,7 +85,7 @@ def test_the_highest_setting_that_misses_for_sure_lies_below_the_noise() -> None
     assert highest_missed([(curve, at_most(900))]) == 0
 
 
-def test_what_less_cpu_showed_holds_for_more_and_an_unsteady_setting_changes_nothing() -> None:
+def test_less_cpu_holds_for_more() -> None:
     steady = [
         Setting(reserve=reserve, series=(a_series(noisy(reserve, level)),))
         for reserve, level in ((20, 100.0), (60, 80.0))
@@ -100,7 +100,7 @@ def test_what_less_cpu_showed_holds_for_more_and_an_unsteady_setting_changes_not
     assert curve.safe_value_at(40) == curve.safe_value_at(20)
 
 
-def test_a_short_setting_borrows_the_bound_of_a_long_one_with_less_cpu() -> None:
+def test_short_setting_borrows_a_lower_bound() -> None:
     long, short = noisy(1, 100.0, variation=0.15, count=4000), noisy(2, 99.0, variation=0.15, count=40)
     curve = curve_of(
         [Setting(reserve=reserve, series=(a_series(times),)) for reserve, times in ((50, short), (40, long))],
@@ -121,7 +121,7 @@ def test_a_bound_that_more_cpu_contradicts_is_none() -> None:
     assert least_reserve([(curve, at_most(105))]) == 80
 
 
-def test_jitter_has_a_bound_only_where_it_was_measured() -> None:
+def test_jitter_has_bound_only_where_it_was_measured() -> None:
     curve = measured({40: 100.0, 60: 300.0}, "jitter")
     at = [curve.safe_value_at(reserve) for reserve in (40, 50, 60)]
 
@@ -138,7 +138,7 @@ def test_a_throughput_is_read_from_below() -> None:
     assert least_reserve([(curve, at_least("5.01"))]) is None
 
 
-def test_a_maximum_that_breaks_the_order_is_not_averaged_with_its_neighbour() -> None:
+def test_unordered_maximum_is_not_averaged() -> None:
     """120 ms were seen at 40 %, so they may be had at 20 %, too; and they are not made less by 100 ms seen there."""
     longest = {20: 100.0, 40: 120.0, 60: 90.0}
     settings = [
@@ -156,7 +156,7 @@ def test_a_maximum_that_breaks_the_order_is_not_averaged_with_its_neighbour() ->
     assert [point.value for point in minimum.points] == [80.0, 100.0, 120.0], "more CPU may make it worse"
 
 
-def test_a_maximum_that_was_seen_once_is_not_averaged_away_by_measuring_again() -> None:
+def test_repeated_maximum_is_not_averaged() -> None:
     settings = [Setting(reserve=40, series=(a_series([*[90.0] * 60, longest]),)) for longest in (130.0, 100.0)]
 
     curve = curve_of(join_settings(settings, simulated=False), "coi", "maximum_response_time", RUN)

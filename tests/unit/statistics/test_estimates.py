@@ -61,7 +61,7 @@ def test_correlated_samples_count_for_less() -> None:
 
 
 @pytest.mark.parametrize("starts", [(), tuple(range(100, 2000, 100))])
-def test_jobs_that_make_up_for_one_another_within_a_window_are_known_by_their_batches(starts: tuple[int, ...]) -> None:
+def test_compensating_jobs_are_known_by_batches(starts: tuple[int, ...]) -> None:
     """Nine of ten take 3 ms, and the tenth waits for the next window; a drawn order is worth no more than its jobs."""
     window = [*[3.0] * 9, 23.0]
     drawn = random.Random(1).sample(window * 200, k=2000)
@@ -76,7 +76,7 @@ def test_jobs_that_make_up_for_one_another_within_a_window_are_known_by_their_ba
 
 
 @pytest.mark.parametrize("starts", [(), tuple(range(100, 8000, 100))])
-def test_a_percentile_of_jobs_that_make_up_for_one_another_is_known_by_their_batches(starts: tuple[int, ...]) -> None:
+def test_compensating_percentile_is_known_by_batches(starts: tuple[int, ...]) -> None:
     """One of 21 waits for the next window, so that 95 % do not: by a drawn order 8,000 jobs do not tell."""
     window = [*[3.0] * 20, 23.0]
     times = (window * 381)[:8000]
@@ -90,7 +90,7 @@ def test_a_percentile_of_jobs_that_make_up_for_one_another_is_known_by_their_bat
     assert independent.upper == 23.0
 
 
-def test_periodic_jobs_have_no_bounds_below_thirty_starts_of_a_load() -> None:
+def test_periodic_jobs_need_thirty_load_starts() -> None:
     periodic = a_run(every="100 ms")
     series = a_series([3.0] * 600)
 
@@ -103,16 +103,14 @@ def test_periodic_jobs_have_no_bounds_below_thirty_starts_of_a_load() -> None:
     assert isinstance(enough, Estimate)
 
 
-def test_a_high_percentile_of_few_samples_has_no_upper_bound() -> None:
+def test_high_percentile_of_few_has_no_bound() -> None:
     few = found("p99_response_time", a_series([float(time) for time in range(50)]))
 
     assert (few.value, few.upper) == (49.0, inf)
 
 
 @pytest.mark.parametrize(("count", "bounds"), [(9, (-inf, inf)), (10, (1.0, 9.0))])
-def test_the_extremes_bound_a_median_once_all_jobs_on_one_side_of_it_are_rarer_than_the_error(
-    count: int, bounds: tuple[float, float]
-) -> None:
+def test_extremes_bound_a_median(count: int, bounds: tuple[float, float]) -> None:
     times = [float(number if number % 2 else count - 1 - number) for number in range(count)]  # neighbours on both sides
 
     median = found("p50_response_time", a_series(times), error=0.001)  # 0.5 ** 10 is less, and 0.5 ** 9 is more
@@ -120,14 +118,14 @@ def test_the_extremes_bound_a_median_once_all_jobs_on_one_side_of_it_are_rarer_t
     assert (median.lower, median.upper) == bounds
 
 
-def test_a_maximum_says_which_share_of_jobs_may_be_longer() -> None:
+def test_maximum_says_the_possible_share() -> None:
     longest = found("maximum_response_time", a_series(noisy(3, 100.0, count=299)))
 
     assert longest.beyond is not None
     assert 0.9 < longest.beyond < 1.3  # the rule of three: about 3 / 299
 
 
-def test_a_throughput_of_which_no_job_failed_yet_leaves_room_for_those_that_do() -> None:
+def test_failureless_throughput_leaves_room() -> None:
     jobs = found("throughput", a_series([100.0] * 40), error=0.02)
 
     assert jobs.value == pytest.approx(10.0)
@@ -135,11 +133,11 @@ def test_a_throughput_of_which_no_job_failed_yet_leaves_room_for_those_that_do()
     assert jobs.lower < 9.0, "one in ten may fail: 40 successes would be no wonder"
 
 
-def test_a_throughput_far_above_its_threshold_is_known_at_the_first_look() -> None:
+def test_clear_throughput_is_known_at_once() -> None:
     assert found("throughput", a_series(noisy(1, 32.0, count=40)), error=0.0006).lower > 16.0
 
 
-def test_a_throughput_of_jobs_that_all_fail_is_none_with_an_upper_bound() -> None:
+def test_failed_throughput_has_an_upper_bound() -> None:
     none = found("throughput", a_series(noisy(1, 100.0, count=40), successful=False))
 
     assert (none.value, none.lower) == (0.0, 0.0)
@@ -154,7 +152,7 @@ def test_counts_weigh_in_a_throughput() -> None:
 
 
 @pytest.mark.parametrize("seen", [0, 1, 2, 5, 10])
-def test_a_mean_of_rare_slow_jobs_has_room_for_as_many_as_there_may_be(seen: int) -> None:
+def test_mean_has_room_for_rare_slow_jobs(seen: int) -> None:
     """Garwood's bound of a Poisson count: of so many seen, so many more may have been meant, but for 1 %."""
     meant = {0: 4.61, 1: 6.64, 2: 8.41, 5: 13.11, 10: 20.14}[seen]
     bounds = found("mean_response_time", a_series(spread_out(seen, 400)), error=0.01)
@@ -162,31 +160,31 @@ def test_a_mean_of_rare_slow_jobs_has_room_for_as_many_as_there_may_be(seen: int
     assert 100 * (1 + meant / 400) <= bounds.upper <= 100 * (1 + 1.25 * meant / 400)
 
 
-def test_times_all_alike_have_room_for_jobs_that_take_no_time_too() -> None:
+def test_equal_times_have_room_for_zero() -> None:
     alike = found("mean_response_time", a_series([100.0] * 400), error=0.01)
 
     assert alike.lower == pytest.approx(200 - alike.upper)
 
 
-def test_a_clock_too_coarse_for_the_jobs_gives_no_mean() -> None:
+def test_clock_too_coarse_for_jobs_gives_no_mean() -> None:
     assert isinstance(estimate("mean_response_time", a_series([0.0] * 400), RUN), NoEstimate)
 
 
-def test_samples_that_are_worth_few_give_no_mean_but_the_reason() -> None:
+def test_weak_samples_give_a_reason() -> None:
     answer = estimate("mean_response_time", a_series(noisy(1, 100.0, count=100, correlation=0.9)), RUN)
 
     assert isinstance(answer, NoEstimate)
     assert "depend on one another" in answer.reason
 
 
-def test_without_jobs_that_were_not_seen_it_is_the_guess_of_the_samples_alone() -> None:
+def test_without_unseen_jobs_samples_decide() -> None:
     alike = estimate("mean_response_time", a_series([100.0] * 40), RUN, unseen=False)
 
     assert isinstance(alike, Estimate)
     assert (alike.lower, alike.upper) == (100.0, 100.0)
 
 
-def test_a_guess_of_the_samples_alone_takes_their_variance_whole() -> None:
+def test_guess_of_samples_alone_takes_their_variance_whole() -> None:
     """Student's t of two samples: their standard error is half their distance."""
     pair = estimate("mean_response_time", a_series([100.0, 102.0]), RUN, error=0.25, unseen=False)
 
@@ -204,7 +202,7 @@ def test_a_guess_of_jitter_takes_the_samples_alone() -> None:
     assert even.lower**2 == pytest.approx(5 - half_width)
 
 
-def test_a_few_rare_jobs_that_make_all_of_the_jitter_leave_it_uncertain() -> None:
+def test_jitter_of_rare_jobs_is_uncertain() -> None:
     """Their number is Poisson's: one seen may be 5.6, or hardly any."""
     rare = found("jitter", a_series([*[100.0] * 199, 200.0, *[100.0] * 200]))
 
@@ -218,7 +216,7 @@ def spread_out(slow: int, count: int) -> list[float]:
     return [200.0 if number in places else 100.0 for number in range(count)]
 
 
-def test_a_mean_has_more_room_on_the_side_of_its_longer_tail() -> None:
+def test_mean_has_room_towards_its_tail() -> None:
     rare = found("mean_response_time", a_series([*[100.0] * 30, 200.0, *[100.0] * 30]))
 
     assert rare.upper - rare.value > 1.2 * (rare.value - rare.lower)

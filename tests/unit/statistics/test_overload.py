@@ -33,7 +33,7 @@ def served(times: Sequence[float], *, cpu_ms: float | None = None, period: float
     return Series(component="a", samples=tuple(samples), elapsed_ms=now, cpu_ms=cpu_ms)
 
 
-def test_jobs_that_end_further_apart_than_they_are_due_miss_before_a_response_is_late() -> None:
+def test_falling_behind_misses_before_late_jobs() -> None:
     behind = served(noisy(1, 60.0, count=100), cpu_ms=100 * 30.0)
 
     verdict = judge(behind, SLOW, RUN)
@@ -47,14 +47,14 @@ def test_jobs_that_end_further_apart_than_they_are_due_miss_before_a_response_is
 
 
 @pytest.mark.parametrize("mean", [30.0, 49.0])
-def test_a_component_that_keeps_up_is_judged_by_its_samples(mean: float) -> None:
+def test_steady_component_is_judged_by_samples(mean: float) -> None:
     series = served(noisy(1, mean, count=400))
 
     assert find_overload(series, RUN, error=ERROR) is None
     assert not (isinstance(verdict := judge(series, SLOW, RUN), Missed) and verdict.overload)
 
 
-def test_at_the_threshold_of_overload_it_is_rarely_said() -> None:
+def test_at_threshold_of_overload_it_is_rarely_said() -> None:
     said = sum(
         find_overload(served(noisy(seed, PERIOD, count=400)), RUN, error=ERROR) is not None for seed in range(300)
     )
@@ -62,7 +62,7 @@ def test_at_the_threshold_of_overload_it_is_rarely_said() -> None:
     assert said <= 6, f"{said} of 300, where 1.5 are expected at most"
 
 
-def test_jobs_that_come_one_after_the_other_are_never_behind() -> None:
+def test_sequential_jobs_are_never_behind() -> None:
     assert find_overload(served(noisy(1, 60.0, count=400)), a_run(), error=ERROR) is None
 
 
@@ -90,11 +90,11 @@ def test_a_component_that_leaves_jobs_out_keeps_up() -> None:
         ({"throughput": at_least(15), "mean_response_time": at_most(10_000)}, Missed),
     ],
 )
-def test_what_does_not_grow_is_judged_by_its_samples(apt: dict[str, Threshold], kind: type) -> None:
+def test_constant_backlog_is_judged_by_samples(apt: dict[str, Threshold], kind: type) -> None:
     assert isinstance(judge(served(noisy(1, 60.0, count=400)), apt, RUN), kind)
 
 
-def test_successes_within_a_time_miss_and_those_that_processes_tell_are_not_foretold() -> None:
+def test_timed_successes_miss_and_told_ones_wait() -> None:
     apt = {"success_rate": at_least(90)}
     series = served(noisy(1, 60.0, count=400))
     limited = replace(RUN, success_within=Milliseconds(Fraction(100_000)))
@@ -110,7 +110,7 @@ def test_a_machine_whose_speed_wanders_widens_the_bound() -> None:
     assert find_overload(replace(series, wanders=True), RUN, error=LOOK_ERROR) is None
 
 
-def test_a_curve_has_no_value_of_what_grows_and_is_missed_there() -> None:
+def test_growing_value_is_missed_on_the_curve() -> None:
     series = served(noisy(1, 60.0, count=400))
     enough = Setting(reserve=80, series=(served(noisy(1, 30.0, count=400)),))
     settings = (Setting(reserve=60, series=(series,)), enough)
@@ -135,7 +135,7 @@ def test_a_curve_has_no_value_of_what_grows_and_is_missed_there() -> None:
         (51.0, 50.0, 1.0, 1, True),  # computes all the time, but for what interrupts take
     ],
 )
-def test_more_cpu_helps_unless_jobs_were_seen_to_wait(
+def test_more_cpu_helps_unless_jobs_waited(
     between: float, cpu: float, share: float, processors: int, helps: bool
 ) -> None:
     overload = Overload(period_ms=PERIOD, between_ms=between, job_cpu_ms=cpu)
@@ -143,7 +143,7 @@ def test_more_cpu_helps_unless_jobs_were_seen_to_wait(
     assert more_processors_help(overload, share, processors) is helps
 
 
-def test_what_was_left_out_at_the_starts_of_a_load_is_no_job_that_was_caught_up() -> None:
+def test_skipped_start_jobs_are_not_caught_up() -> None:
     starts, jobs, behind_ms = 60, 16, 0.06 * PERIOD
     samples, since = list[Sample](), 0.0
     for _ in range(starts):

@@ -69,7 +69,7 @@ def test_nothing_measured_gets_no_verdict() -> None:
     assert isinstance(judge(a_series([]), {"mean_response_time": at_most(110)}, RUN), TooFewSamples)
 
 
-def test_a_clear_setting_stops_at_the_first_look_and_a_close_one_goes_on() -> None:
+def test_close_setting_goes_on() -> None:
     early = a_series(noisy(1, 100.0, count=FIRST_LOOK))
 
     assert isinstance(the_early(early, {"mean_response_time": at_most(200)}, RUN), Met)
@@ -78,7 +78,7 @@ def test_a_clear_setting_stops_at_the_first_look_and_a_close_one_goes_on() -> No
     assert the_early(early, {"mean_response_time": at_most(110)}, RUN) is None, "slow jobs may not have been seen"
 
 
-def test_a_setting_that_its_end_would_not_settle_ends_within_the_noise() -> None:
+def test_hopeless_setting_ends_within_noise() -> None:
     half = a_series(noisy(1, 100.0, count=226))
     at_the_mean = {"mean_response_time": at_most(str(sum(noisy(1, 100.0, count=226)) / 226))}
 
@@ -86,7 +86,7 @@ def test_a_setting_that_its_end_would_not_settle_ends_within_the_noise() -> None
     assert the_early(half, {"mean_response_time": at_most(103)}, RUN) is None
 
 
-def test_an_extreme_that_one_more_sample_may_turn_is_not_settled_early() -> None:
+def test_fragile_extreme_is_not_settled() -> None:
     early = a_series(noisy(1, 100.0, count=FIRST_LOOK))
 
     assert the_early(early, {"maximum_response_time": at_most(200)}, RUN) is None
@@ -100,7 +100,7 @@ def test_a_setting_that_is_over_has_a_verdict() -> None:
     assert the_early(SERIES, {"mean_response_time": at_most(100)}, RUN) is not None
 
 
-def test_a_series_of_a_host_that_had_not_settled_gets_no_verdict() -> None:
+def test_unsettled_host_gives_no_verdict() -> None:
     unsettled = replace(SERIES, unsettled="it still consumed 1 LP")
 
     assert judge(unsettled, {"mean_response_time": at_most(200)}, RUN) == Unsteady(reason="it still consumed 1 LP")
@@ -115,21 +115,21 @@ def wandering(times: list[float]) -> Series:
 
 
 @pytest.mark.parametrize(("limit", "kind"), [("300", Met), ("40", Missed), ("120", WithinNoise)])
-def test_a_machine_that_was_slower_for_a_while_has_a_verdict_far_from_the_threshold(limit: str, kind: type) -> None:
+def test_temporary_slowness_allows_clear_verdicts(limit: str, kind: type) -> None:
     apt: dict[str, Threshold] = {"mean_response_time": at_most(limit)}
 
     assert not isinstance(judge(a_series(SLOWER), apt, RUN), Met | Missed)
     assert isinstance(judge(wandering(SLOWER), apt, RUN), kind)
 
 
-def test_a_rate_of_a_machine_that_was_slower_for_a_while_is_that_of_all_quarters() -> None:
+def test_rate_of_slow_machine_covers_quarters() -> None:
     verdict = judge(wandering(SLOWER), {"throughput": at_least(1)}, RUN)
 
     assert isinstance(verdict, Met)
     assert verdict.judged[0].estimate.value == pytest.approx(1000 / 116, rel=0.05)
 
 
-def test_quarters_that_are_all_alike_are_no_surer_than_all_their_samples() -> None:
+def test_equal_quarters_are_no_surer() -> None:
     series, apt = wandering(SLOWER), {"success_rate": at_least(1)}
     whole = estimate("success_rate", series, RUN, error=ERROR)
 
@@ -140,20 +140,20 @@ def test_quarters_that_are_all_alike_are_no_surer_than_all_their_samples() -> No
     assert verdict.judged[0].estimate.lower == whole.lower < 100
 
 
-def test_a_maximum_is_that_of_the_whole_also_of_a_machine_that_was_slower_for_a_while() -> None:
+def test_maximum_covers_the_whole_series() -> None:
     apt: dict[str, Threshold] = {"maximum_response_time": at_most(300)}
 
     assert judge(wandering(SLOWER), apt, RUN) == judge(a_series(SLOWER), apt, RUN)
 
 
-def test_quarters_that_go_one_way_and_double_have_no_verdict_however_far_the_threshold() -> None:
+def test_doubling_trend_has_no_verdict() -> None:
     rising = [time * (1 + number / 100) for number, time in enumerate(noisy(1, 100.0))]
     apt: dict[str, Threshold] = {"mean_response_time": at_most("100000")}
 
     assert isinstance(judge(wandering(rising), apt, RUN), Unsteady)
 
 
-def test_quarters_that_happen_to_go_one_way_a_little_have_wide_bounds() -> None:
+def test_slight_trend_has_wide_bounds() -> None:
     rising = [time * (1 + number / 800) for number, time in enumerate(noisy(1, 100.0, count=400))]
 
     near, far = ({"mean_response_time": at_most(limit)} for limit in (150, 300))
@@ -163,7 +163,7 @@ def test_quarters_that_happen_to_go_one_way_a_little_have_wide_bounds() -> None:
     assert isinstance(judge(wandering(rising), far, RUN), Met)
 
 
-def test_few_samples_have_no_quarters_and_steady_ones_need_none() -> None:
+def test_few_samples_have_no_quarters() -> None:
     few = [100.0] * 20 + [140.0] * 15
     apt: dict[str, Threshold] = {"mean_response_time": at_most("200")}
 
@@ -171,7 +171,7 @@ def test_few_samples_have_no_quarters_and_steady_ones_need_none() -> None:
     assert judge(replace(SERIES, wanders=True), apt, RUN) == judge(SERIES, apt, RUN)
 
 
-def test_that_one_of_several_misses_needs_more_evidence_than_that_all_meet() -> None:
+def test_one_miss_needs_more_evidence() -> None:
     times = noisy(1, 100.0, count=400)
     alone = {"mean_response_time": at_most("99")}
     while not isinstance(judge(a_series(times), alone, RUN), Missed):
@@ -199,7 +199,7 @@ def test_looks_grow_apart() -> None:
         ("p50_response_time", at_most(100), FIRST_LOOK),
     ],
 )
-def test_so_many_samples_are_needed_where_every_job_is_good(index: str, threshold: Threshold, needed: int) -> None:
+def test_needed_samples_if_every_job_is_good(index: str, threshold: Threshold, needed: int) -> None:
     def verdict(count: int) -> Verdict:
         return judge_look(a_series([50.0] * count), {index: threshold}, replace(RUN, deadline=milliseconds("1 s")))
 
@@ -209,11 +209,11 @@ def test_so_many_samples_are_needed_where_every_job_is_good(index: str, threshol
         assert not isinstance(verdict(needed - 1), Met)
 
 
-def test_a_success_rate_of_all_jobs_is_never_shown() -> None:
+def test_success_rate_of_all_jobs_is_never_shown() -> None:
     assert samples_needed("success_rate", at_least(100)) > MOST_SAMPLES
 
 
-def test_where_every_job_was_good_it_takes_as_many_as_are_needed_and_a_setting_that_cannot_have_them_ends() -> None:
+def test_impossible_number_of_good_samples_ends() -> None:
     apt: dict[str, Threshold] = {"p99_response_time": at_most(400)}
     series = a_series(noisy(3, 100.0, variation=0.1, correlation=0.0, count=200))
     verdict = judge_look(series, apt, RUN)
@@ -225,7 +225,7 @@ def test_where_every_job_was_good_it_takes_as_many_as_are_needed_and_a_setting_t
 
 
 @pytest.mark.parametrize(("index", "limit"), [("mean_response_time", 102), ("p90_response_time", 122)])
-def test_with_as_many_samples_as_it_says_a_setting_is_clear(index: str, limit: int) -> None:
+def test_predicted_samples_make_it_clear(index: str, limit: int) -> None:
     apt: dict[str, Threshold] = {index: at_most(limit)}
     times = noisy(5, 100.0, variation=0.15, correlation=0.0, count=20_000)
     few = a_series(times[:400])
@@ -246,9 +246,7 @@ def test_with_as_many_samples_as_it_says_a_setting_is_clear(index: str, limit: i
         ({"p50_response_time": at_most(90), "p99_response_time": at_most(200)}, None),
     ],
 )
-def test_where_all_samples_are_good_and_too_few_it_says_how_many_a_bound_takes(
-    apt: dict[str, Threshold], count: int | None
-) -> None:
+def test_too_few_good_samples_say_how_many(apt: dict[str, Threshold], count: int | None) -> None:
     few = a_series(noisy(5, 100.0, variation=0.05, correlation=0.0, count=300))
     verdict = judge_look(few, apt, RUN)
 

@@ -122,7 +122,7 @@ def test_a_host_of_the_manifest_comes_back() -> None:
         ([], ""),
     ],
 )
-def test_what_does_not_fit_is_refused_with_its_path(data: object, path: str) -> None:
+def test_misfit_is_refused_with_path(data: object, path: str) -> None:
     with pytest.raises(NotDecodable) as refused:
         decode(Box, data)
 

@@ -32,7 +32,7 @@ def kill(process: "subprocess.Popen[str]") -> None:
     process.communicate()
 
 
-def test_a_second_holder_is_told_who_the_first_is(tmp_path: Path) -> None:
+def test_second_holder_is_told_who_first_is(tmp_path: Path) -> None:
     path = tmp_path / "onboard.lock"
     with hold(path, "ann@lab"):
         with pytest.raises(Locked) as locked, hold(path, "bob@lab"):
@@ -45,7 +45,7 @@ def test_a_second_holder_is_told_who_the_first_is(tmp_path: Path) -> None:
         assert read_owner(path) == "bob@lab"
 
 
-def test_another_process_is_kept_out_and_its_death_frees_the_lock(tmp_path: Path) -> None:
+def test_death_frees_the_lock(tmp_path: Path) -> None:
     path = tmp_path / "onboard.lock"
     process = start_holder(path)
     try:

@@ -27,7 +27,7 @@ def made_from(folder: str) -> Plan:
 
 
 @pytest.mark.parametrize("folder", ["robot/", "../robot/", "/srv/robot/"])
-def test_the_same_plan_has_the_same_id_from_every_folder(folder: str) -> None:
+def test_same_plan_has_same_id_from_every_folder(folder: str) -> None:
     assert plan_id(made_from(folder)) == plan_id(made_from(""))
 
 

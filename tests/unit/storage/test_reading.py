@@ -10,7 +10,7 @@ from rarms_iac.storage.reading import TooLarge, read_file, read_input
 from tests.needs import require
 
 
-def test_a_file_is_read_up_to_its_limit_and_no_further(tmp_path: Path) -> None:
+def test_file_is_read_to_its_limit(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_bytes(b"12345")
 
@@ -19,7 +19,7 @@ def test_a_file_is_read_up_to_its_limit_and_no_further(tmp_path: Path) -> None:
         read_file(file, 4)
 
 
-def test_standard_input_is_read_up_to_its_limit_and_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_standard_input_is_read_to_its_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"12345678")))
 
     assert read_input("-", 4096) == b"12345678"
@@ -30,7 +30,7 @@ def test_standard_input_is_read_up_to_its_limit_and_no_further(monkeypatch: pyte
 
 @pytest.mark.needs("linux")
 @pytest.mark.parametrize("name", ["/proc/kmsg", "/proc/self/environ", "/sys/kernel/mm/transparent_hugepage/enabled"])
-def test_a_file_that_the_kernel_makes_up_is_no_file_though_it_is_called_regular(name: str, tmp_path: Path) -> None:
+def test_kernel_file_is_no_regular_file(name: str, tmp_path: Path) -> None:
     link = tmp_path / "link"
     link.symlink_to(name)
 
@@ -51,10 +51,10 @@ def test_a_link_counts_as_what_it_leads_to(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", ["1e999", "-1E+400", "1" * 400 + ".0"])
-def test_a_number_that_no_float_can_hold_is_refused(number: str) -> None:
+def test_number_that_no_float_can_hold_is_refused(number: str) -> None:
     with pytest.raises(NotDecodable, match="too large"):
         parse_json(f'{{"response_ms": [1.5, {number}]}}')
 
 
-def test_a_text_that_looks_like_a_huge_number_is_a_text() -> None:
+def test_text_that_looks_like_huge_number_is_text() -> None:
     assert parse_json('{"id": "3e9995", "small": 1e-999}') == {"id": "3e9995", "small": 0.0}

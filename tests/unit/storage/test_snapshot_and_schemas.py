@@ -25,7 +25,7 @@ def test_the_schemas_are_made_from_the_types(name: str) -> None:
     assert held == text_of(SCHEMAS[name]()), "run: python -m scripts.file_schemas schemas"
 
 
-def test_plan_files_and_snapshots_are_as_their_schemas_say() -> None:
+def test_plan_files_and_snapshots_follow_schemas() -> None:
     of_plans, of_snapshots = map(jsonschema.Draft202012Validator, (plan_schema(), snapshot_schema()))
 
     assert list(of_plans.iter_errors(json.loads(write_plan(identified(a_rich_plan()))))) == []

@@ -31,7 +31,7 @@ def test_replace_leaves_only_the_file(tmp_path: Path) -> None:
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"state.json": b"two"}
 
 
-def test_replace_flushes_the_content_before_the_name_and_the_name_before_it_returns(tmp_path: Path) -> None:
+def test_replace_flushes_content_before_name(tmp_path: Path) -> None:
     counting = CrashingDisk(0)
     with disk.use(counting):
         replace(tmp_path / "state.json", b"one")
@@ -41,7 +41,7 @@ def test_replace_flushes_the_content_before_the_name_and_the_name_before_it_retu
 
 @pytest.mark.parametrize("when", When)
 @pytest.mark.parametrize("at", [1, 2, 3, 4])
-def test_a_crash_while_replacing_leaves_the_old_or_the_new_content(tmp_path: Path, at: int, when: When) -> None:
+def test_crash_while_replacing_leaves_old_or_new_content(tmp_path: Path, at: int, when: When) -> None:
     path = tmp_path / "state.json"
     replace(path, b"old content")
 
@@ -53,7 +53,7 @@ def test_a_crash_while_replacing_leaves_the_old_or_the_new_content(tmp_path: Pat
     assert [file.name for file in tmp_path.iterdir()] == ["state.json"]
 
 
-def test_what_a_writer_that_ended_left_goes_and_what_another_is_writing_stays(tmp_path: Path) -> None:
+def test_leftovers_go_and_current_writes_stay(tmp_path: Path) -> None:
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
     path = tmp_path / "rarms[7].yaml"
@@ -66,7 +66,7 @@ def test_what_a_writer_that_ended_left_goes_and_what_another_is_writing_stays(tm
     assert [file.name for file in tmp_path.iterdir()] == [names[os.getpid()]]
 
 
-def test_a_reader_that_has_the_file_open_delays_a_replace_and_does_not_break_it(tmp_path: Path) -> None:
+def test_open_reader_delays_a_replace(tmp_path: Path) -> None:
     path = tmp_path / "state.json"
     replace(path, b"old")
     with path.open("rb") as reader:
@@ -78,7 +78,7 @@ def test_a_reader_that_has_the_file_open_delays_a_replace_and_does_not_break_it(
     assert path.read_bytes() == b"new"
 
 
-def test_a_replace_that_fails_leaves_nothing_beside_the_file(tmp_path: Path) -> None:
+def test_replace_that_fails_leaves_nothing_beside_file(tmp_path: Path) -> None:
     target = tmp_path / "state.json"
     (target / "in the way").mkdir(parents=True)  # a folder cannot be replaced by a file
 
@@ -116,7 +116,7 @@ def test_no_file_has_no_records(tmp_path: Path) -> None:
     assert last_in(b"", tmp_path) is None
 
 
-def test_line_ends_of_git_on_windows_do_no_harm(tmp_path: Path) -> None:
+def test_windows_line_ends_do_no_harm(tmp_path: Path) -> None:
     journal = tmp_path / "journal.jsonl"
     journal.write_bytes((sealed_line({"a": 1}) + sealed_line({"a": 2})).replace(b"\n", b"\r\n"))
 
@@ -126,7 +126,7 @@ def test_line_ends_of_git_on_windows_do_no_harm(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("padding", [0, 5000, 20_000])
-def test_a_torn_last_record_is_dropped_and_its_place_taken(tmp_path: Path, padding: int) -> None:
+def test_torn_last_record_is_replaced(tmp_path: Path, padding: int) -> None:
     journal = tmp_path / "journal.jsonl"
     append(journal, {"a": "x" * padding})
     whole = journal.read_bytes()
@@ -142,7 +142,7 @@ def test_a_torn_last_record_is_dropped_and_its_place_taken(tmp_path: Path, paddi
         assert records_of(journal) == ({"a": "x" * padding}, {"c": 3})
 
 
-def test_a_last_record_that_the_disk_filled_with_zeros_is_dropped_too(tmp_path: Path) -> None:
+def test_zeroed_last_record_is_dropped(tmp_path: Path) -> None:
     journal = tmp_path / "journal.jsonl"
     journal.write_bytes(sealed_line({"a": 1}) + b"\0" * 40 + b"\n")
 
@@ -178,9 +178,7 @@ DAMAGED: list[Callable[[bytes, bytes], bytes]] = [
 
 
 @pytest.mark.parametrize("damage", DAMAGED)
-def test_what_no_crash_can_have_done_is_damage_to_read_and_to_append_to(
-    tmp_path: Path, damage: Callable[[bytes, bytes], bytes]
-) -> None:
+def test_impossible_damage_is_refused(tmp_path: Path, damage: Callable[[bytes, bytes], bytes]) -> None:
     journal = tmp_path / "journal.jsonl"
     journal.write_bytes(data := damage(sealed_line({"a": "first"}), sealed_line({"b": "last"})))
 
@@ -190,7 +188,7 @@ def test_what_no_crash_can_have_done_is_damage_to_read_and_to_append_to(
     assert journal.read_bytes() == data
 
 
-def test_a_log_that_is_damaged_after_a_record_was_added_is_looked_at_again(tmp_path: Path) -> None:
+def test_log_damaged_later_is_read_again(tmp_path: Path) -> None:
     journal = tmp_path / "journal.jsonl"
     for number in range(3):
         append(journal, {"number": number})
@@ -202,7 +200,7 @@ def test_a_log_that_is_damaged_after_a_record_was_added_is_looked_at_again(tmp_p
     assert damaged.value.line == 2
 
 
-def test_a_sealed_record_that_is_not_ascii_is_damaged() -> None:
+def test_sealed_record_that_is_not_ascii_is_damaged() -> None:
     text = '{"name":"\xe9"}'.encode()
     seal = b'%s,"length":%d,"checksum":"%s"}\n'
 
@@ -218,7 +216,7 @@ def test_fields_that_the_line_needs_are_refused(record: dict[str, int | str]) ->
 
 @pytest.mark.parametrize("when", When)
 @pytest.mark.parametrize("at", [1, 2, 3, 4])
-def test_a_crash_while_a_first_record_is_added_tears_nothing(tmp_path: Path, at: int, when: When) -> None:
+def test_crash_while_first_record_is_added_tears_nothing(tmp_path: Path, at: int, when: When) -> None:
     journal = tmp_path / "journal.jsonl"
     with disk.use(CrashingDisk(at, when)), pytest.raises(Crash):
         append(journal, {"a": 1})
@@ -238,7 +236,7 @@ def test_the_private_folder_is_kept_out_of_git(tmp_path: Path) -> None:
     assert list((tmp_path / "elsewhere").iterdir()) == []
 
 
-def test_a_kill_leaves_no_other_file_beside_the_one_that_git_is_told_by(tmp_path: Path) -> None:
+def test_killed_writer_leaves_no_other_file(tmp_path: Path) -> None:
     for at in range(1, 8):
         folder = tmp_path / str(at) / ".rarms"
         folder.parent.mkdir()

@@ -47,7 +47,7 @@ def done(client: Client, action: str, **body: object) -> dict[str, object]:
     return client.work("*")
 
 
-def test_each_action_shows_the_command_that_does_the_same() -> None:
+def test_each_action_shows_command_that_does_same() -> None:
     measured = MeasureAction(components=["control"], first=10, last=40, step=10, weak_load=True, stop_partitions=True)
     words = "rarms measure control --from 10% --to 40% --step 10% --stop-partitions --weak-load"
 
@@ -57,7 +57,7 @@ def test_each_action_shows_the_command_that_does_the_same() -> None:
     assert [name for name, kind in ACTIONS.items() if not kind.changes] == ["plan", "plan-start", "undo-preview"]
 
 
-def test_a_plan_is_applied_once_after_the_name_was_typed(client: Client) -> None:
+def test_plan_is_applied_once_after_name_was_typed(client: Client) -> None:
     name = client.get().text.split("<h1>")[1].split("</h1>")[0]
     assert done(client, "plan")["ending"] == "done"
     page = client.get().text
@@ -82,7 +82,7 @@ def test_a_plan_is_applied_once_after_the_name_was_typed(client: Client) -> None
     assert 'data-action="undo"' not in client.get().text, "there is nothing left to undo"
 
 
-def test_an_undo_after_measuring_is_that_of_the_users_own_apply(client: Client, folder: Path) -> None:
+def test_undo_after_measuring_is_the_users(client: Client, folder: Path) -> None:
     assert rarms("apply", "--auto-approve", "-f", str(folder)).code == 0
     assert 'data-action="undo"' in client.get().text
 
@@ -94,16 +94,14 @@ def test_an_undo_after_measuring_is_that_of_the_users_own_apply(client: Client, 
     assert "remove" in str(done(client, "undo-preview")["lines"])
 
 
-def test_a_proof_asks_for_the_idle_time_of_the_hosts(client: Client) -> None:
+def test_proof_asks_for_idle_time_of_hosts(client: Client) -> None:
     refused = done(client, "prove")
 
     assert refused["ending"] == "failed"
     assert "uses all idle time" in str(refused["lines"])
 
 
-def test_a_level_is_shown_as_a_difference_and_written_onto_the_text_that_was_shown(
-    client: Client, folder: Path
-) -> None:
+def test_level_is_previewed_and_written(client: Client, folder: Path) -> None:
     shown = client.post("levels", LEVELS).data
     assert "-      mean_response_time: { at_most: 50 ms }" in str(shown["difference"])
     assert text(folder) == MANIFEST, "a preview writes nothing"
@@ -119,7 +117,7 @@ def test_a_level_is_shown_as_a_difference_and_written_onto_the_text_that_was_sho
     assert client.post("levels", LEVELS).data["difference"] == ""
 
 
-def test_levels_of_a_way_out_are_shown_and_written_together_or_not_at_all(client: Client, folder: Path) -> None:
+def test_levels_of_a_way_out_go_together(client: Client, folder: Path) -> None:
     (folder / "rarms.yaml").write_text(TIGHT, encoding="utf-8", newline="\n")
     with without_scheduler():
         assert rarms("measure", "-f", str(folder)).code == 0
@@ -142,9 +140,7 @@ def test_levels_of_a_way_out_are_shown_and_written_together_or_not_at_all(client
     assert text(folder) == written + "# another hand\n"
 
 
-def test_of_two_levels_that_are_written_at_once_onto_one_text_the_second_is_refused(
-    client: Client, folder: Path
-) -> None:
+def test_second_concurrent_level_is_refused(client: Client, folder: Path) -> None:
     for at in range(5):
         digest = client.post("levels", LEVELS).data["digest"]
         levels = [f"{40 - at} ms", f"{30 - at} ms"]
@@ -157,7 +153,7 @@ def test_of_two_levels_that_are_written_at_once_onto_one_text_the_second_is_refu
         assert f"at_most: {written}" in text(folder)
 
 
-def test_a_log_that_is_no_regular_file_is_a_finding_on_the_page(client: Client, folder: Path) -> None:
+def test_irregular_log_is_a_finding(client: Client, folder: Path) -> None:
     log = folder / "measurements" / "onboard" / "control" / "busy-loop.jsonl"
     log.mkdir(parents=True)
 
@@ -167,7 +163,7 @@ def test_a_log_that_is_no_regular_file_is_a_finding_on_the_page(client: Client, 
     assert "not a regular file" in page.text
 
 
-def test_a_level_that_cannot_be_meant_is_refused_with_the_reason(client: Client, folder: Path) -> None:
+def test_impossible_level_is_refused_with_reason(client: Client, folder: Path) -> None:
     refused = client.post("levels", {"levels": [LEVEL, {**LEVEL, "level": "45 parsecs"}]})
 
     assert refused.status == 409
@@ -190,7 +186,7 @@ def test_read_only_shows_and_plans_and_changes_nothing(folder: Path) -> None:
     assert not (folder / "measurements").exists()
 
 
-def test_what_is_wrong_with_the_manifest_is_shown_and_mended_beside_it(client: Client, folder: Path) -> None:
+def test_manifest_errors_are_shown_and_fixed(client: Client, folder: Path) -> None:
     nasty = "</script><script>alert(1)</script>"
     (folder / "rarms.yaml").write_text(MANIFEST + f'\n"{nasty}": 1\n', encoding="utf-8", newline="\n")
     broken = client.get()
@@ -202,9 +198,7 @@ def test_what_is_wrong_with_the_manifest_is_shown_and_mended_beside_it(client: C
     assert 'data-measure="control"' in client.get().text
 
 
-def test_a_manifest_that_is_missing_or_broken_is_named_with_its_finding_and_nothing_else(
-    client: Client, folder: Path
-) -> None:
+def test_missing_or_broken_manifest_is_named(client: Client, folder: Path) -> None:
     for content in (None, "schema: [", MANIFEST + "\nunknown: 1\n"):
         (folder / "rarms.yaml").unlink(missing_ok=True)
         if content is not None:
@@ -220,7 +214,7 @@ def test_a_manifest_that_is_missing_or_broken_is_named_with_its_finding_and_noth
     assert " | ^^^^^^^" in shown
 
 
-def test_a_plan_that_was_applied_in_a_terminal_is_no_longer_offered(client: Client, folder: Path) -> None:
+def test_used_plan_is_no_longer_offered(client: Client, folder: Path) -> None:
     assert done(client, "plan")["ending"] == "done"
     assert 'data-action="apply"' in client.get().text
 
@@ -243,9 +237,7 @@ def killed(at: int, *words: str) -> None:
         rarms(*words)
 
 
-def test_a_measurement_that_runs_in_a_terminal_is_not_taken_for_one_that_was_cut_off(
-    client: Client, folder: Path
-) -> None:
+def test_running_measurement_is_not_cut_off(client: Client, folder: Path) -> None:
     left_by_a_killed_measurement(folder)
     assert 'data-action="plan-start"' in client.get().text
 
@@ -259,7 +251,7 @@ def test_a_measurement_that_runs_in_a_terminal_is_not_taken_for_one_that_was_cut
     assert 'data-action="plan-start"' in client.get().text
 
 
-def test_an_apply_that_runs_in_a_terminal_is_not_offered_to_be_finished(client: Client, folder: Path) -> None:
+def test_running_apply_is_not_offered(client: Client, folder: Path) -> None:
     killed(70, "apply", "--auto-approve", "-f", str(folder))
     assert 'data-action="finish"' in client.get().text
 
@@ -298,7 +290,7 @@ def test_events_tell_of_files_that_changed(client: Client, folder: Path) -> None
     assert f'data-version="{seen[1]}"' in client.get().text
 
 
-def test_a_use_case_that_begins_or_ends_is_followed_by_the_page_at_once(client: Client) -> None:
+def test_page_follows_use_cases_at_once(client: Client) -> None:
     connection = HTTPConnection("127.0.0.1", client.port, timeout=60)
     connection.request("GET", f"{client.path}events", headers={"Cookie": client.cookie})
     lines = connection.getresponse()

@@ -9,7 +9,7 @@ from rarms_iac.studio.connections import LOOPBACK, bind
 from tests.needs import ON_WINDOWS
 
 
-def test_a_port_that_was_just_in_use_is_taken_again() -> None:
+def test_recently_used_port_is_taken() -> None:
     with bind(0) as first, socket.create_connection(first.getsockname()) as client:
         served, _ = first.accept()
         served.close()  # who closes first keeps the port for a minute

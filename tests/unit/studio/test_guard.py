@@ -52,7 +52,7 @@ def test_without_the_cookie_every_address_answers_403(client: Client) -> None:
     assert client.send("GET", "/favicon.ico", {"Cookie": client.cookie}).status == 403
 
 
-def test_the_token_works_once_and_gives_a_cookie_that_no_script_and_no_other_site_gets(fresh: Client) -> None:
+def test_token_works_once_and_cookie_is_private(fresh: Client) -> None:
     first, again = fresh.enter(), Client(address=fresh.address).enter()
 
     assert (first.status, again.status) == (200, 403)
@@ -64,7 +64,7 @@ def test_the_token_works_once_and_gives_a_cookie_that_no_script_and_no_other_sit
     assert f'url={fresh.path}"' in again.text, "the browser that has the cookie is led to the page"
 
 
-def test_a_cookie_of_the_same_name_that_another_server_set_locks_the_user_not_out(client: Client) -> None:
+def test_foreign_cookie_does_not_lock_out(client: Client) -> None:
     name, _, _ = client.cookie.partition("=")
 
     for cookies in (f"{name}=x; {client.cookie}", f"{client.cookie}; {name}=x", f"{name}=; a=b;{client.cookie}"):
@@ -72,14 +72,14 @@ def test_a_cookie_of_the_same_name_that_another_server_set_locks_the_user_not_ou
     assert client.send("GET", client.path, {"Cookie": f"{name}=x; {name}=y"}).status == 403
 
 
-def test_what_is_refused_keeps_no_connection_and_says_what_to_do(client: Client) -> None:
+def test_refusal_closes_and_gives_advice(client: Client) -> None:
     refused = client.send("GET", client.path, {})
 
     assert refused.headers["connection"] == "close"
     assert "end rarms studio with Ctrl-C and start it again" in refused.text
 
 
-def test_a_wrong_token_leaves_the_right_one_as_it_was(fresh: Client) -> None:
+def test_wrong_token_leaves_right_one_as_it_was(fresh: Client) -> None:
     assert fresh.send("GET", f"{fresh.path}enter?token=wrong", {}).status == 403
     assert fresh.enter().status == 200
 
@@ -100,14 +100,14 @@ def test_another_origin_is_refused_also_with_the_cookie(client: Client, origin: 
 
 
 @pytest.mark.parametrize("site", ["cross-site", "same-site"])
-def test_a_page_of_another_site_or_port_is_refused(client: Client, site: str) -> None:
+def test_page_of_another_site_or_port_is_refused(client: Client, site: str) -> None:
     assert client.get(**{"Sec-Fetch-Site": site}).status == 403
     assert client.get("modules/studio.js", **{"Sec-Fetch-Site": site}).status == 403
     assert client.get(**{"Sec-Fetch-Site": "same-origin"}).status == 200
 
 
 @pytest.mark.parametrize("lacking", ["Origin", "Content-Type"])
-def test_a_post_without_origin_or_of_another_type_is_refused(client: Client, lacking: str) -> None:
+def test_foreign_post_is_refused(client: Client, lacking: str) -> None:
     headers = {name: value for name, value in allowed(client).items() if name != lacking}
 
     assert client.send("POST", f"{client.path}stop", headers, b"{}").status == 403
@@ -144,12 +144,12 @@ def test_it_listens_on_the_loopback_interface_alone(client: Client) -> None:
 
 
 @pytest.mark.parametrize("body", [b"[]", b"{", b'{"plan": 1}', b'{"foreign": true}', b'{"components": "control"}'])
-def test_a_body_that_the_page_does_not_send_is_refused(client: Client, body: bytes) -> None:
+def test_body_that_page_does_not_send_is_refused(client: Client, body: bytes) -> None:
     for name in ("do/measure", "levels"):
         assert client.send("POST", f"{client.path}{name}", allowed(client), body).status == 422, name
 
 
-def test_there_are_no_other_actions_and_no_other_modules(client: Client) -> None:
+def test_no_other_actions_or_modules(client: Client) -> None:
     assert client.post("do/destroy", {}).status == 404
     assert client.get("modules/..%2f..%2finit%2frarms.yaml").status == 404
     assert client.get("modules/report.css").status == 404

@@ -30,7 +30,7 @@ def watch_of(folder: Path, host: str, now: Callable[[], float] = time.monotonic)
 
 
 @pytest.mark.needs("linux")
-def test_a_run_on_a_linux_host_of_this_machine_is_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_local_linux_run_is_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(provider, "STATE_FOLDER", tmp_path / "state")
     watch = watch_of(tmp_path, "provider: linux, linux: { slice: cell }")
     before = watch.version(is_running=False)
@@ -43,7 +43,7 @@ def test_a_run_on_a_linux_host_of_this_machine_is_followed(tmp_path: Path, monke
     assert watch.version(is_running=False) == watch.version(is_running=False)
 
 
-def test_a_distant_host_is_looked_at_from_time_to_time_while_nothing_runs(tmp_path: Path) -> None:
+def test_distant_host_is_polled_when_idle(tmp_path: Path) -> None:
     now = [1000.0]
     watch = watch_of(tmp_path, "provider: linux, connect: { ssh: robot@robot.invalid }", lambda: now[0])
     before = watch.version(is_running=False)
@@ -53,7 +53,7 @@ def test_a_distant_host_is_looked_at_from_time_to_time_while_nothing_runs(tmp_pa
     assert watch.version(is_running=False) != before
 
 
-def test_a_simulated_host_is_looked_at_when_its_file_changes_alone(tmp_path: Path) -> None:
+def test_simulated_host_is_followed_by_file(tmp_path: Path) -> None:
     now = [1000.0]
     watch = watch_of(tmp_path, "provider: simulated", lambda: now[0])
     before = watch.version(is_running=False)
@@ -69,7 +69,7 @@ def test_a_simulated_host_is_looked_at_when_its_file_changes_alone(tmp_path: Pat
         ("provider: simulated", False),
     ],
 )
-def test_the_page_says_when_a_host_was_asked_that_it_cannot_follow(tmp_path: Path, host: str, says: bool) -> None:
+def test_page_says_when_host_was_asked(tmp_path: Path, host: str, says: bool) -> None:
     known = watch_of(tmp_path, host).knowledge()
     source = ManifestSource(manifest=str(tmp_path))
     settings = StudioSettings(source=source)

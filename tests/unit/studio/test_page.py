@@ -97,7 +97,7 @@ def content(text: str) -> Content:
     return reader.content
 
 
-def test_text_in_any_field_becomes_neither_element_nor_attribute() -> None:
+def test_hostile_text_becomes_no_markup() -> None:
     plain, nasty = content("x"), content(NASTY)
 
     assert nasty.elements == plain.elements

@@ -14,7 +14,7 @@ def test_a_number_is_not_parted_from_its_unit() -> None:
     assert lines(paragraph("it takes 120 % of it"), 12) == ["it takes", "120 % of it"]
 
 
-def test_an_item_s_further_lines_stand_below_its_first_word() -> None:
+def test_further_lines_stand_below_first_word() -> None:
     assert lines(paragraph("one of:\n- the first way\n  - a part of it", indent=2), 14) == [
         "  one of:",
         "  - the first",
@@ -25,7 +25,7 @@ def test_an_item_s_further_lines_stand_below_its_first_word() -> None:
 
 
 @pytest.mark.parametrize("width", [40, 50, 60])
-def test_a_narrow_table_breaks_between_words_and_cuts_nothing(width: int) -> None:
+def test_narrow_table_breaks_between_words_and_cuts_nothing(width: int) -> None:
     cells = ("path-planning", "maximum_response_time <= 400 ms", "177.5 ms", "met so far")
     shown = lines(Table([cells], header=("component", "threshold", "measured", "verdict"), wrap=(1, 3)), width)
 
@@ -34,7 +34,7 @@ def test_a_narrow_table_breaks_between_words_and_cuts_nothing(width: int) -> Non
     assert [word for cell in cells for word in cell.split() if word not in told] == []
 
 
-def test_a_row_whose_words_need_more_than_a_line_stands_below_its_first_cell() -> None:
+def test_long_row_stands_below_first_cell() -> None:
     rows = [
         ("face-detection-in-front", "88 ms", "met"),
         ("x", "9 ms", "far below what it must be"),
@@ -60,7 +60,7 @@ def test_further_lines_hang_below_the_text() -> None:
     assert lines(paragraph("set this and that", indent=2, more=2), 12) == ["  set this", "    and that"]
 
 
-def test_a_word_longer_than_the_line_is_not_broken() -> None:
+def test_word_longer_than_line_is_not_broken() -> None:
     assert lines(paragraph("see /a/path/that/is/longer now", indent=2), 14) == [
         "  see",
         "  /a/path/that/is/longer",
@@ -69,14 +69,14 @@ def test_a_word_longer_than_the_line_is_not_broken() -> None:
 
 
 @given(st.text(st.characters(), max_size=300), st.integers(20, 100))
-def test_wrapping_loses_no_word_and_only_single_words_stick_out(text: str, width: int) -> None:
+def test_wrapping_loses_no_word(text: str, width: int) -> None:
     shown = lines(paragraph(text, indent=2), width)
 
     assert visible(text).split() == " ".join(shown).split()
     assert all(columns(line) <= width or len(line.split()) <= 2 for line in shown)
 
 
-def test_a_table_wraps_the_columns_that_may_and_breaks_no_name() -> None:
+def test_table_wraps_columns_without_breaking_names() -> None:
     rows = [("mean_response_time", "88 ms", "far below what it must be"), ("x", "9 ms", "met")]
 
     assert lines(Table(rows, header=("index", "value", "verdict"), right=(1,), wrap=(2,)), 44) == [
@@ -100,7 +100,7 @@ def test_colour_changes_no_word(colour: bool) -> None:
 
 @pytest.mark.parametrize("width", [40, 60, 80])
 @pytest.mark.parametrize("wrap", [(), (1, 3), (0, 1, 2, 3, 4)], ids=["nothing wraps", "two wrap", "all wrap"])
-def test_a_table_that_is_too_wide_loses_neither_a_column_nor_a_word(wrap: tuple[int, ...], width: int) -> None:
+def test_wide_table_loses_nothing(wrap: tuple[int, ...], width: int) -> None:
     header = ("component", "performance index", "expected", "verdict", "reserve")
     rows = [
         ("localization-of-arm", "response time of the 95th percentile", "104.7 ms", "not enough", "35 % of 2 VPs"),
@@ -114,7 +114,7 @@ def test_a_table_that_is_too_wide_loses_neither_a_column_nor_a_word(wrap: tuple[
     assert max(map(len, shown)) <= width
 
 
-def test_a_running_row_is_cut_to_one_line_of_the_terminal() -> None:
+def test_running_row_fits_one_line() -> None:
     running = ("attitude", "20 % of its VP", "1234 samples, p95_response_time 10.1 ms, some 2 min left at most")
 
     assert cut_row(running, [], 200) == running

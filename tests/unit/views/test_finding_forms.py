@@ -80,7 +80,7 @@ def test_json_is_versioned_and_whole() -> None:
     assert [finding["code"] for finding in document["accepted"]] == ["RARMS041"]
 
 
-def test_sarif_points_at_the_place_with_an_escaped_relative_uri() -> None:
+def test_sarif_points_at_place_with_escaped_relative_uri() -> None:
     run = json.loads(as_sarif([ERROR], page=lambda _code: "# The page"))["runs"][0]
 
     location = run["results"][0]["locations"][0]["physicalLocation"]
@@ -89,7 +89,7 @@ def test_sarif_points_at_the_place_with_an_escaped_relative_uri() -> None:
     assert run["columnKind"] == "unicodeCodePoints"
 
 
-def test_sarif_has_one_rule_a_code_with_its_page_as_help_and_keeps_accepted_findings_suppressed() -> None:
+def test_sarif_has_rules_and_suppressions() -> None:
     run = json.loads(as_sarif([ERROR, ERROR], page=lambda code: f"# {code}", accepted=[WARNING]))["runs"][0]
 
     assert [rule["id"] for rule in run["tool"]["driver"]["rules"]] == ["RARMS014", "RARMS041"]
@@ -131,7 +131,7 @@ def test_sarif_obeys_the_published_schema() -> None:
         assert list(validator.iter_errors(json.loads(text))) == []
 
 
-def test_junit_fails_errors_skips_accepted_and_lets_warnings_speak() -> None:
+def test_junit_maps_severities() -> None:
     suite = ET.fromstring(as_junit([ERROR, WARNING], accepted=[WARNING])).find("testsuite")
 
     assert suite is not None
@@ -152,7 +152,7 @@ def test_junit_without_findings_has_a_case_that_passes() -> None:
     assert [case.get("name") for case in root.iter("testcase")] == ["No findings"]
 
 
-def test_github_annotates_the_span_and_escapes_what_would_end_it() -> None:
+def test_github_annotates_and_escapes() -> None:
     finding = EXCEEDED.at(PLACE, "120 %:\nno, really", "::error::x")
 
     assert as_github([finding]) == (
@@ -167,7 +167,7 @@ def test_github_properties_escape_colon_and_comma() -> None:
     assert "file=a%2Cb%3Ac%25.yaml," in as_github([EXCEEDED.at(place, "x", "y")])
 
 
-def test_github_calls_a_note_a_notice_and_needs_no_place() -> None:
+def test_github_calls_note_notice_and_needs_no_place() -> None:
     note = Finding(code="RARMS086", severity=Severity.NOTE, summary="Not used").at(None, "x", "y")
 
     assert as_github([note]) == "::notice title=RARMS086 Not used::x%0Ay\n"
@@ -226,6 +226,6 @@ def test_a_dash_is_standard_output() -> None:
         (["json=x", "sarif=x"], "two outputs go to x"),
     ],
 )
-def test_what_cannot_be_done_is_refused_with_what_can(values: list[str], message: str) -> None:
+def test_impossible_output_is_refused_with_alternatives(values: list[str], message: str) -> None:
     with pytest.raises(BadOutput, match=message):
         parse_outputs(values)

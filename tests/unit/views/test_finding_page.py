@@ -13,14 +13,14 @@ def test_a_finding_is_explained_by_its_page() -> None:
     assert "```" not in text
 
 
-def test_an_unknown_id_has_no_page_and_the_answer_says_where_all_are() -> None:
+def test_unknown_id_says_where_all_are() -> None:
     assert finding_page("RARMS000") is None
     assert finding_page("../RARMS042") is None
     assert "Did you mean" not in unknown_code("RARMS999"), "a number that is near says nothing"
     assert "docs/diagnostics.md lists them all" in unknown_code("RARMS999")
 
 
-def test_a_page_becomes_text_of_eighty_columns_with_its_code_as_written() -> None:
+def test_page_becomes_eighty_columns() -> None:
     page = "# T\n\n" + "word " * 40 + "\nmore [a link](x.md)\n\n- one\n- two\n  lines\n\n```\n# code\n```\nend\n"
 
     text = render(page_text(page))
@@ -32,7 +32,7 @@ def test_a_page_becomes_text_of_eighty_columns_with_its_code_as_written() -> Non
     assert text.endswith("\nend\n")
 
 
-def test_a_line_of_an_example_goes_on_below_its_first_word() -> None:
+def test_example_lines_hang_below_first_word() -> None:
     first, second = "face-detection 70 %, speech-recognition 30 % and path-planning 20 % need", "120 % of the two."
 
     text = render(page_text(f"# T\n\n```\nerror\n  {first} {second}\n```\n"))

@@ -27,7 +27,7 @@ def shown(source: str, place: Place) -> list[str]:
     return as_text([EXCEEDED.at(place, "Why.", "What to do.")], {"robot.yaml": source}).splitlines()[2:4]
 
 
-def test_the_form_is_code_place_line_detail_advice_and_a_count() -> None:
+def test_form_is_code_place_line_detail_advice() -> None:
     finding = EXCEEDED.at(
         at(2, 25, path="hosts.onboard.logical_processors"),
         "FDP 1.4 LP, SRP 0.6 LP and PPP 0.4 LP need 2.4 LP; onboard has 2 LP to promise.",
@@ -56,7 +56,7 @@ def test_the_caret_underlines_the_whole_value() -> None:
     assert shown("memory: 5 GB", at(1, 9, length=4)) == ["  1 | memory: 5 GB", "    |         ^^^^"]
 
 
-def test_wide_characters_and_combining_ones_keep_the_caret_under_the_spot() -> None:
+def test_wide_characters_keep_the_caret() -> None:
     line, caret = shown("名前: e\u0301x !", at(1, 9))
 
     assert caret.index("^") == columns(line[: line.index("!")])
@@ -64,7 +64,7 @@ def test_wide_characters_and_combining_ones_keep_the_caret_under_the_spot() -> N
     assert columns("e\u0301") == 1
 
 
-def test_a_wide_character_gets_a_caret_for_each_of_its_columns() -> None:
+def test_wide_character_gets_two_carets() -> None:
     assert shown("a: ７", at(1, 4)) == ["  1 | a: ７", "    |    ^^"]
 
 
@@ -81,7 +81,7 @@ def test_what_acts_on_a_terminal_is_spelt_out() -> None:
 
 
 @pytest.mark.parametrize("column", [1, 60, 500, 998, 1000])
-def test_a_long_line_is_cut_around_the_spot_to_eighty_columns(column: int) -> None:
+def test_long_line_is_cut_around_the_place(column: int) -> None:
     source = "".join("x" if n + 1 != column else "!" for n in range(1000))
 
     line, caret = shown(source, at(1, column))
@@ -90,22 +90,22 @@ def test_a_long_line_is_cut_around_the_spot_to_eighty_columns(column: int) -> No
     assert line[caret.index("^")] == "!"
 
 
-def test_a_line_of_megabytes_is_no_reason_to_be_slow() -> None:
+def test_huge_line_is_quick() -> None:
     line, caret = shown("x" * 8_000_000 + "!", at(1, 8_000_001))
 
     assert line[caret.index("^")] == "!"
 
 
-def test_a_place_outside_the_text_or_a_file_without_text_has_no_snippet() -> None:
+def test_place_without_text_has_no_snippet() -> None:
     assert shown("a: 1", at(7, 1)) == ["  Why.", "  What to do."]
     assert "  1 |" not in as_text([EXCEEDED.at(at(1, 1, file="-"), "Why.", "Do.")], {})
 
 
-def test_a_caret_may_stand_behind_the_end_of_its_line() -> None:
+def test_caret_may_stand_behind_end_of_its_line() -> None:
     assert shown("a:", at(1, 9)) == ["  1 | a:", "    |   ^"]
 
 
-def test_a_second_place_is_shown_with_what_it_says() -> None:
+def test_second_place_is_shown_with_what_it_says() -> None:
     finding = EXCEEDED.at(at(2, 1), "Twice.", "Remove one.", related=(Related(place=at(1, 1), message="first here"),))
 
     text = as_text([finding], {"robot.yaml": "a: 1\na: 2\n"})
@@ -113,7 +113,7 @@ def test_a_second_place_is_shown_with_what_it_says() -> None:
     assert "  robot.yaml:1:1, first here\n  1 | a: 1\n    | ^\n" in text
 
 
-def test_only_a_warning_says_the_address_that_an_acceptance_names() -> None:
+def test_only_warning_says_address_that_acceptance_names() -> None:
     warning = RESTART.at(at(1, 1, path="partitions.vision"), "Why.", "Do.", address="partition/vision")
     error = EXCEEDED.at(at(1, 1, path="hosts.onboard"), "Why.", "Do.", address="host/onboard")
 
@@ -158,7 +158,7 @@ diagnostics = st.builds(
 
 
 @given(st.lists(diagnostics, max_size=3), st.text(st.characters(), max_size=300))
-def test_every_text_can_be_written_and_colour_is_only_added(some: list[Diagnostic], source: str) -> None:
+def test_colour_only_adds(some: list[Diagnostic], source: str) -> None:
     text = as_text(some, {"robot.yaml": source})
     coloured = render(findings_text(some, {"robot.yaml": source}), colour=True)
 
@@ -167,7 +167,7 @@ def test_every_text_can_be_written_and_colour_is_only_added(some: list[Diagnosti
     assert (coloured != text) == bool(some)
 
 
-def test_findings_of_one_kind_are_one_finding_with_a_list() -> None:
+def test_equal_findings_become_a_list() -> None:
     some = [EXCEEDED.at(at(line, 1, path="hosts"), "{_detail}", "Do it.", _detail=f"Why {line}.") for line in (1, 2)]
 
     assert as_text(some, {}).splitlines() == [
@@ -206,7 +206,7 @@ def test_briefly_a_kind_of_notes_is_one_line() -> None:
     assert brief == [line]
 
 
-def test_a_path_that_is_a_value_of_the_sentence_stands_once_in_a_list() -> None:
+def test_path_in_sentence_stands_once() -> None:
     named = [EXCEEDED.at(at(line, 1, path="hosts"), "hosts is empty.", "Do it.", path="hosts") for line in (1, 2)]
     other = [EXCEEDED.at(at(line, 1, path="hosts"), "Some hosts.", "Do it.") for line in (1, 2)]
 

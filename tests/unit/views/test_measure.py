@@ -68,7 +68,7 @@ def test_a_setting_below_that_misses_is_not_enough() -> None:
     assert '"undecided": false' in json_of(outcome_of(found(105.0)))
 
 
-def test_a_setting_below_that_the_samples_cannot_tell_is_within_the_noise() -> None:
+def test_undecided_lower_setting_is_within_noise() -> None:
     summary = text([found(100.2)])
 
     assert "1.18 LP not clear" in summary
@@ -76,13 +76,13 @@ def test_a_setting_below_that_the_samples_cannot_tell_is_within_the_noise() -> N
     assert '"undecided": true' in json_of(outcome_of(found(100.2)))
 
 
-def test_a_setting_below_without_a_steady_state_is_called_so() -> None:
+def test_setting_below_without_steady_state_is_called_so() -> None:
     drifting = a_setting(59, a_series("vision", [80.0 + at / 4 for at in range(200)]))
 
     assert "1.18 LP unsteady" in text([replace(found(105.0), settings=(drifting, at(60, 95.0)))])
 
 
-def test_settings_between_that_have_no_steady_state_are_told_beside_the_one_that_is_not_enough() -> None:
+def test_unsteady_settings_are_told_beside_failures() -> None:
     drifting = a_setting(57, a_series("vision", [80.0 + at / 4 for at in range(200)]))
     member = replace(
         found(105.0),
@@ -97,7 +97,7 @@ def test_settings_between_that_have_no_steady_state_are_told_beside_the_one_that
     check(json_of(outcome_of(member)))
 
 
-def test_an_answer_of_a_search_that_ended_early_says_how_many_settings_would_narrow_it() -> None:
+def test_early_end_says_remaining_settings() -> None:
     result = replace(found(105.0), conclusion=Sufficient(reserve=60, failed=51, more_settings=8))
 
     assert "up to 8 settings more would narrow it: run the same command" in " ".join(text([result]).split())
@@ -105,7 +105,7 @@ def test_an_answer_of_a_search_that_ended_early_says_how_many_settings_would_nar
     check(json_of(outcome_of(result)))
 
 
-def test_what_the_errors_mean_stands_below_a_verdict_and_nowhere_else() -> None:
+def test_errors_are_explained_below_verdicts_only() -> None:
     stopped = ExperimentResult(
         experiment=an_experiment("vision"), conclusion=Stopped(), settings=(), new=0, planned=None, log="x"
     )
@@ -124,7 +124,7 @@ def test_a_search_that_was_stopped_promises_no_plan() -> None:
     assert "a plan reserves" not in summary
 
 
-def test_of_a_maximum_no_error_is_told_that_is_not_known() -> None:
+def test_maximum_has_no_known_error() -> None:
     longest = {"maximum_response_time": at_most(500)}
     system = a_system(components=[a_component("vision", criticality=9, apt=longest, run=RUN, simulation=DEMAND)])
     outcome = replace(found(105.0), experiment=experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop"))
@@ -135,7 +135,7 @@ def test_of_a_maximum_no_error_is_told_that_is_not_known() -> None:
     assert "confidence" not in summary
 
 
-def test_beside_another_index_a_maximum_is_still_met_so_far() -> None:
+def test_maximum_is_met_so_far() -> None:
     apt = {"maximum_response_time": at_most(500), "mean_response_time": at_most(500)}
     system = a_system(components=[a_component("vision", criticality=9, apt=apt, run=RUN, simulation=DEMAND)])
     outcome = replace(found(105.0), experiment=experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop"))
@@ -143,7 +143,7 @@ def test_beside_another_index_a_maximum_is_still_met_so_far() -> None:
     assert "99 % confidence each; a maximum or minimum is met so far." in text([outcome])
 
 
-def test_whose_turn_an_early_end_left_out_is_named() -> None:
+def test_whose_turn_early_end_left_out_is_named() -> None:
     summary = text([found(105.0)], [an_experiment("speech")])
     document = json_of(MeasureOutcome(experiments=(found(105.0),), findings=(), not_begun=(an_experiment("speech"),)))
 
@@ -193,7 +193,7 @@ def written(
     return lines
 
 
-def test_a_pipe_is_told_of_a_setting_where_the_last_line_is_long_ago() -> None:
+def test_pipe_hears_of_a_setting_after_silence() -> None:
     assert written(seconds_since_start=1.0) == []
     assert written(seconds_since_start=32.0) == [
         "vision beside busy-loop at 1.24 LP: 100 samples, mean_response_time 98 ms (89.1 to 106.9 ms), in 32 s\n"
@@ -209,7 +209,7 @@ def test_a_pipe_is_told_of_a_setting_where_the_last_line_is_long_ago() -> None:
         (0, 0, ""),
     ],
 )
-def test_a_setting_says_how_long_the_rest_takes_by_those_so_far(least: int, most: int, text: str) -> None:
+def test_setting_says_how_long_the_rest_takes(least: int, most: int, text: str) -> None:
     after = RemainingSettings(least=least, most=most, setting_seconds=12.0)
 
     (line,) = written(seconds_since_start=32.0, after=after)
@@ -218,7 +218,7 @@ def test_a_setting_says_how_long_the_rest_takes_by_those_so_far(least: int, most
 
 
 @pytest.mark.parametrize(("now", "text"), [(4.0, "8 s to about 44 s left"), (40.0, "at most about 36 s left")])
-def test_the_running_setting_counts_down_by_those_before_it(now: float, text: str) -> None:
+def test_running_setting_counts_down_by_those_before_it(now: float, text: str) -> None:
     screen = StringIO()
     times = iter([0.0, 0.0, now])
     progress = MeasuringProgress(
@@ -233,7 +233,7 @@ def test_the_running_setting_counts_down_by_those_before_it(now: float, text: st
     assert f"50 samples, mean_response_time 98 ms, {text}" in shown
 
 
-def test_a_setting_that_is_measured_again_says_what_that_adds() -> None:
+def test_repeated_setting_says_what_it_adds() -> None:
     lines: list[str] = []
     times = iter([0.0, 0.0, 12.0, 12.4])
     progress = MeasuringProgress(lambda line: lines.append(render(line, 200)), lambda: next(times))
@@ -246,7 +246,7 @@ def test_a_setting_that_is_measured_again_says_what_that_adds() -> None:
     assert lines == [f"{again} This adds about 12 s.\n", f"{again}\n"]
 
 
-def test_a_terminal_sees_the_running_setting_and_how_long_it_may_take() -> None:
+def test_terminal_sees_the_running_setting() -> None:
     screen = StringIO()
     times = iter([0.0, 0.0, 4.0])
     live = LiveTable(live_console(screen, 100, colour=False))
@@ -263,7 +263,7 @@ def test_a_terminal_sees_the_running_setting_and_how_long_it_may_take() -> None:
     assert screen.getvalue().endswith(("\x1b[?25h", "\x1b[1A\x1b[2K")), "the cursor is back, the table is gone"
 
 
-def test_of_several_components_each_value_says_whose_it_is() -> None:
+def test_values_name_their_component() -> None:
     apt = {"mean_response_time": at_most(Fraction(100))}
     run = a_run(until=SampleCount(samples=200))
     system = a_system(
@@ -277,11 +277,11 @@ def test_of_several_components_each_value_says_whose_it_is() -> None:
     assert "speech mean_response_time 98 ms (89.1 to 106.9 ms); vision mean_response_time 98 ms" in line
 
 
-def test_what_is_done_is_told_by_the_component_that_takes_longest() -> None:
+def test_slowest_component_tells_progress() -> None:
     assert share_done(ONE_EXPERIMENT, 30, {"vision": series_of(50)}) == pytest.approx(5_000 / 600_000)
 
 
-def test_a_sweep_shows_value_bounds_and_verdict_of_each_setting() -> None:
+def test_sweep_shows_value_bounds_and_verdict() -> None:
     swept = replace(found(105.0), conclusion=Swept(), settings=(at(60, 95.0), at(59, 105.0)))
     rows = [line.split() for line in text([swept]).splitlines()[:4]]
 

@@ -59,7 +59,7 @@ def test_no_drift_is_one_line() -> None:
     assert render(drift_text(a_drift())) == "No drift. The partitions of rarms are unchanged, and match the manifest.\n"
 
 
-def test_a_host_on_which_nothing_was_written_is_not_said_to_be_as_it_was() -> None:
+def test_unwritten_host_is_not_called_unchanged() -> None:
     report = a_drift()
     untouched = replace(report, hosts=tuple(replace(host, is_written=False) for host in report.hosts))
 
@@ -94,7 +94,7 @@ def a_report(ending: RunEnding, changed: int = 2) -> RunReport:
     return RunReport(ending=ending, hosts=(host,))
 
 
-def test_a_run_says_how_it_ended_and_what_is_left() -> None:
+def test_run_says_ending_and_rest() -> None:
     done = render(run_text(a_report(RunEnding.DONE, changed=3)), 100)
     stopped = render(run_text(a_report(RunEnding.INTERRUPTED)), 80)
 
@@ -104,7 +104,7 @@ def test_a_run_says_how_it_ended_and_what_is_left() -> None:
     check(json_of(a_report(RunEnding.DONE)))
 
 
-def test_an_apply_counts_the_resources_as_the_plan_did() -> None:
+def test_apply_counts_resources_as_plan_did() -> None:
     report = a_report(RunEnding.DONE, changed=3)
     added = (
         create(partition(settings("speech"))),
@@ -174,7 +174,7 @@ def progress(console: Console | None, *steps: Step, ended: int) -> str:
 STEPS = (step(), step(Address(partition="speech")), step(Address(partition="vision", task="MotionControl")))
 
 
-def test_a_run_is_a_line_a_partition_once_its_last_step_is_done() -> None:
+def test_partition_is_a_line_when_done() -> None:
     assert progress(None, *STEPS, ended=3).splitlines() == [
         "Applying plan 0123456789ab on onboard",
         "  speech: 1 step in 0.2 s",
@@ -183,13 +183,13 @@ def test_a_run_is_a_line_a_partition_once_its_last_step_is_done() -> None:
     ]
 
 
-def test_a_run_that_ends_early_says_how_far_each_partition_is() -> None:
+def test_early_end_says_progress_by_partition() -> None:
     assert (
         progress(None, *STEPS, ended=1).splitlines()[-1] == "  vision [face-detection, stream]: 1 of 2 steps in 0.2 s"
     )
 
 
-def test_a_terminal_updates_a_line_a_partition_in_place() -> None:
+def test_terminal_updates_line_partition_in_place() -> None:
     stream = io.StringIO()
     progress(live_console(stream, 80, colour=False), *STEPS, ended=3)
 
@@ -199,7 +199,7 @@ def test_a_terminal_updates_a_line_a_partition_in_place() -> None:
     assert "\x1b[2J" not in stream.getvalue()
 
 
-def test_an_undo_says_what_comes_back_and_what_stays() -> None:
+def test_undo_says_what_comes_back_and_what_stays() -> None:
     steps = [
         UndoneStep(address="partition/vision", title="reserve 40 -> 70 %", level=UndoLevel.FULL),
         UndoneStep(address="partition/old", title="remove the machine", level=UndoLevel.NONE),
@@ -239,7 +239,7 @@ def test_a_graph_escapes_what_its_language_would_read() -> None:
     assert mermaid_quoted('a"<b>', "#;") == "a#quot;#lt;b#gt;<br/>#35;#59;"
 
 
-def test_only_an_undo_that_ended_well_makes_an_apply_undone() -> None:
+def test_only_undo_that_ended_well_makes_apply_undone() -> None:
     applied = PastRun(
         run=RunKind.APPLY, plan="0123", application="robot", started_by="ann", started_at="", closing=Closing.DONE
     )

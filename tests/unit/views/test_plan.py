@@ -39,7 +39,7 @@ def test_no_changes_is_one_line() -> None:
     assert plan_summary(plan(purpose=Purpose.DESTROY)) == "No changes. Nothing on the host is of this application."
 
 
-def test_a_partition_that_is_new_is_one_line_with_its_components_share_and_memory() -> None:
+def test_new_partition_is_one_line() -> None:
     part = replace(
         host_plan(changes=[create(partition(settings(processors=1, reserve=30))), create(task(inside="vision"))]),
         components={"vision": ("vision", "speech")},
@@ -52,7 +52,7 @@ def test_a_partition_that_is_new_is_one_line_with_its_components_share_and_memor
     assert lines_of(plan(host_plan(changes=[create(task())])))[-1] == "Plan: 1 to add, 0 to change, 0 to remove."
 
 
-def test_a_change_shows_what_differs_and_verbosely_its_reason_its_line_and_the_rest() -> None:
+def test_change_shows_difference_and_verbose_reason() -> None:
     change = update(partition(settings(reserve=70)), partition(settings(reserve=40)), reason=because("asked", line=7))
 
     assert "  ~ vision  1.4 LP -> 0.8 LP  512 MiB" in shown_alone(change)
@@ -72,7 +72,7 @@ def test_what_forces_a_restart_stands_beside_its_attribute() -> None:
     assert any(line.split() == ["processors", "1", "->", "2", "(forces", "restart)"] for line in shown)
 
 
-def test_what_must_be_made_again_says_so_and_counts_twice() -> None:
+def test_remaking_is_said_and_counts_twice() -> None:
     before, after = partition(settings(generation=1)), partition(settings(generation=2))
 
     shown = shown_alone(update(before, after, disruption=Disruption.REMOVAL))
@@ -81,7 +81,7 @@ def test_what_must_be_made_again_says_so_and_counts_twice() -> None:
     assert shown[-1] == "Plan: 1 to add, 0 to change, 1 to remove."
 
 
-def test_a_reserve_is_shown_in_lps_with_its_shares_beside() -> None:
+def test_reserve_is_lps_with_share() -> None:
     narrow = shown_alone(create(partition(settings(processors=1, reserve=30))), verbose=True)
     wide = shown_alone(create(partition(settings(processors=2, reserve=30))), verbose=True)
 
@@ -89,7 +89,7 @@ def test_a_reserve_is_shown_in_lps_with_its_shares_beside() -> None:
     assert "reserve 0.6 LP (30 % of its 2 VPs, 30 % of onboard)" in [" ".join(line.split()) for line in wide]
 
 
-def test_a_reserve_that_is_per_cent_of_few_processors_changes_in_lps() -> None:
+def test_changed_reserve_is_in_lps() -> None:
     narrow = update(partition(settings(processors=1, reserve=80)), partition(settings(processors=1, reserve=60)))
     wide = update(partition(settings(processors=2, reserve=80)), partition(settings(processors=2, reserve=60)))
 
@@ -97,7 +97,7 @@ def test_a_reserve_that_is_per_cent_of_few_processors_changes_in_lps() -> None:
     assert "  ~ vision  1.6 LP -> 1.2 LP  512 MiB" in shown_alone(wide)
 
 
-def test_what_goes_with_a_removed_machine_is_not_listed_as_coming_back_in_part() -> None:
+def test_lost_parts_are_not_listed_as_restored() -> None:
     change = delete(partition(settings()))
     stop = StopPartition(partition="vision", grace_ms=60_000)
     partly = Undo(level=UndoLevel.PARTIAL, operation=None, message="it starts anew")
@@ -114,7 +114,7 @@ def test_what_goes_with_a_removed_machine_is_not_listed_as_coming_back_in_part()
     assert "it starts anew" not in shown
 
 
-def test_a_task_class_shows_its_types_and_when_it_takes_effect() -> None:
+def test_task_class_shows_types_and_effect() -> None:
     change = update(task(priority=3), task(priority=5), disruption=Disruption.HOST_RESTART)
 
     text = " ".join(" ".join(shown_alone(change)).split())
@@ -146,7 +146,7 @@ def test_steps_are_shown_on_request_in_their_order() -> None:
     assert "  1. partition/vision: reserve 70 -> 40 %  (rarms.yaml:31)" not in lines_of(a_rich_plan())
 
 
-def test_a_step_does_not_repeat_the_reason_of_its_change() -> None:
+def test_step_does_not_repeat_reason_of_its_change() -> None:
     change = create(partition(), because("asked"))
 
     steps = [step(change.address, comment="why here")]
@@ -184,7 +184,7 @@ def test_hosts_without_changes_are_one_line_together() -> None:
     assert lines_of(plan(*quiet)) == ["No changes. The hosts are as the manifest wants them."]
 
 
-def test_a_step_speaks_of_the_host_in_the_words_of_the_plan() -> None:
+def test_step_speaks_of_host_in_words_of_plan() -> None:
     with a_lab(a_system(components=[a_component("eyes")])) as lab:
         shown = "\n".join(lines_of(lab.plan(), verbose=True, width=120))
 
@@ -219,13 +219,13 @@ def test_thread_priorities_stand_by_operating_system_highest_first() -> None:
     ]
 
 
-def test_a_guest_whose_script_is_run_by_hand_has_one_too() -> None:
+def test_guest_script_by_hand_is_shown() -> None:
     part = replace(host_plan(scripts={"onboard.guest.vision.ps1": "..."}, unused=["old"]), threads=CLASSES)
 
     assert len(threads_of(part)) == 4
 
 
-def test_a_plan_that_changes_no_class_says_nothing_of_threads() -> None:
+def test_plan_without_classes_names_no_threads() -> None:
     part = replace(host_plan(changes=[create(partition())]), threads=CLASSES)
 
     assert threads_of(part) == []

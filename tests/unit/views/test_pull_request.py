@@ -61,7 +61,7 @@ def test_a_host_as_wanted_has_no_table(applied: Path) -> None:
     assert "|---|" not in text
 
 
-def test_the_comment_of_a_large_plan_is_short_enough(tmp_path: Path) -> None:
+def test_comment_of_large_plan_is_short_enough(tmp_path: Path) -> None:
     (tmp_path / "rarms.yaml").write_text(fleet_manifest(400), encoding="utf-8")
 
     text = comment(tmp_path)

@@ -23,26 +23,26 @@ def written(stream: io.TextIOWrapper, text: str) -> bytes:
     return buffer.getvalue()
 
 
-def test_what_a_stream_cannot_show_is_written_as_an_escape() -> None:
+def test_what_stream_cannot_show_is_written_as_escape() -> None:
     stream = wrapper("ascii")
     make_safe(stream)
 
     assert written(stream, "Prüfung \ud800\n") == b"Pr\\xfcfung \\ud800\n"
 
 
-def test_a_windows_pipe_gets_utf_8_and_line_feeds() -> None:
+def test_windows_pipe_gets_utf_8_and_line_feeds() -> None:
     stream = wrapper("cp1252")
     make_safe(stream)
 
     assert written(stream, "≥\n") == "≥\n".encode()
 
 
-def test_no_reader_means_80_columns_and_a_terminal_its_own_within_reason() -> None:
+def test_width_is_80_or_the_terminals() -> None:
     assert width_of(io.StringIO(), {}) == DEFAULT_WIDTH
     assert NARROWEST <= width_of(FakeTerminal(), {}) <= WIDEST
 
 
-def test_sentences_keep_to_the_terminal_and_a_pipe_gets_them_whole() -> None:
+def test_terminal_wraps_and_pipe_does_not() -> None:
     err = io.StringIO()
     Terminal(out=io.StringIO(), err=err, width=20).tell("one two three four five six")
     Terminal(out=io.StringIO(), err=err, width=20, talk_wrapped=False).tell("one two three four five six")
@@ -50,7 +50,7 @@ def test_sentences_keep_to_the_terminal_and_a_pipe_gets_them_whole() -> None:
     assert err.getvalue().splitlines() == ["one two three four", "five six", "one two three four five six"]
 
 
-def test_talk_goes_behind_the_data_that_was_written_before_it() -> None:
+def test_talk_follows_written_data() -> None:
     terminal = Terminal(out=io.StringIO(), err=io.StringIO())
     terminal.data("data\n")
     terminal.talk("talk")
@@ -60,7 +60,7 @@ def test_talk_goes_behind_the_data_that_was_written_before_it() -> None:
     assert (terminal.out.getvalue(), terminal.err.getvalue()) == ("data\n", "talk\n")
 
 
-def test_colours_reach_a_terminal_that_has_them_and_what_is_shown_cannot_add_any() -> None:
+def test_colours_need_a_terminal() -> None:
     out = io.StringIO()
 
     Terminal(out=out, err=io.StringIO(), colour=True).show(styled(("vision\x1b[31m", STRONG)))

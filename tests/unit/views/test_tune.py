@@ -34,7 +34,7 @@ def tuned(*, proved: bool) -> TuningResult:
     return TuningResult(platform="two-core", hosts=("onboard",), run=run, findings=())
 
 
-def test_the_table_keeps_to_80_columns_with_long_names() -> None:
+def test_table_keeps_to_80_columns_with_long_names() -> None:
     names = ("navigation-and-mapping", "obstacle-avoidance-fast")
     partition = TunedPartition(name="+".join(names)[:40], components=names, processors=2, reserve=23, parts=82)
     result = tuned(proved=True)
@@ -62,7 +62,7 @@ def test_the_claim_is_the_same_everywhere(proved: bool, claim: str) -> None:
     assert ("No other layout of these components is better by `policy.minimise`" in text) is proved
 
 
-def test_every_answer_is_a_line_in_a_pipe_and_a_row_of_the_table_on_a_terminal() -> None:
+def test_answer_is_a_line_or_a_row() -> None:
     pipe: list[str] = []
     terminal: list[str] = []
     live = LiveTable(live_console(StringIO(), 80, colour=False))

@@ -117,7 +117,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_what_is_wrong_is_told_alone_and_where_it_is(case: str) -> None:
+def test_problem_is_told_alone_with_place(case: str) -> None:
     code, address, host = CASES[case]
 
     assert [(diagnostic.code, diagnostic.address) for diagnostic in examine(host)] == [(code, address)]
@@ -131,12 +131,12 @@ def test_a_healthy_host_has_no_findings() -> None:
     assert examine(examination(machines=(VISION,), how=HEALTHY)) == ()
 
 
-def test_a_host_of_which_only_the_state_is_known_is_judged_by_it() -> None:
+def test_host_known_by_state_is_judged() -> None:
     assert examine(examination(machines=(VISION,))) == ()
 
 
 @pytest.mark.parametrize("version", ["5.1", "5.1.14393.0", "7.4.6", "10.0"])
-def test_a_powershell_that_runs_the_scripts_is_not_told_of(version: str) -> None:
+def test_powershell_that_runs_scripts_is_not_told_of(version: str) -> None:
     assert examine(how(powershell=version)) == ()
 
 
@@ -145,20 +145,20 @@ def test_one_that_does_not_is(version: str) -> None:
     assert [diagnostic.code for diagnostic in examine(how(powershell=version))] == ["RARMS233"]
 
 
-def test_the_policy_that_rarms_started_the_look_with_counts_for_nothing() -> None:
+def test_policy_of_the_look_counts_for_nothing() -> None:
     how = HostCondition(policies={POLICY.PROCESS: "Restricted", POLICY.LOCAL_MACHINE: "RemoteSigned"})
 
     assert examine(examination(how=how)) == ()
 
 
 @pytest.mark.parametrize(("scope", "word"), [(POLICY.MACHINE_POLICY, "outranks"), (POLICY.CURRENT_USER, "By hand")])
-def test_what_a_policy_means_depends_on_who_set_it(scope: PolicyScope, word: str) -> None:
+def test_what_policy_means_depends_on_who_set_it(scope: PolicyScope, word: str) -> None:
     (finding,) = examine(how(policies={scope: "Restricted"}))
 
     assert word in finding.detail + str(finding.advice)
 
 
-def test_a_root_scheduler_comes_with_both_spellings_of_the_way_out() -> None:
+def test_root_scheduler_names_both_ways_out() -> None:
     _, _, host = CASES["root"]
     (finding,) = examine(host)
 
@@ -173,7 +173,7 @@ def test_a_client_is_not_sent_to_bcdedit() -> None:
     assert ("client" in finding.detail, "bcdedit" in str(finding.advice)) == (True, False)
 
 
-def test_what_the_provider_found_is_told_with_the_rest() -> None:
+def test_what_provider_found_is_told_with_rest() -> None:
     told: Diagnostic = examine(CASES["root"][2])[0]
 
     assert examine(replace(examination(), provider_findings=(told,))) == (told,)
@@ -183,7 +183,7 @@ def test_what_the_provider_found_is_told_with_the_rest() -> None:
     ("data", "means"),
     [(0, 20), (9, 20), (10, 10), (19, 10), (20, 20), (95, 90), (100, 100), (101, 20), (4294967295, 20), ("20", 20)],
 )
-def test_windows_rounds_down_and_takes_20_for_what_is_out_of_range(data: int | str, means: int) -> None:
+def test_windows_rounds_responsiveness(data: int | str, means: int) -> None:
     how = responsive(data)
 
     assert how.responsiveness is not None

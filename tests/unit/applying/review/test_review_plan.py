@@ -67,9 +67,7 @@ def test_a_plan_without_changes_has_no_findings() -> None:
     ("limit", "expected"),
     [("30 %", [("RARMS221", "partition/both")]), ("40 %", []), (None, [])],
 )
-def test_a_limit_below_what_its_members_reserve_together_is_raised_and_told(
-    limit: str | None, expected: list[tuple[str, str]]
-) -> None:
+def test_limit_below_members_is_raised_and_told(limit: str | None, expected: list[tuple[str, str]]) -> None:
     both = replace(a_partition("both", components=("vision", "speech")), cpu=a_cpu(reserve=None, limit=limit))
     parts = [a_component("vision", reserve="20 %"), a_component("speech", reserve="20 %")]
     system = a_system(components=parts, partitions=[both])
@@ -92,7 +90,7 @@ def test_a_limit_below_what_its_members_reserve_together_is_raised_and_told(
     ],
 )
 @pytest.mark.parametrize("known", [True, False])
-def test_what_no_machine_can_be_made_from_is_an_error(making: dict[str, Any], expected: list[str], known: bool) -> None:
+def test_impossible_machine_is_an_error(making: dict[str, Any], expected: list[str], known: bool) -> None:
     step = build.step(operation=CreatePartition(partition="vision", memory=2**29, **making))
 
     found = findings(steps=[step], switches=("lab",) if known else None)
@@ -114,7 +112,7 @@ GROWN = replace(build.settings("vision"), memory=5 * 2**30)
     ],
     ids=["made", "it fits", "spanning", "grows", "was as large before"],
 )
-def test_a_partition_that_gets_larger_than_a_node_is_an_error(
+def test_partition_that_gets_larger_than_node_is_error(
     before: Partition | None, node: int | None, expected: list[str]
 ) -> None:
     after = partition(replace(GROWN, limit=90))
@@ -159,7 +157,7 @@ def test_a_partition_starts_only_with_what_is_left(
     assert [finding.code for finding in errors] == expected
 
 
-def test_what_a_plan_starts_and_what_is_left_are_both_printed() -> None:
+def test_planned_starts_and_leftovers_are_printed() -> None:
     (finding,) = findings(build.create(partition(RUNS)), left=(2 * 2**30, None))
 
     assert finding.detail == (
@@ -167,7 +165,7 @@ def test_what_a_plan_starts_and_what_is_left_are_both_printed() -> None:
     )
 
 
-def test_a_cpu_group_of_a_kept_partition_is_told() -> None:
+def test_cpu_group_of_kept_partition_is_told() -> None:
     grouped = replace(partition(), cpu_group="36ab08cb")
 
     assert told(findings(machines=[grouped])) == [("RARMS235", "partition/vision")]
@@ -239,7 +237,7 @@ class TestUnmanaged:
         (Purpose.DESTROY, UndoLevel.NONE, []),
     ],
 )
-def test_a_step_without_an_undo_is_told_unless_destroying_was_asked_for(
+def test_step_without_undo_is_told_unless_destroying(
     purpose: Purpose, level: UndoLevel, expected: list[tuple[str, str]]
 ) -> None:
     step = build.step(undo=level, lost="it is not made again")
@@ -292,7 +290,7 @@ def promised(reserves: Iterable[int]) -> list[tuple[str, str]]:
     return [finding for finding in told(list(found)) if finding[0] == "RARMS154"]
 
 
-def test_promises_that_a_script_cannot_place_are_refused_though_they_fit() -> None:
+def test_unplaceable_promises_are_refused() -> None:
     fits_only_by_search = [50, 40, 30, 30, 30, 20] * 4
 
     assert sum(fits_only_by_search) == 800

@@ -29,9 +29,7 @@ def with_run(run: Run, apt: Mapping[str, Threshold] | None = None, reserve: str 
         ("throughput", at_least(24), Samples(source="json_lines", count=RESPONSE), False),
     ],
 )
-def test_an_index_needs_the_samples_it_is_made_of(
-    index: str, threshold: Threshold, samples: Samples, finds: bool
-) -> None:
+def test_index_needs_samples_it_is_made_of(index: str, threshold: Threshold, samples: Samples, finds: bool) -> None:
     system = with_run(a_run(samples=samples), {index: threshold})
 
     assert found(system) == ([("RARMS016", f"components.vision.apt.{index}")] if finds else [])
@@ -99,6 +97,6 @@ def test_patterns_that_are_not_re2_or_too_large(pattern: str) -> None:
     assert found(with_run(a_run(samples=samples))) == [("RARMS017", "components.vision.run.samples.pattern")]
 
 
-def test_a_pattern_that_is_catastrophic_elsewhere_is_harmless_in_re2() -> None:
+def test_catastrophic_pattern_is_harmless_in_re2() -> None:
     assert pattern_groups(r"^(a+)+$") == {}
     assert pattern_groups(r"^heard .* ok=(?P<success>[01]) ms=(?P<response>[0-9.]+)") == {"success": 1, "response": 2}

@@ -17,7 +17,7 @@ def test_memory_of_partitions() -> None:
     assert found(a_system(hosts=[a_host(), BIG], components=[a_component(memory="8 GiB")])) == []
 
 
-def test_the_memory_of_members_that_do_not_exist_is_no_second_error() -> None:
+def test_memory_of_unknown_members_is_no_error() -> None:
     unknown = a_partition("vision", components=["nobody"])
 
     assert found(a_system(components=[], partitions=[unknown])) == [
@@ -27,7 +27,7 @@ def test_the_memory_of_members_that_do_not_exist_is_no_second_error() -> None:
 
 
 @pytest.mark.parametrize("memory", ["1000 KiB", "30 MiB", "513 MiB", "512.5 MiB"])
-def test_hyperv_takes_an_even_number_of_mebibytes_and_linux_all(memory: str) -> None:
+def test_hyperv_takes_even_mebibytes(memory: str) -> None:
     odd = [a_component(memory=memory)]
 
     assert found(a_system(components=odd)) == [("RARMS017", "components.vision.memory")]

@@ -82,7 +82,7 @@ def test_moves(moved: dict[str, str], expected: list[str]) -> None:
     assert sorted(code for code, _ in found(system)) == expected
 
 
-def test_a_circle_is_found_from_each_of_its_entries_and_not_from_one_that_leads_into_it() -> None:
+def test_circle_is_found_from_its_entries() -> None:
     circle = {f"p{number}": f"p{(number + 1) % 9}" for number in range(9)}
     system = a_system(components=[VISION], moved={"into": "p3", **circle, "eyes": "vision"})
 
@@ -106,7 +106,7 @@ def test_a_manifest_may_require_a_version(required: str | None, codes_found: lis
 
 
 @pytest.mark.parametrize("name", sorted(RESERVED))
-def test_a_name_that_a_journal_could_not_count_by_is_refused(name: str) -> None:
+def test_unusable_journal_name_is_refused(name: str) -> None:
     """As the stand-in for PowerShell has them: it makes no object with a property of such a name."""
     system = the_delivery_robot()
 

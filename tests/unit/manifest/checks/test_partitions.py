@@ -77,7 +77,7 @@ def test_a_contradiction_through_others_names_them() -> None:
     assert details(of(*CHAIN)) == '"c" must be apart from "a", but `together` binds the two through b.'
 
 
-def test_a_component_on_the_host_needs_room_there_and_has_no_partition() -> None:
+def test_host_component_needs_room_and_no_partition() -> None:
     watchdog = a_component("watchdog", runs_on=RunsOn.HOST, memory="64 MiB")
     with_reserve = a_component("watchdog", runs_on=RunsOn.HOST, reserve="10 %", dedicated=True, memory="64 MiB")
     roomy = a_host(keep_processor="10 %", keep_memory="64 MiB")

@@ -44,7 +44,7 @@ def test_reserve_over_every_host(system: System, finds: bool) -> None:
     assert found(system) == ([("RARMS061", "components.vision.cpu.reserve")] if finds else [])
 
 
-def test_the_detail_says_what_the_largest_host_can_promise() -> None:
+def test_detail_says_what_largest_host_can_promise() -> None:
     system = a_system(hosts=[a_host(keep_processor="10 %"), BIG], components=[a_component(reserve="9 LP")])
 
     assert details(system) == (

@@ -3,7 +3,7 @@ from tests.builders import a_component, a_host, a_system, a_task
 from tests.unit.manifest.checks.violations import details, found
 
 
-def test_a_class_of_windows_is_left_alone_unless_it_is_to_be_replaced() -> None:
+def test_shipped_class_is_left_unless_replaced() -> None:
     component = a_component(task="pro audio")
 
     assert found(a_system(components=[component])) == [("RARMS053", "components.vision.task")]
@@ -33,7 +33,7 @@ def test_a_class_that_is_shared_loses_the_order() -> None:
     assert found(a_system(components=together)) == [("RARMS128", "components.map.task")]
 
 
-def test_components_on_the_only_host_share_its_operating_system() -> None:
+def test_components_on_only_host_share_its_operating_system() -> None:
     on_host = [
         a_component(name, criticality=n, task="Localization", runs_on=RunsOn.HOST, memory="64 MiB")
         for n, name in ((30, "a"), (10, "b"))

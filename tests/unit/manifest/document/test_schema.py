@@ -72,7 +72,7 @@ BEYOND = "There is no such day"  # JSON Schema cannot say which days there are
 
 
 @pytest.mark.parametrize("path", INVALID, ids=lambda path: path.parent.name)
-def test_a_case_that_can_be_read_is_judged_alike(path: Path) -> None:
+def test_case_that_can_be_read_is_judged_alike(path: Path) -> None:
     read = read_text(path.read_bytes(), "rarms.yaml", str(path.parent))
     told = load_system(str(path), today=date(2026, 1, 1), checks=no_checks).diagnostics
     wrong = [each for each in told if each.code in OF_STRUCTURE and BEYOND not in each.detail]
@@ -105,7 +105,7 @@ def test_manifests_and_overlays_are_overlays_of_some_manifest(file: Path) -> Non
         ("components: { arm: { memory: 3 } }", False),
     ],
 )
-def test_an_overlay_may_lack_and_remove_but_not_misspell(overlay: str, *, right: bool) -> None:
+def test_overlay_may_lack_and_remove_but_not_misspell(overlay: str, *, right: bool) -> None:
     assert OVERLAY.is_valid(read_text(overlay.encode(), "robot-7.yaml", ".").value) is right
 
 

@@ -148,14 +148,14 @@ def test_what_is_left_out_has_its_default() -> None:
     assert speech.cpu.reserve is m.Measured.MEASURED
 
 
-def test_the_deadline_of_a_periodic_job_is_its_period() -> None:
+def test_deadline_of_periodic_job_is_its_period() -> None:
     run = system_of(EVERYTHING.replace("      deadline: 40 ms\n", "")).components["vision"].run
 
     assert run is not None
     assert run.deadline == ms("33")
 
 
-def test_a_component_without_thresholds_reserves_nothing_unless_it_says_so() -> None:
+def test_component_without_thresholds_reserves_nothing() -> None:
     text = EVERYTHING.replace("  planning: { criticality: 20, runs_on: host }", "  planning: { criticality: 20 }")
 
     assert system_of(text).components["planning"].cpu.reserve is None
@@ -182,7 +182,7 @@ def test_a_partition_holds_the_component_of_its_name() -> None:
     assert system_of(text).partitions["senses"].components == ("senses",)
 
 
-def test_loads_exist_without_an_entry_and_an_entry_stands_instead() -> None:
+def test_loads_exist_without_entry_and_entry_stands_instead() -> None:
     own = system_of(EVERYTHING.replace("  busy: {", "  bursts-50: { kind: bursts, every: 60 ms }\n  busy: {"))
 
     assert SYSTEM.interference["busy-loop"] == loads.BusyLoop()

@@ -11,7 +11,7 @@ def formatted(text: str) -> str:
     return format_text(dedent(text).lstrip("\n"), "rarms.yaml")
 
 
-def test_known_keys_come_in_their_order_and_named_maps_keep_the_users() -> None:
+def test_known_keys_are_ordered_and_maps_kept() -> None:
     text = """
         components:
           zebra: {memory: 1 GiB, criticality: 1}
@@ -54,7 +54,7 @@ def test_comments_stay_with_what_they_are_about() -> None:
         """)
 
 
-def test_the_files_own_comment_stays_on_top_when_another_key_comes_first() -> None:
+def test_file_comment_stays_on_top() -> None:
     assert formatted("# About this file.\n\n# hosts\nhosts: {}\nschema: rarms/v1\n") == (
         "# About this file.\n\nschema: rarms/v1\n\n# hosts\nhosts: {}\n"
     )
@@ -75,7 +75,7 @@ def test_comments_inside_a_flow_map_open_it() -> None:
         """)
 
 
-def test_quantities_have_one_space_and_texts_are_left_alone() -> None:
+def test_quantities_get_one_space() -> None:
     text = "application: {name: robot, description: 88ms}\nhosts: {a: {memory: '4GiB'}}\n"
 
     assert formatted(text) == "application: { name: robot, description: 88ms }\nhosts: { a: { memory: 4 GiB } }\n"
@@ -114,7 +114,7 @@ def test_a_long_text_over_several_lines_is_folded() -> None:
     assert max(len(line) for line in result.splitlines()) <= 100
 
 
-def test_a_long_flow_collection_is_written_as_a_block() -> None:
+def test_long_flow_collection_is_written_as_block() -> None:
     words = ", ".join(f"--option-{number}" for number in range(12))
 
     assert formatted(f"components: {{ a: {{ run: {{ command: [{words}] }} }} }}\n").startswith(
@@ -145,14 +145,14 @@ def test_line_ends_and_byte_order_mark_go() -> None:
         ("a: " + "[" * 60_000, "rarms.yaml:1:"),
     ],
 )
-def test_what_is_no_manifest_is_refused_with_its_place(text: str, place: str) -> None:
+def test_non_manifest_is_refused_with_place(text: str, place: str) -> None:
     with pytest.raises(CannotFormat) as refusal:
         formatted(text)
 
     assert [str(diagnostic.place).startswith(place) for diagnostic in refusal.value.diagnostics] == [True]
 
 
-def test_the_difference_names_the_file_and_is_empty_where_nothing_changes() -> None:
+def test_difference_names_the_file() -> None:
     before = "schema:   rarms/v1"
 
     assert diff_text(before, formatted(before), "rarms.yaml") == (

@@ -33,19 +33,19 @@ def test_a_new_key_comes_at_its_canonical_place() -> None:
     assert after == ROBOT.replace("        cpu:", "        memory: 512 MiB\n        cpu:")
 
 
-def test_keys_that_are_missing_on_the_way_are_added() -> None:
+def test_keys_that_are_missing_on_way_are_added() -> None:
     after = set_value(ROBOT, ("partitions", "vision", "components"), ["vision", "speech"])
 
     assert after == ROBOT + "\npartitions:\n  vision:\n    components: [vision, speech]\n"
 
 
-def test_a_new_key_in_a_flow_map_stays_in_it() -> None:
+def test_new_key_in_flow_map_stays_in_it() -> None:
     after = set_value(ROBOT, ("components", "vision", "cpu", "limit"), "80 %")
 
     assert after == ROBOT.replace("{ reserve: 40 % }", "{ reserve: 40 %, limit: 80 % }")
 
 
-def test_a_new_named_thing_comes_last_after_the_comments_of_the_one_before() -> None:
+def test_new_entry_comes_last() -> None:
     text = "components:\n  a:\n    criticality: 1\n    # more of a\n# the end\n"
 
     assert set_value(text, ("components", "b"), {"criticality": 2}) == (
@@ -84,7 +84,7 @@ def test_an_empty_section_is_filled(empty: str) -> None:
     ("value", "written"),
     [(7, "7"), ("7", "'7'"), ("no", "'no'"), (None, "null"), (True, "true"), ("a: b\n", '"a: b\\n"'), (1.5, "1.5")],
 )
-def test_values_are_written_so_that_they_are_read_back(value: Value, written: str) -> None:
+def test_written_values_are_read_back(value: Value, written: str) -> None:
     assert set_value("application: { name: x }\n", ("application", "description"), value) == (
         f"application: {{ name: x, description: {written} }}\n"
     )
@@ -112,7 +112,7 @@ def test_a_key_is_removed_with_its_comments() -> None:
     assert changed_lines(ROBOT, after) == ["-        # more hurts", "-        criticality: 40"]
 
 
-def test_an_heir_keeps_the_comments_of_what_is_removed() -> None:
+def test_heir_keeps_comments_of_what_is_removed() -> None:
     text = """\
 hosts:
   # big
@@ -130,11 +130,11 @@ hosts:
     assert remove_value(text, ("hosts", "a"), comments_to=("tasks",)).endswith("  b: {}\n" + kept.replace("  #", "#"))
 
 
-def test_the_last_key_of_a_map_leaves_an_empty_map() -> None:
+def test_last_key_of_map_leaves_empty_map() -> None:
     assert remove_value(ROBOT, ("components", "vision", "cpu", "reserve")) == ROBOT.replace("{ reserve: 40 % }", "{}")
 
 
-def test_a_key_of_a_flow_map_is_removed_with_its_comma() -> None:
+def test_flow_key_is_removed_with_comma() -> None:
     text = "hosts: { a: { memory: 1 GiB }, b: {}, c: {} }\n"
 
     assert remove_value(text, ("hosts", "a")) == "hosts: { b: {}, c: {} }\n"

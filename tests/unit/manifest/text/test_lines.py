@@ -23,7 +23,7 @@ def test_each_line_is_what_stands_between_line_ends(data: bytes) -> None:
         lines[len(expected)]
 
 
-def test_the_last_of_8_mib_of_carriage_returns_is_found_at_once() -> None:
+def test_megabytes_of_carriage_returns_are_quick() -> None:
     data = b"\r" * (MAX_BYTES - 1) + b"["
     began = time.process_time()
 

@@ -22,7 +22,7 @@ from rarms_iac.manifest.text.scalars import NotRepresentable, plain_scalar
         *[("1.5", 1.5), (".5", 0.5), ("1e3", 1000), ("2.0", 2), ("-0.0", 0), ("1e300", 1e300), ("1.", 1)],
     ],
 )
-def test_a_plain_word_means_what_yaml_1_2_says(text: str, value: Any) -> None:
+def test_plain_word_means_what_yaml_1_2_says(text: str, value: Any) -> None:
     found = plain_scalar(text)
 
     assert (type(found), found) == (type(value), value)

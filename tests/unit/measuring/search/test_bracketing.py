@@ -75,7 +75,7 @@ falling_levels = st.lists(st.floats(1.0, 1e4), min_size=1, max_size=6).flatmap(
 
 @pytest.mark.parametrize("before", [(3, 6, 9), (2, 3, 4, 5, 6, 7, 8, 9)])
 @pytest.mark.parametrize("least", [12, 31, 62, 99])
-def test_settings_that_were_asked_for_before_do_not_lead_a_search_astray(before: Sequence[int], least: int) -> None:
+def test_earlier_settings_do_not_mislead_search(before: Sequence[int], least: int) -> None:
     """A bracket that they left wider than a search's own would be is halved, and not taken down from its upper end."""
     goal = a_goal("mean_response_time")
     searching = strategy_of(Search(strategy="default"), goal, 100)
@@ -92,7 +92,7 @@ def test_settings_that_were_asked_for_before_do_not_lead_a_search_astray(before:
 @pytest.mark.parametrize("strategy", ["default", "bisection"])
 @pytest.mark.parametrize(("every", "asked"), [(None, 2), ("100 ms", 1)])
 @pytest.mark.parametrize(("level", "end"), [(90.0, NotResolved), (200.0, NotAchievable)])
-def test_where_no_budget_holds_the_samples_that_a_threshold_needs_only_all_of_the_host_is_asked(
+def test_impossible_budget_asks_only_the_maximum(
     strategy: str, every: str | None, asked: int, level: float, end: type[NotResolved | NotAchievable]
 ) -> None:
     """A p99.9 needs 8,363 samples; jobs of 90 ms on two processors give 667 in 30 s beside the 2,400 that there are."""
@@ -106,9 +106,7 @@ def test_where_no_budget_holds_the_samples_that_a_threshold_needs_only_all_of_th
 
 @settings(max_examples=examples(8), deadline=None)
 @given(index=st.sampled_from(["mean_response_time", "throughput"]), levels=falling_levels, cpu=st.floats(0.01, 1e3))
-def test_no_monotone_curve_takes_more_than_one_setting_more_than_bisection(
-    index: str, levels: list[float], cpu: float
-) -> None:
+def test_search_needs_one_setting_more_than_bisection(index: str, levels: list[float], cpu: float) -> None:
     goal = a_goal(index)
 
     reserves, end = measured("default", goal, levels, cpu)
@@ -123,7 +121,7 @@ EDGES = [1, 2, 3, 14, 22, 44, 46, 47, 62, 88, 99, 100, 101]
 @pytest.mark.parametrize("index", ["mean_response_time", "maximum_response_time"])
 @pytest.mark.parametrize("edge", EDGES if LONG else EDGES[::2])
 @pytest.mark.parametrize("good", [99.0, 30.0])
-def test_a_flat_curve_with_a_cliff_takes_no_more_either(index: str, edge: int, good: float) -> None:
+def test_flat_curve_with_cliff_takes_no_more_either(index: str, edge: int, good: float) -> None:
     levels = [good if reserve >= edge else 2000.0 for reserve in range(1, 101)]
 
     reserves, end = measured("default", a_goal(index), levels, 2.0)
@@ -133,7 +131,7 @@ def test_a_flat_curve_with_a_cliff_takes_no_more_either(index: str, edge: int, g
 
 
 @pytest.mark.parametrize("least", [3, 17, 30, 61, 80, 96])
-def test_work_that_the_cr_stretches_is_foretold_by_the_consumed_cpu_time(least: int) -> None:
+def test_stretched_work_is_predicted_by_cpu_time(least: int) -> None:
     fixed, wanted = 20.0, 100.0
     work = (wanted - fixed) * (least - 0.5)
 
@@ -159,7 +157,7 @@ def test_a_setting_foretells_where_the_threshold_is_met() -> None:
     assert not crossing.smooth
 
 
-def test_a_periodic_component_needs_the_cpu_time_of_all_of_its_time_for_its_throughput() -> None:
+def test_periodic_component_needs_cpu_for_throughput() -> None:
     """2 ms of work every 33 ms: the rate is 30 a second at 50 %, and 24 a second may be had for a fifth less."""
     jobs = tuple(Sample(began_ms=33.0 * number, response_ms=4.0, successful=True) for number in range(JOBS))
     series = Series(component="coi", samples=jobs, elapsed_ms=33.0 * JOBS, cpu_ms=2.0 * JOBS)

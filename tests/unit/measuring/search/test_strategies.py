@@ -54,19 +54,19 @@ def walk(strategy: str, least: int) -> tuple[list[int], SearchDecision]:
         history = judged(history, Setting(reserve=step.reserve, series=(a_series(times),)), GOAL)
 
 
-def test_the_paper_walks_by_ten_and_stops_at_the_first_that_passes() -> None:
+def test_paper_walks_by_ten_until_pass() -> None:
     assert walk("paper", 62) == ([10, 20, 30, 40, 50, 60, 70], Sufficient(reserve=70, failed=60))
     assert walk("paper", 3) == ([10], Sufficient(reserve=10, failed=None))
 
 
-def test_the_paper_ends_where_all_of_the_platform_misses() -> None:
+def test_paper_ends_where_all_of_platform_misses() -> None:
     settings, step = walk("paper", 101)
 
     assert settings == [10, 20, 30, 40, 50, 60, 70, 80, 90, 100]
     assert step == NotAchievable(reserve=100)
 
 
-def test_the_paper_says_not_achievable_only_where_it_was_shown() -> None:
+def test_paper_says_not_achievable_only_if_shown() -> None:
     times = {reserve: noisy(reserve, 120.0 if reserve < 100 else 99.9, variation=0.1) for reserve in range(10, 101, 10)}
     history = judge_settings([Setting(reserve=each, series=(a_series(times[each]),)) for each in times], GOAL).trials
 
@@ -82,14 +82,14 @@ def test_halving_finds_the_least_whole_per_cent(least: int) -> None:
     assert len(set(settings)) == len(settings)
 
 
-def test_halving_ends_when_all_of_the_platform_is_not_enough() -> None:
+def test_halving_ends_when_everything_is_too_little() -> None:
     settings, step = walk("bisection", 101)
 
     assert settings[-1] == 100
     assert isinstance(step, NotAchievable)
 
 
-def test_the_error_of_a_setting_is_shared_by_its_members() -> None:
+def test_error_of_setting_is_shared_by_its_members() -> None:
     """All meet their thresholds exactly, so each verdict `Missed` is wrong: too many would show with sixteen."""
     tries, count = examples(100), 16
     goal = Goal(
@@ -133,9 +133,7 @@ def unsteady(strategy: str, least: int, silent: range, level: float = 80.0) -> t
         ("bisection", range(40, 60)),
     ],
 )
-def test_a_setting_without_a_steady_state_is_no_verdict_so_the_search_goes_on_below(
-    strategy: str, silent: range
-) -> None:
+def test_unsteady_setting_continues_below(strategy: str, silent: range) -> None:
     settings, step = unsteady(strategy, 20, silent)
 
     assert isinstance(step, Sufficient)
@@ -147,7 +145,7 @@ def test_a_setting_without_a_steady_state_is_no_verdict_so_the_search_goes_on_be
 
 
 @pytest.mark.parametrize("strategy", ["default", "bisection"])
-def test_where_the_answer_is_without_a_steady_state_the_next_above_is_found_and_less_is_not_called_a_fail(
+def test_unsteady_answer_moves_up_and_is_no_fail(
     strategy: str,
 ) -> None:
     settings, step = unsteady(strategy, 45, range(40, 51), level=100.0)
@@ -160,14 +158,14 @@ def test_where_the_answer_is_without_a_steady_state_the_next_above_is_found_and_
 
 @pytest.mark.parametrize("strategy", ["default", "bisection"])
 @pytest.mark.parametrize("level", [90.0, 150.0])
-def test_a_component_that_never_is_steady_takes_few_settings(strategy: str, level: float) -> None:
+def test_component_that_never_is_steady_takes_few_settings(strategy: str, level: float) -> None:
     settings, step = unsteady(strategy, 1, range(1, 101), level)
 
     assert step == NotResolved(reason="at 100 % of its VPs coi has no steady state")
     assert len(settings) <= MOST_INCONCLUSIVE + 1
 
 
-def test_a_lower_setting_that_passes_stands_below_one_without_a_steady_state() -> None:
+def test_lower_pass_stands_below_unsteady_setting() -> None:
     times = noisy(1, 80.0, variation=0.01, count=100)
     passing = the_trial(Setting(reserve=20, series=(a_series(times),)), GOAL)
     broken = [time * (0.5 if at < 50 else 1.0) for at, time in enumerate(times)]
@@ -181,7 +179,7 @@ def test_a_lower_setting_that_passes_stands_below_one_without_a_steady_state() -
 
 
 @pytest.mark.parametrize("strategy", ["default", "bisection"])
-def test_after_the_first_setting_nothing_below_the_demand_is_asked_for(strategy: str) -> None:
+def test_nothing_below_demand_is_asked(strategy: str) -> None:
     run = replace(RUN, arrival=Periodic(period=Milliseconds(Fraction(100))))
     goal = replace(GOAL, members=(Member(name="coi", apt={"mean_response_time": at_most(90)}, run=run),))
     history: list[SearchTrial] = []
@@ -197,7 +195,7 @@ def test_after_the_first_setting_nothing_below_the_demand_is_asked_for(strategy:
     assert below_demand(history, goal) == 64
 
 
-def test_a_member_that_misses_fails_a_setting_with_any_others() -> None:
+def test_member_that_misses_fails_setting_with_any_others() -> None:
     goal = Goal(
         members=tuple(Member(name=name, apt={"mean_response_time": at_most(100)}, run=RUN) for name in ("a", "b")),
         processors=2,
@@ -210,7 +208,7 @@ def test_a_member_that_misses_fails_a_setting_with_any_others() -> None:
     assert the_trial(Setting(reserve=45, series=(rising, quick)), goal).inconclusive
 
 
-def test_a_coarse_curve_is_clipped_to_what_the_host_can_give() -> None:
+def test_coarse_curve_is_clipped_to_the_host() -> None:
     assert reserves_of(Sweep(), 100) == (10, 20, 30, 40, 50, 60, 70, 80, 90, 100)
     assert reserves_of(Sweep(), 47) == (10, 20, 30, 40, 47)
     assert reserves_of(Sweep(), 0) == (10,), "a setting that the host refuses, with its reason"

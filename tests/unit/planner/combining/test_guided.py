@@ -35,7 +35,7 @@ def guided(tuning: Tuning, needs: Mapping[Members, int], off: float, seed: int =
 
 @pytest.mark.parametrize("minimise", list(Minimise))
 @pytest.mark.parametrize("off", [0.0, 3.0, -1.0])
-def test_however_wrong_they_are_the_answer_is_the_same(off: float, minimise: Minimise) -> None:
+def test_however_wrong_they_are_answer_is_same(off: float, minimise: Minimise) -> None:
     for seed in SEEDS:
         tuning, needs = problem(seed, minimise)
         plain, _ = search(tuning, Inquiry(oracle=Needs(needs)))
@@ -58,7 +58,7 @@ def test_good_predictions_save_questions() -> None:
     assert asked[0.5] < 0.8 * asked[-1.0]
 
 
-def test_far_fewer_settings_are_asked_for_than_all_pairs_by_the_papers_walk_take() -> None:
+def test_far_fewer_settings_than_all_pairs() -> None:
     """docs/combining.md has the medians of large counts: 0.12 of the walk."""
     asked = walked = 0
     for seed in SEEDS:

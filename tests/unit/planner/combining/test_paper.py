@@ -48,7 +48,7 @@ def coi(name: str, criticality: int, reserve: int, processors: int = 1) -> Coi:
 FOUR = (coi("vision", 40, 40), coi("speech", 30, 30), coi("paths", 20, 25), coi("video", 10, 15))
 
 
-def test_where_all_fits_nothing_is_asked_and_nothing_said() -> None:
+def test_nothing_is_asked_if_all_fits() -> None:
     oracle = Scripted({})
     done = tune_performance_to_use_less_resource(FOUR, within(110), Inquiry(oracle=oracle))
 
@@ -87,7 +87,7 @@ def test_the_papers_steps_in_the_papers_order() -> None:
     assert [coi.name for coi in done.cois] == ["vision", "speech", "paths"]
 
 
-def test_one_worse_than_its_apt_does_not_stop_the_pair() -> None:
+def test_worse_member_does_not_stop_the_pair() -> None:
     oracle = Scripted({("paths", "video"): {"paths": 45, "video": 15}})
     done = tune_performance_to_use_less_resource(FOUR, within(100), Inquiry(oracle=oracle))
 
@@ -96,7 +96,7 @@ def test_one_worse_than_its_apt_does_not_stop_the_pair() -> None:
     assert done.message == SUCCESSFUL
 
 
-def test_where_nothing_can_be_combined_the_paper_says_so() -> None:
+def test_where_nothing_can_be_combined_paper_says_so() -> None:
     pairs = [("speech", "video"), ("paths", "video"), ("video", "vision")]
     oracle = Scripted({pair: dict.fromkeys(pair, NEVER) for pair in pairs})
     done = tune_performance_to_use_less_resource(FOUR, within(100), Inquiry(oracle=oracle))
@@ -106,7 +106,7 @@ def test_where_nothing_can_be_combined_the_paper_says_so() -> None:
     assert done.cois == FOUR
 
 
-def test_repeated_it_goes_on_with_the_compound_until_the_total_fits() -> None:
+def test_repeating_continues_until_total_fits() -> None:
     oracle = Scripted(
         {
             ("paths", "video"): {"paths": 25, "video": 30},
@@ -123,7 +123,7 @@ def test_repeated_it_goes_on_with_the_compound_until_the_total_fits() -> None:
     assert [coi.cost for coi in done.cois] == [40, 40], "80 fits into 90: there it ends"
 
 
-def test_a_compound_is_worse_when_any_of_its_members_is() -> None:
+def test_compound_is_worse_if_a_member_is() -> None:
     compound = Coi(name="paths", members=("paths", "video"), criticality=20, processors=1, reserve=40)
     oracle = Scripted({("paths", "speech", "video"): {"speech": 80, "paths": 10, "video": 90}})
     done = tune_performance_to_use_less_resource((FOUR[1], compound), within(60), Inquiry(oracle=oracle))
@@ -141,7 +141,7 @@ def test_equal_criticalities_go_by_name() -> None:
     assert done.combinations[0].compound.name == "b"
 
 
-def test_a_sum_beyond_all_of_it_is_asked_at_all_of_it() -> None:
+def test_sum_beyond_the_host_is_asked_at_maximum() -> None:
     oracle = Scripted({("a", "b"): {"a": 70, "b": 70}})
     done = tune_performance_to_use_less_resource(
         (coi("a", 2, 70), coi("b", 1, 60)), within(100), Inquiry(oracle=oracle)
@@ -151,7 +151,7 @@ def test_a_sum_beyond_all_of_it_is_asked_at_all_of_it() -> None:
     assert done.cois[0].reserve == 70
 
 
-def test_the_sum_is_of_processor_time_where_partitions_differ_in_processors() -> None:
+def test_sum_is_processor_time_across_sizes() -> None:
     wide, narrow = coi("a", 2, 30, processors=2), coi("b", 1, 55, processors=1)
     oracle = Scripted({("a", "b"): {"a": 40, "b": 40}})
     done = tune_performance_to_use_less_resource((wide, narrow), within(100), Inquiry(oracle=oracle))
@@ -160,7 +160,7 @@ def test_the_sum_is_of_processor_time_where_partitions_differ_in_processors() ->
     assert done.combinations[0].gain == 35
 
 
-def test_what_must_be_apart_or_is_declined_is_not_measured() -> None:
+def test_apart_or_declined_is_not_measured() -> None:
     consent = Answers(no=frozenset({("speech", "video")}))
     oracle = Scripted({("video", "vision"): {"vision": 10, "video": 10}})
     inquiry = Inquiry(oracle=oracle, consent=consent, may_share=lambda members: "paths" not in members)

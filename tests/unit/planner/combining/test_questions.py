@@ -135,7 +135,7 @@ def test_what_fits_already_is_not_asked_for() -> None:
     assert isinstance(next_decision(tuning_of(of, objective(of, 70), anyone), ()), Best)
 
 
-def test_a_search_that_is_cut_off_anywhere_goes_on_to_the_same_end() -> None:
+def test_interrupted_search_reaches_the_same_end() -> None:
     of = cois(a=40, b=30, c=25, d=20)
     needs = needs_of(of, random.Random(3))
     tuning = tuning_of(of, objective(of, 90), anyone)
@@ -149,7 +149,7 @@ def test_a_search_that_is_cut_off_anywhere_goes_on_to_the_same_end() -> None:
         assert len(oracle.asked) == len(trail) - known
 
 
-def test_compounds_that_may_not_be_are_never_asked_for() -> None:
+def test_forbidden_compounds_are_never_asked() -> None:
     of = cois(a=40, b=30, c=25)
     oracle = Needs(needs_of(of, random.Random(1)))
     search(tuning_of(of, objective(of, 80), lambda members: "c" not in members), Inquiry(oracle=oracle))
@@ -207,7 +207,7 @@ def test_where_no_layout_can_fit_nothing_is_measured() -> None:
     assert trail == (), "40 % are needed at least, with any sharing"
 
 
-def test_what_its_samples_could_not_tell_proves_nothing_of_another_layout() -> None:
+def test_undecided_samples_prove_no_other_layout() -> None:
     """74 % is the least: with a and b 75 %, and less, if what its samples could not tell were enough for them."""
     of = cois(a=40, b=30, c=25)
     needs = {("a", "b"): 50, ("a", "c"): 44, ("b", "c"): 36, ("a", "b", "c"): 94}
@@ -224,7 +224,7 @@ def test_what_its_samples_could_not_tell_proves_nothing_of_another_layout() -> N
     assert found(12).total == found(0).total == 74, "what was found stays what it is"
 
 
-def test_that_nothing_fits_is_not_proved_by_settings_that_could_not_tell() -> None:
+def test_undecided_settings_do_not_prove_misfit() -> None:
     of = cois(a=40, b=30)
     aim = objective(of, 55)
 
@@ -257,7 +257,7 @@ def test_an_answer_that_contradicts_another_voids_the_proof() -> None:
     assert ended.contradictions[0].message == "a+b meets its thresholds with 45 % of its VPs and misses one with 50 %"
 
 
-def test_a_compound_that_needs_less_than_a_part_of_it_voids_the_proof() -> None:
+def test_cheaper_compound_voids_the_proof() -> None:
     of = cois(a=40, b=38, c=36)
     answers = [
         Answer(members=("b", "c"), reserve=60, worse=("b",)),
@@ -274,7 +274,7 @@ def test_a_compound_that_needs_less_than_a_part_of_it_voids_the_proof() -> None:
     assert contradiction.message == "a+b+c meets its thresholds with less than b+c needs"
 
 
-def test_on_several_processors_a_compound_may_need_two_points_less_than_a_part() -> None:
+def test_compound_may_need_two_points_less() -> None:
     of = tuple(replace(coi, processors=2) for coi in cois(a=40, b=30))
     tuning = tuning_of(of, objective(of, 80), anyone)
     found, trail = search(tuning, Inquiry(oracle=Needs({("a", "b"): 39})))
@@ -289,7 +289,7 @@ def test_on_several_processors_a_compound_may_need_two_points_less_than_a_part()
     assert not ended.proved
 
 
-def test_what_else_was_measured_counts_once_there_would_be_an_answer() -> None:
+def test_other_measurements_count_with_an_answer() -> None:
     """The two least critical cannot fit as assumed; their data log says that they need less than one of them alone."""
     of = cois(a=40, b=30, c=20)
     tuning = tuning_of(of, objective(of, 60), anyone)
@@ -311,7 +311,7 @@ def test_what_else_was_measured_counts_once_there_would_be_an_answer() -> None:
     assert contradiction.message == "b+c meets its thresholds with less than b needs"
 
 
-def test_a_compound_is_looked_for_down_to_what_its_parts_were_shown_to_miss() -> None:
+def test_compound_is_searched_down_to_known_misses() -> None:
     of = tuple(replace(coi, missed=missed) for coi, missed in zip(cois(a=40, b=30), (34, None), strict=True))
     found, trail = search(tuning_of(of, objective(of, 60), anyone), Inquiry(oracle=Needs({("a", "b"): 36})))
 
@@ -321,7 +321,7 @@ def test_a_compound_is_looked_for_down_to_what_its_parts_were_shown_to_miss() ->
     assert graph_of(candidates_of(of, anyone, most=100)).nodes["a+b"]["low"] == 35
 
 
-def test_of_many_only_the_least_critical_are_looked_at() -> None:
+def test_of_many_only_least_critical_are_looked_at() -> None:
     of = cois(**{f"n{at:02}": 10 for at in range(16)})
     pair = ("n14", "n15")
     found, trail = search(tuning_of(of, objective(of, 155), anyone), Inquiry(oracle=Needs({pair: 12})))
@@ -339,7 +339,7 @@ def test_the_candidate_graph_has_compounds_with_their_intervals() -> None:
     assert sorted(graph.predecessors("a+b+c")) == ["a", "b", "c"]
 
 
-def test_components_of_one_thread_can_share_a_core_that_each_takes_for_itself() -> None:
+def test_single_threads_can_share_a_core() -> None:
     arm, base = (
         replace(coi, sharing=CoreSharing(threads=2, used=2), host_lp=8, missed=29) for coi in cois(arm=40, base=40)
     )
@@ -351,7 +351,7 @@ def test_components_of_one_thread_can_share_a_core_that_each_takes_for_itself() 
     assert (both.low, both.highest) == (13, 79), "30 % of one of two processors, less 2; and less than 160 % on two"
 
 
-def test_the_compound_of_which_least_is_known_is_asked_for_by_whole_cores() -> None:
+def test_least_known_compound_is_asked_by_cores() -> None:
     """Three threads take two cores, as four do."""
     of = [
         replace(coi, processors=processors, sharing=CoreSharing(threads=2, used=2), host_lp=8)

@@ -32,7 +32,7 @@ def five_of_two(hosts: int = 1, others: int = 0) -> System:
     )
 
 
-def test_virtual_processors_that_find_no_logical_ones_are_told() -> None:
+def test_unplaceable_virtual_processors_are_told() -> None:
     planning = planned(five_of_two())
 
     assert isinstance(planning.answer, Infeasible)
@@ -57,7 +57,7 @@ def test_few_among_many_are_named_with_their_host(others: int) -> None:
     assert (planning.findings[0].code, planning.findings[0].address) == ("RARMS121", "host/host0")
 
 
-def test_the_sum_of_those_that_must_be_on_one_host_is_told() -> None:
+def test_sum_on_a_forced_host_is_told() -> None:
     heavy = [a_component(name, reserve="60 %", memory="64 MiB") for name in ("a", "b")]
     light = [a_component(name, reserve="10 %", memory="64 MiB") for name in ("c", "d")]
     system = a_system(
@@ -75,7 +75,7 @@ def test_the_sum_of_those_that_must_be_on_one_host_is_told() -> None:
     assert expected.items() <= planning.findings[0].values.items()
 
 
-def test_where_others_need_the_same_host_all_are_summed_up_as_well() -> None:
+def test_others_on_the_same_host_are_summed() -> None:
     components = [a_component(name, reserve=reserve) for name, reserve in (("a", "60 %"), ("b", "50 %"), ("c", "10 %"))]
 
     planning = planned(a_system(hosts=[a_host(logical_processors=2, memory="16 GiB")], components=components))
@@ -84,7 +84,7 @@ def test_where_others_need_the_same_host_all_are_summed_up_as_well() -> None:
     assert [finding.detail for finding in planning.findings] == [sums]
 
 
-def test_who_has_a_choice_and_overfills_a_host_is_named_with_the_total_of_measure() -> None:
+def test_overfilling_component_is_named_with_total() -> None:
     parts = [("a", "60 %", "left"), ("b", "50 %", "left"), ("c", "60 %", "right")]
     bound = [replace(a_component(name, reserve=reserve), hosts=(host,)) for name, reserve, host in parts]
     hosts = [a_host(name, logical_processors=2, memory="16 GiB") for name in ("left", "right")]
@@ -103,7 +103,7 @@ def test_who_has_a_choice_and_overfills_a_host_is_named_with_the_total_of_measur
         (("one", "two"), "All of these together would fit:\n  - one\n  - two."),
     ],
 )
-def test_the_only_way_out_is_a_sentence_or_a_list(changes: tuple[str, ...], advice: str) -> None:
+def test_only_way_out_is_sentence_or_list(changes: tuple[str, ...], advice: str) -> None:
     cause = planning_findings.PLACEMENT.at(None, "Nothing fits.", "", address="application")
     answer = Infeasible(proven=True, conflict=(), causes=(cause,), relaxations=(Relaxation(changes=changes),))
 
@@ -144,7 +144,7 @@ def test_twice_the_size_is_not_searched_longer() -> None:
     assert asked[1] == pytest.approx(asked[0], rel=0.1)
 
 
-def test_where_few_partitions_must_move_only_those_are_named() -> None:
+def test_only_partitions_that_must_move_are_named() -> None:
     """Of twelve on three hosts two have to leave the first, which a layout made afresh would not keep in place."""
     names = [f"p{at:02}" for at in range(12)]
     system = a_system(

@@ -99,7 +99,7 @@ def test_among_many_the_few_who_conflict_are_found(many: int) -> None:
     assert names_of([*others, an_item("a1", 70, "one"), an_item("a2", 50, "one")], bins) == ["a1", "a2"]
 
 
-def test_where_processors_and_memory_are_both_too_little_each_is_told() -> None:
+def test_missing_processors_and_memory_are_both_told() -> None:
     items = [an_item("a", 70, "one", memory=10), an_item("b", 60, "one", memory=10), an_item("c", 1, "one", memory=90)]
 
     found = conflicts(items, [a_bin("one")], conflict_budget(), proven=True)

@@ -54,7 +54,7 @@ LOGS = logs_of(path={10: 200, 20: 90}, speech={30: 140, 40: 90}, vision={30: 210
 EACH_40 = logs_of(path={39: 200, 40: 90}, speech={39: 200, 40: 90}, vision={39: 200, 40: 90})
 
 
-def test_an_apt_is_relaxed_by_as_little_as_makes_it_fit() -> None:
+def test_apt_is_relaxed_as_little_as_possible() -> None:
     system = a_robot()  # 20, 40 and 50 per cent, less what the slopes give back
 
     offered = [way for way in ways(system, LOGS) if LINE.search(in_a_list(way.changes))]
@@ -69,7 +69,7 @@ def test_an_apt_is_relaxed_by_as_little_as_makes_it_fit() -> None:
         assert not fits(replace(changed, components={**changed.components, name: component}), LOGS)
 
 
-def test_where_no_apt_alone_is_enough_several_are_relaxed_together() -> None:
+def test_several_apts_are_relaxed_together() -> None:
     system = a_robot()
     logs = logs_of(path={25: 110, 30: 90}, speech={35: 110, 40: 90}, vision={39: 110, 44: 90})
 
@@ -102,7 +102,7 @@ def pair_in(system: System, logs: Logs) -> str | None:
     return next((str(describe_possibility(way)) for way in pairs), None)
 
 
-def test_the_pair_to_combine_is_of_the_least_critical_and_only_may_help() -> None:
+def test_least_critical_pair_is_combined() -> None:
     system = a_robot()
 
     assert pair_in(system, EACH_40) == (
@@ -114,7 +114,7 @@ def test_the_pair_to_combine_is_of_the_least_critical_and_only_may_help() -> Non
         assert fits(replace(system, partitions={"path": both}), EACH_40) is does
 
 
-def test_of_several_hosts_the_pair_is_combined_where_both_may_run() -> None:
+def test_pair_is_combined_on_a_common_host() -> None:
     hosts = [a_host(name, platform="onboard") for name in ("front", "rear")]
     components = [
         a_component("arm", criticality=1, reserve="measured", apt=APT, hosts=["rear"]),
@@ -129,7 +129,7 @@ def test_of_several_hosts_the_pair_is_combined_where_both_may_run() -> None:
     assert "arm and base reserve 2.4 LP in two partitions on rear; in one they may reserve up to" in offered
 
 
-def test_a_pair_that_must_be_apart_or_is_not_measured_is_not_offered() -> None:
+def test_impossible_pair_is_not_offered() -> None:
     system = a_robot()
     apart = replace(system.components["path"], apart=("speech",))
     offered = pair_in(replace(system, components={**system.components, "path": apart}), EACH_40)
@@ -140,7 +140,7 @@ def test_a_pair_that_must_be_apart_or_is_not_measured_is_not_offered() -> None:
     assert pair_in(a_system(components=fixed), {}) is None, "what is fixed adds up, with any sharing"
 
 
-def test_more_processors_are_promised_only_where_nothing_was_measured_on_fewer() -> None:
+def test_more_processors_are_promised_unless_measured_fewer() -> None:
     fixed = a_system(components=[a_component(name, reserve="0.9 LP") for name in ("arm", "base", "camera")])
     more = "one more logical processor on onboard"
     assert more in [in_a_list(way.changes) for way in ways(fixed, {}) if way.kind is RelaxationKind.CERTAIN]
@@ -156,13 +156,13 @@ def test_more_processors_are_promised_only_where_nothing_was_measured_on_fewer()
     )
 
 
-def test_where_partitions_grow_with_their_host_a_larger_one_is_no_way_out() -> None:
+def test_larger_host_does_not_help_growing_partitions() -> None:
     system = a_system(components=[a_component(name, reserve="40 %") for name in ("arm", "base", "camera")])
 
     assert not [way for way in ways(system, {}) if "logical processor" in in_a_list(way.changes)]
 
 
-def test_a_reserve_in_processors_is_lowered_by_as_little_as_helps() -> None:
+def test_reserve_is_lowered_as_little_as_possible() -> None:
     system = a_system(
         components=[
             a_component("arm", criticality=1, reserve="0.9 LP", processors=1),
@@ -175,7 +175,7 @@ def test_a_reserve_in_processors_is_lowered_by_as_little_as_helps() -> None:
     assert "arm reserves 0.4 LP instead of 0.9 LP" in offered, "0.41 LP would find 40 % on either processor"
 
 
-def test_several_reserves_are_lowered_together_the_least_critical_first() -> None:
+def test_several_reserves_are_lowered_together_least_critical_first() -> None:
     shares = {"arm": 40, "base": 40, "camera": 70, "dock": 60}
     system = a_system(
         components=[
@@ -193,7 +193,7 @@ def test_several_reserves_are_lowered_together_the_least_critical_first() -> Non
     ]
 
 
-def test_where_memory_is_missing_too_it_is_added_and_one_reserve_lowered() -> None:
+def test_memory_is_added_and_a_reserve_lowered() -> None:
     system = a_system(
         hosts=[a_host(memory="4 GiB")],
         components=[
@@ -208,7 +208,7 @@ def test_where_memory_is_missing_too_it_is_added_and_one_reserve_lowered() -> No
     ]
 
 
-def test_memory_and_processors_are_added_together_where_that_is_enough() -> None:
+def test_memory_and_processors_are_added_together() -> None:
     system = a_system(
         hosts=[a_host(memory="4 GiB")],
         components=[
@@ -222,7 +222,7 @@ def test_memory_and_processors_are_added_together_where_that_is_enough() -> None
     assert first == ["all of these:", "  - 1 GiB more memory on onboard", "  - one more logical processor on onboard"]
 
 
-def test_a_partition_that_fixes_its_reserve_is_what_is_lowered() -> None:
+def test_fixed_partition_reserve_is_lowered() -> None:
     both = PartitionRequest(name="arm", components=("arm", "base"), cpu=a_cpu(reserve="70 %"))
     components = [a_component(name, reserve="40 %") for name in ("arm", "base", "camera")]
 
@@ -251,7 +251,7 @@ def test_the_advice_says_which_help_and_which_may() -> None:
     assert more.startswith("One more logical processor on onboard, with `processors: 2` for path, speech and vision")
 
 
-def test_several_ways_out_are_a_list_and_apts_that_belong_together_are_one_of_them() -> None:
+def test_ways_out_are_a_list() -> None:
     system = a_robot()
     more = a_component("dock", criticality=9, reserve="8 %", memory="64 MiB")
     logs = logs_of(path={24: 110, 27: 90}, speech={29: 110, 32: 90}, vision={36: 110, 39: 90})
@@ -265,7 +265,7 @@ def test_several_ways_out_are_a_list_and_apts_that_belong_together_are_one_of_th
     assert all(line.startswith("  - ") and LINE.search(line) for line in apts)
 
 
-def test_with_hosts_of_two_platforms_tuning_is_offered_with_its_host() -> None:
+def test_tuning_is_offered_for_its_host() -> None:
     system = a_robot()
     other = replace(a_host("rack", logical_processors=16), platform="server")
     placed = {name: replace(each, hosts=("onboard",)) for name, each in system.components.items()}
@@ -276,7 +276,7 @@ def test_with_hosts_of_two_platforms_tuning_is_offered_with_its_host() -> None:
     )
 
 
-def test_pairs_on_hosts_of_two_platforms_are_tuned_on_each() -> None:
+def test_pairs_are_tuned_on_each_platform() -> None:
     components = [
         a_component(name, criticality=at, reserve="measured", apt=APT, memory="64 MiB", hosts=[host])
         for at, (name, host) in enumerate((("arm", "left"), ("base", "left"), ("eye", "right"), ("head", "right")), 1)
@@ -292,7 +292,7 @@ def test_pairs_on_hosts_of_two_platforms_are_tuned_on_each() -> None:
     assert ("arm and base reserve" in offered, "eye and head reserve" in offered) == (True, True)
 
 
-def test_less_than_half_of_a_rate_that_was_asked_for_is_no_way_out() -> None:
+def test_half_a_rate_is_no_way_out() -> None:
     asked = AtLeast(value=Fraction(95))
 
     assert _is_too_little(asked, AtLeast(value=Fraction(47)))

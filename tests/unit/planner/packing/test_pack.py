@@ -64,7 +64,7 @@ def every_packing(items: list[Item], bins: list[Bin]) -> list[Value]:
 
 
 @pytest.mark.needs("highspy")
-def test_small_packings_are_the_best_of_all_and_the_first_by_name() -> None:
+def test_small_packings_are_optimal_and_first() -> None:
     solved = 0
     for seed in range(400):
         items, bins = a_problem(seed)
@@ -120,7 +120,7 @@ def test_a_budget_may_count_iterations_too() -> None:
 
 
 @pytest.mark.needs("highspy")
-def test_a_few_hosts_at_a_time_are_packed_anew_until_none_is_left_over() -> None:
+def test_few_hosts_are_repacked_at_a_time() -> None:
     items, bins = a_tight_fleet(1, hosts=4)
     items.sort(key=lambda item: item.name)
 
@@ -131,7 +131,7 @@ def test_a_few_hosts_at_a_time_are_packed_anew_until_none_is_left_over() -> None
     assert hosts_can_hold(items, bins, hosts)
 
 
-def test_without_the_solver_first_fit_is_the_answer_and_nothing_is_proven(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_first_fit_without_solver_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(packing_module, "is_installed", lambda: False)
     cheap, dear = (Claim(processors=1, reserve=reserve, memory=1) for reserve in (60, 70))
     items = [Item(name=name, claims={"host0": cheap, "host1": dear}) for name in ("a", "b")]
@@ -143,7 +143,7 @@ def test_without_the_solver_first_fit_is_the_answer_and_nothing_is_proven(monkey
     assert pack(*a_tight_fleet(0)) == NoPacking(proven=False)
 
 
-def test_the_solver_is_not_imported_where_first_fit_meets_the_bound() -> None:
+def test_solver_is_not_imported_at_the_bound() -> None:
     script = (
         "import sys; from tests.unit.planner.packing.test_pack import a_bin, Item, Claim, pack;"
         "claim = Claim(processors=1, reserve=40, memory=1);"
@@ -158,7 +158,7 @@ def test_the_solver_is_not_imported_where_first_fit_meets_the_bound() -> None:
 
 
 @pytest.mark.needs("highspy")
-def test_what_is_not_proven_says_how_far_from_the_bound_it_may_be() -> None:
+def test_unproven_says_its_distance() -> None:
     random = Random(3)
     bins = [a_bin(f"host{at}", 2 + at % 3) for at in range(5)]
     items = [
@@ -185,7 +185,7 @@ def test_what_is_not_proven_says_how_far_from_the_bound_it_may_be() -> None:
 CELL = Capacity(logical_processors=8, processors=LogicalProcessors(Fraction(8)), memory=Bytes(32 << 30))
 
 
-def test_more_partitions_than_python_nests_calls_are_packed_by_name() -> None:
+def test_very_many_partitions_are_packed() -> None:
     bins = [a_bin("left", 64), a_bin("right", 64)]
     claims = {host.name: Claim(processors=1, reserve=1, memory=0) for host in bins}
 
@@ -196,7 +196,7 @@ def test_more_partitions_than_python_nests_calls_are_packed_by_name() -> None:
     assert set(packing.host_of.values()) == {"left"}
 
 
-def test_a_large_fleet_is_packed_so_that_every_host_holds() -> None:
+def test_large_fleet_is_packed_within_hosts() -> None:
     cells = [Bin(name=f"cell-{number:02}", capacity=CELL) for number in range(50)]
     items = []
     for number in range(1000):
@@ -215,7 +215,7 @@ TRIPLES = (46, 34, 32, 40, 30, 40, 39, 32, 32, 37, 40, 30, 28, 36, 38, 28, 32, 3
 
 
 @pytest.mark.parametrize("hosts", [1, pytest.param(2, marks=pytest.mark.needs("highspy"))])
-def test_where_the_search_for_places_gives_up_nothing_is_proven(hosts: int) -> None:
+def test_abandoned_search_proves_nothing(hosts: int) -> None:
     bins = [a_bin("one", 10), replace(a_bin("two", 10), capacity=replace(a_bin("two", 0).capacity))][:hosts]
     claims = [Claim(processors=1, reserve=size, memory=0) for size in (*TRIPLES, 26, 41, 27)]
     assert decide_packing(claims, a_bin("one", 10).capacity) is None
@@ -224,7 +224,7 @@ def test_where_the_search_for_places_gives_up_nothing_is_proven(hosts: int) -> N
     assert pack(items, bins) == NoPacking(proven=False, undecided=True)
 
 
-def test_no_row_of_the_program_forbids_what_a_host_can_keep() -> None:
+def test_rows_forbid_nothing_possible() -> None:
     held = 0
     for seed in range(400):
         random = Random(seed)
@@ -244,7 +244,7 @@ def test_no_row_of_the_program_forbids_what_a_host_can_keep() -> None:
 
 
 @pytest.mark.needs("highspy")
-def test_virtual_processors_that_exceed_cores_are_proven_not_to_fit_by_the_rows_alone() -> None:
+def test_rows_prove_processors_exceeding_cores() -> None:
     items = [
         Item(name=f"part{at:02}", claims=dict.fromkeys(("one", "two"), Claim(processors=1, reserve=reserve, memory=1)))
         for at, reserve in enumerate((70, 70, 70, 70, 70, 45, 45, 45, 45, 45, 45, 45))
@@ -256,7 +256,7 @@ def test_virtual_processors_that_exceed_cores_are_proven_not_to_fit_by_the_rows_
 
 
 @pytest.mark.needs("highspy")
-def test_virtual_processors_that_find_no_logical_ones_are_proven_not_to_fit() -> None:
+def test_unplaceable_processors_are_proven() -> None:
     claim = Claim(processors=1, reserve=40, memory=1)
     bins = [a_bin("one", 2), a_bin("two", 2)]
     items = [Item(name=f"part{at}", claims={"one": claim, "two": claim}) for at in range(9)]

@@ -18,7 +18,7 @@ def answers(waits: float, work: float) -> list[tuple[float, float]]:
     return [(float(reserve), waits + 100 * work / reserve) for reserve in (10, 20, 50, 90)]
 
 
-def test_together_they_need_more_than_either_and_less_than_both() -> None:
+def test_compound_lies_between_member_and_sum() -> None:
     assert [least_budget([alone.task], 100) for alone in (CAMERA, LASER)] == [30, 25]
 
     together = predictor_of({"camera": CAMERA, "laser": LASER})(("camera", "laser"), 1)
@@ -27,20 +27,20 @@ def test_together_they_need_more_than_either_and_less_than_both() -> None:
     assert 43 < together < 55, "the work of both takes 43 %"
 
 
-def test_components_without_a_log_or_of_other_processors_are_not_predicted() -> None:
+def test_unlogged_components_are_not_predicted() -> None:
     predict = predictor_of({"camera": CAMERA, "laser": LASER})
 
     assert predict(("camera", "radio"), 1) is None
     assert predict(("camera", "laser"), 2) is None
 
 
-def test_what_all_of_the_host_is_not_enough_for_is_not_predicted() -> None:
+def test_unachievable_compound_is_not_predicted() -> None:
     busy = Alone(task=replace(LASER.task, work=3_900), processors=1)
 
     assert predictor_of({"camera": CAMERA, "laser": busy})(("camera", "laser"), 1) is None
 
 
-def test_a_task_needs_alone_what_was_measured_to_be_enough() -> None:
+def test_single_task_needs_what_was_measured() -> None:
     run = replace(a_run(), arrival=Periodic(period=milliseconds("100 ms")))
     alone = alone_of(a_component(run=run, apt={"p95_response_time": at_most(60)}), answers(10.0, 5.0), 40, 1, None)
 
@@ -50,14 +50,14 @@ def test_a_task_needs_alone_what_was_measured_to_be_enough() -> None:
     assert least_budget([task], 100) == 40
 
 
-def test_without_a_deadline_a_job_is_due_when_it_answers_on_average_where_that_is_enough() -> None:
+def test_job_without_deadline_is_due_at_average() -> None:
     alone = alone_of(a_component(apt={"mean_response_time": at_most(95)}), answers(40.0, 10.0), 20, 1, None)
 
     assert alone is not None
     assert (alone.task.period, alone.task.deadline) == (9_000, 5_000)
 
 
-def test_a_job_leaves_the_processors_that_it_does_not_use_to_others() -> None:
+def test_job_leaves_unused_processors() -> None:
     component = a_component(apt={"mean_response_time": at_most(50)})
     narrow, wide = (alone_of(component, answers(0.0, 10.0), 20, 2, cpu_ms) for cpu_ms in (10.0, 20.0))
 
@@ -67,7 +67,7 @@ def test_a_job_leaves_the_processors_that_it_does_not_use_to_others() -> None:
     assert predictor_of({"a": wide, "b": wide})(("a", "b"), 2) == 40
 
 
-def test_a_deadline_that_is_over_before_it_computes_predicts_nothing() -> None:
+def test_passed_deadline_predicts_nothing() -> None:
     component = a_component(apt={"maximum_response_time": at_most(30)})
 
     assert alone_of(component, answers(40.0, 10.0), 20, 1, None) is None

@@ -84,7 +84,7 @@ def until(tasks: Sequence[Task], resource: Resource) -> int:
     return max(whole, ceil(late) + max(task.deadline for task in tasks))
 
 
-def test_the_bounds_say_what_the_schedule_at_worst_does() -> None:
+def test_bounds_say_what_schedule_at_worst_does() -> None:
     chance, said = random.Random("periodic"), {True: 0, False: 0}
     for _ in range(examples(SETS)):
         tasks, resource = a_case(chance)
@@ -95,7 +95,7 @@ def test_the_bounds_say_what_the_schedule_at_worst_does() -> None:
     assert min(said.values()) > examples(SETS) // 10, "both answers are common"
 
 
-def test_what_holds_at_worst_holds_whenever_the_budget_comes() -> None:
+def test_what_holds_at_worst_holds_whenever_budget_comes() -> None:
     chance, held = random.Random("any supply"), 0
     for _ in range(examples(SETS)):
         tasks, resource = a_case(chance)
@@ -106,7 +106,7 @@ def test_what_holds_at_worst_holds_whenever_the_budget_comes() -> None:
     assert held
 
 
-def test_the_supply_bound_is_the_least_that_the_worst_supply_brings() -> None:
+def test_supply_bound_is_least_that_worst_supply_brings() -> None:
     for period in range(1, 8):
         for budget in range(1, period + 1):
             resource = Resource(budget=budget, period=period)
@@ -116,13 +116,13 @@ def test_the_supply_bound_is_the_least_that_the_worst_supply_brings() -> None:
                 brought += given(tick)
 
 
-def test_the_demand_bound_counts_jobs_that_come_and_are_due() -> None:
+def test_demand_bound_counts_jobs_due() -> None:
     tasks = [Task(work=2, period=5, deadline=3), Task(work=1, period=4, deadline=6)]
 
     assert [demanded(tasks, ticks) for ticks in (2, 3, 6, 8, 10)] == [0, 2, 3, 5, 6]
 
 
-def test_the_least_budget_does_and_one_less_does_not() -> None:
+def test_least_budget_does_and_one_less_does_not() -> None:
     tasks = [Task(work=2, period=20, deadline=15), Task(work=5, period=30, deadline=30)]
     found = least_budget(tasks, 10)
 

@@ -54,7 +54,7 @@ def test_the_kernel_holds_what_was_written(tree: GroupTree, values: GroupValues)
     assert tree.read("vision") == values == tree.as_kernel_shows(values)
 
 
-def test_the_slice_keeps_a_part_for_what_is_beside_it_and_larger_quotas_go_down_first(tree: GroupTree) -> None:
+def test_larger_quotas_shrink_first(tree: GroupTree) -> None:
     tree.limit_slice(180)  # the slice is not there yet
     tree.make("vision")
     tree.write("vision", GroupValues(shares_percent=10, quota_percent=190, period_us=100_000))
@@ -66,7 +66,7 @@ def test_the_slice_keeps_a_part_for_what_is_beside_it_and_larger_quotas_go_down_
     assert tree.read("").quota_percent is None
 
 
-def test_values_of_a_larger_quota_give_way_to_those_of_a_smaller(tree: GroupTree) -> None:
+def test_larger_quota_gives_way(tree: GroupTree) -> None:
     tree.make("vision")
     tree.write("vision", GroupValues(shares_percent=10, quota_percent=190, period_us=100_000, processors=(1,)))
 
@@ -84,7 +84,7 @@ def test_what_the_kernel_rounds_is_known_beforehand(tree: GroupTree) -> None:
     assert tree.read("vision") == tree.as_kernel_shows(values) != values
 
 
-def test_who_is_asked_to_end_may_do_so_in_the_grace(tree: GroupTree) -> None:
+def test_asked_program_may_end_within_grace(tree: GroupTree) -> None:
     tree.make("vision")
     process = _sleeper_in(tree, "vision")
 
@@ -94,7 +94,7 @@ def test_who_is_asked_to_end_may_do_so_in_the_grace(tree: GroupTree) -> None:
     assert tree.processes("vision") == ()
 
 
-def test_a_group_is_named_while_it_is_there_and_the_slice_goes_with_the_last(tree: GroupTree) -> None:
+def test_group_is_named_and_slice_goes_last(tree: GroupTree) -> None:
     tree.make("vision")
     tree.make("speech")
     assert tree.names() == ("speech", "vision")
@@ -106,7 +106,7 @@ def test_a_group_is_named_while_it_is_there_and_the_slice_goes_with_the_last(tre
     assert not list(CONTROL_GROUPS.glob(f"*/rarms-test-{os.getpid()}"))
 
 
-def test_a_process_joins_and_is_ended_with_the_group(tree: GroupTree) -> None:
+def test_process_joins_and_is_ended_with_group(tree: GroupTree) -> None:
     tree.make("vision")
     process = _sleeper_in(tree, "vision")
     assert tree.processes("vision") == (process.pid,)
@@ -119,7 +119,7 @@ def test_a_process_joins_and_is_ended_with_the_group(tree: GroupTree) -> None:
     assert tree.names() == ()
 
 
-def test_a_group_that_goes_after_its_file_was_opened_is_one_that_is_gone(tree: GroupTree) -> None:
+def test_vanished_group_is_gone(tree: GroupTree) -> None:
     tree.make("vision")
     opened = os.open(tree.place("vision").join[0], os.O_RDWR)
     tree.remove("vision")
@@ -130,7 +130,7 @@ def test_a_group_that_goes_after_its_file_was_opened_is_one_that_is_gone(tree: G
     os.close(opened)
 
 
-def test_removing_ends_what_another_tool_put_into_a_group_below(tree: GroupTree) -> None:
+def test_removing_ends_foreign_processes_below(tree: GroupTree) -> None:
     tree.make("vision")
     tree.make("vision/inner")
     process = _sleeper_in(tree, "vision/inner")
@@ -175,7 +175,7 @@ def test_version_2_writes_its_own_files(tmp_path: Path) -> None:
     assert tree.place("vision").join == (group / "cgroup.procs",)
 
 
-def test_version_2_reads_the_kernel_s_words_for_no_limit(tmp_path: Path) -> None:
+def test_version_2_reads_no_limit(tmp_path: Path) -> None:
     tree = find_tree("rarms", "automatic", root=_plain_v2(tmp_path))
     assert isinstance(tree, GroupTree)
     group = tmp_path / "rarms" / "vision"
@@ -188,7 +188,7 @@ def test_version_2_reads_the_kernel_s_words_for_no_limit(tmp_path: Path) -> None
     assert (tree.cpu_ms("vision"), tree.throttled_ms("vision")) == (2.5, 1.5)
 
 
-def test_version_2_takes_no_memory_from_under_its_processes(tmp_path: Path) -> None:
+def test_version_2_takes_no_used_memory(tmp_path: Path) -> None:
     tree = find_tree("rarms", "v2", root=_plain_v2(tmp_path))
     assert isinstance(tree, GroupTree)
     (tmp_path / "rarms" / "vision" / "memory.stat").write_text(f"anon {65 * MIB}\nfile 4096\n")
@@ -222,7 +222,7 @@ def test_a_kernel_without_quotas_is_named(tmp_path: Path) -> None:
         ("", ("cpu", "memory", "cpuacct"), "the controller cpuset of version 1 at "),
     ],
 )
-def test_where_both_versions_lack_something_that_of_the_machine_is_named(
+def test_missing_controller_of_both_versions_is_named(
     tmp_path: Path, controllers: str, version_1: tuple[str, ...], missing: str
 ) -> None:
     (tmp_path / "cgroup.controllers").write_text(controllers)

@@ -31,7 +31,7 @@ while True:
 """
 
 
-def test_what_a_component_consumes_is_counted_with_all_that_it_started(tmp_path: Path) -> None:
+def test_consumption_counts_all_started_processes(tmp_path: Path) -> None:
     with ComponentRun("busy", a_run(BUSY, until=10_000), StartContext(base=tmp_path)) as run:
         next(run)
         assert run.process is not None
@@ -44,7 +44,7 @@ def test_what_a_component_consumes_is_counted_with_all_that_it_started(tmp_path:
     assert consumed_ms(run.process) == 0, "it is gone"
 
 
-def test_a_process_is_known_by_its_name_and_parent() -> None:
+def test_process_is_known_by_its_name_and_parent() -> None:
     own = read_process(os.getpid())
 
     assert own is not None
@@ -58,7 +58,7 @@ def orphan_findings(host: LinuxMeasuringHost) -> list[Diagnostic]:
 
 @pytest.mark.needs("control-groups")
 @pytest.mark.alone
-def test_the_doctor_names_what_a_killed_supervisor_left_in_a_partition(tmp_path: Path) -> None:
+def test_doctor_names_what_killed_supervisor_left_in_partition(tmp_path: Path) -> None:
     described, groups = a_host(provider=ProviderKind.LINUX, keep_processor="5 %"), groups_of(tmp_path)
     host = LinuxMeasuringHost(described, tmp_path, tmp_path / "state", groups)
     with ready(host):

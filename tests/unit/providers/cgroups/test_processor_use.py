@@ -48,16 +48,14 @@ def looked_at(group: Group) -> ThreadLooks:
 
 
 @pytest.mark.parametrize(("programs", "most"), [((BUSY, IDLE), 1), ((BUSY, BUSY, IDLE), 2)])
-def test_threads_that_run_or_wait_for_a_processor_count_and_those_that_sleep_do_not(
-    programs: tuple[str, ...], most: int
-) -> None:
+def test_running_and_waiting_threads_count(programs: tuple[str, ...], most: int) -> None:
     with running(*programs) as group:
         looks = looked_at(group)
 
     assert looks.most(500.0) == most
 
 
-def test_what_was_not_looked_at_says_nothing_and_what_is_rare_does_not_count() -> None:
+def test_unseen_or_rare_use_does_not_count() -> None:
     with running(BUSY) as group:
         looks = looked_at(group)
 

@@ -125,7 +125,7 @@ def test_a_partition_is_a_unit_with_properties(lab: Lab) -> None:
     assert lab.tree.place(name).join == ()
 
 
-def test_with_the_last_unit_the_slice_goes_and_no_file_stays(lab: Lab) -> None:
+def test_slice_goes_with_its_last_unit(lab: Lab) -> None:
     lab.tree.make(VISION)
     lab.tree.start_with_machine(VISION, True)
     assert lab.units() == [VISION, f"wants-{VISION}"]
@@ -138,14 +138,14 @@ def test_with_the_last_unit_the_slice_goes_and_no_file_stays(lab: Lab) -> None:
     assert (lab.tree.names(), lab.units()) == ((), [])
 
 
-def test_what_systemd_refuses_is_said_in_its_own_words(lab: Lab) -> None:
+def test_systemds_refusal_is_said_in_its_words(lab: Lab) -> None:
     (lab.folder / "systemctl").write_text("#!/bin/sh\necho 'Access denied' >&2\nexit 4\n")
 
     with pytest.raises(OSError, match=f"systemctl start {VISION}: Access denied"):
         lab.tree.make(VISION)
 
 
-def test_a_controller_that_is_not_on_yet_is_waited_for(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_late_controller_is_waited_for(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
     lab.tree.make(VISION)
     read, looks = LinuxEffects.read, [FileNotFoundError(), FileNotFoundError()]
 
@@ -161,7 +161,7 @@ def test_a_controller_that_is_not_on_yet_is_waited_for(lab: Lab, monkeypatch: py
     assert looks == []
 
 
-def test_a_systemctl_that_does_not_end_is_given_up(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_systemctl_that_does_not_end_is_given_up(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
     (lab.folder / "systemctl").write_text("#!/bin/sh\nexec sleep 60\n")
     monkeypatch.setattr(effects, "_RUN_SECONDS", 0.1)
 
@@ -169,7 +169,7 @@ def test_a_systemctl_that_does_not_end_is_given_up(lab: Lab, monkeypatch: pytest
         lab.tree.make(VISION)
 
 
-def test_a_machine_that_could_not_be_read_whole_is_read_again(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_half_read_machine_is_read_again(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
     host = LinuxHostProvider(on_linux(builders.a_host()), lab.folder / "state")
     found = iter([MissingFeatures(names=("cpu",)), lab.tree])
     monkeypatch.setattr(provider, "find_tree", lambda *_: next(found))
@@ -179,7 +179,7 @@ def test_a_machine_that_could_not_be_read_whole_is_read_again(lab: Lab, monkeypa
     assert host.machine.boot == "systemd"
 
 
-def test_below_systemd_only_version_2_is_used_unless_the_manifest_asks_for_version_1(
+def test_systemd_uses_version_2_unless_asked(
     tmp_path: Path,
 ) -> None:
     root = tmp_path / "sys" / "fs" / "cgroup"
@@ -197,7 +197,7 @@ def test_below_systemd_only_version_2_is_used_unless_the_manifest_asks_for_versi
     assert "of version 1" in forced.names[0]
 
 
-def test_a_restart_keeps_partitions_but_those_that_start_by_hand(lab: Lab) -> None:
+def test_restart_keeps_partitions_except_manual_ones(lab: Lab) -> None:
     machine, host = read_machine(LinuxEffects()), lab.host()
     for name in ("vision", "speech"):
         host.execute(CreatePartition(partition=name, generation=2, memory=64 * MIB), SCOPE)

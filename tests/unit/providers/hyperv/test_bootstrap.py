@@ -25,20 +25,20 @@ LONGEST_COMMAND = 8191
 LONGEST_LOADER = 4000
 
 
-def test_what_travels_is_the_same_without_remarks_and_indentation() -> None:
+def test_what_travels_is_same_without_remarks_and_indentation() -> None:
     def leaves(text: str) -> list[str]:
         return [text_of(node) for node in walk(parse(text)) if node.child_count == 0 and node.type != "comment"]
 
     assert leaves(command()) == leaves(render_loader().decode("ascii"))
 
 
-def test_the_loader_runs_no_other_receiver_than_this_one() -> None:
+def test_loader_runs_no_other_receiver_than_this_one() -> None:
     assert f"'{hashlib.sha256(render_receiver()).hexdigest().upper()}'" in command()
     assert len(render_receiver()) <= 65536
 
 
 @pytest.mark.parametrize("shell", ["pwsh", "powershell"])
-def test_the_command_fits_and_means_the_same_to_every_shell(shell: str) -> None:
+def test_command_fits_and_means_same_to_every_shell(shell: str) -> None:
     words = RemotePowerShell(shell).words()
 
     assert len(f'cmd.exe /c "{" ".join(words)}"') < LONGEST_COMMAND
@@ -66,7 +66,7 @@ def test_an_installed_module_of_another_version_is_named(line: str, answers: boo
         assert there.other_versions(line) == other
 
 
-def test_an_installed_module_is_started_by_a_file_and_gets_no_receiver() -> None:
+def test_installed_module_gets_no_receiver() -> None:
     there = RemotePowerShell("powershell", Receiver.INSTALLED)
     sent = RemotePowerShell("powershell").frame(SCRIPT, ("-AsJson",))
 
@@ -100,7 +100,7 @@ def test_what_connect_says_comes_ahead_of_the_target() -> None:
     assert (options["ControlPath"], options["ControlMaster"]) == ("~/.ssh/rarms-%C", "auto")
 
 
-def test_the_frame_says_lengths_and_digests_first_and_what_runs_before_the_rest() -> None:
+def test_frame_begins_with_lengths_and_digests() -> None:
     data = frame(SCRIPT, ("-AsJson",))
     receiver = render_receiver()
     assert data.startswith(b"%08d" % len(receiver) + receiver)
@@ -115,12 +115,12 @@ def test_the_frame_says_lengths_and_digests_first_and_what_runs_before_the_rest(
 @pytest.mark.parametrize(
     "name", ["../a.ps1", "A.ps1", "a.txt", ".ps1", "a b.ps1", "a.ps1\n", "Rarms/a.ps1", "Rarms.psd1"]
 )
-def test_a_name_that_is_no_scripts_is_not_sent(name: str) -> None:
+def test_name_that_is_no_scripts_is_not_sent(name: str) -> None:
     with pytest.raises(ValueError, match="name"):
         frame(ScriptBundle(runs=name, files={name: "x"}), ())
 
 
-def test_the_module_goes_into_a_folder_of_its_own() -> None:
+def test_module_goes_into_folder_of_its_own() -> None:
     data = frame(ScriptBundle(runs="a.ps1", files={"a.ps1": "x", "Rarms/Rarms.psm1": "y", "Rarms/Rarms.psd1": "z"}), ())
 
     assert data.endswith(b"xzy")

@@ -83,7 +83,7 @@ print("on", flush=True)
 """
 
 
-def test_a_channel_ends_although_what_an_ended_program_started_holds_the_pipes() -> None:
+def test_channel_ends_despite_inherited_pipes() -> None:
     """As a connection that ssh keeps for later calls may do."""
     begin = time.monotonic()
     with Channel((sys.executable, "-c", HANDED_ON)) as channel:
@@ -94,7 +94,7 @@ def test_a_channel_ends_although_what_an_ended_program_started_holds_the_pipes()
 
 
 @pytest.mark.needs("windows")
-def test_on_windows_no_other_user_looks_into_the_folder_of_the_scripts(tmp_path: Path) -> None:
+def test_script_folder_is_private_on_windows(tmp_path: Path) -> None:
     """Wine keeps what its Linux can say, the owner's rights and everybody's: that Administrators stay is not seen."""
     import win32security
 

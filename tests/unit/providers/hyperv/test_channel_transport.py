@@ -50,7 +50,7 @@ def run(channel: Answering, listener: Lines) -> ScriptExited | ScriptLost:
     return ChannelTransport("onboard", channel, THERE).run(SCRIPT, ("-AsJson",), 5.0, listener)
 
 
-def test_it_is_the_command_and_input_of_ssh_and_says_that_nothing_follows() -> None:
+def test_session_is_ssh_and_ends_its_input() -> None:
     channel, listener = Answering(3, f"a banner\n{READY}\none\ntwo\n", "a word\n"), Lines()
 
     assert run(channel, listener) == ScriptExited(code=3, last_lines=("a word",))
@@ -63,7 +63,7 @@ def test_a_host_without_that_powershell_is_named() -> None:
         run(Answering(9009, "", "not found\n"), Lines())
 
 
-def test_scripts_that_did_not_arrive_are_no_end_of_a_run() -> None:
+def test_unsent_scripts_end_no_run() -> None:
     with pytest.raises(HostFailed, match="did not arrive as sent: bad name"):
         run(Answering(FAILED_CODE, f"{READY}\n{FAILED} bad name\n"), Lines())
 
@@ -79,7 +79,7 @@ def test_nothing_is_talked_with() -> None:
         ChannelTransport("onboard", Answering(0, ""), THERE).session(SCRIPT, ())
 
 
-def test_a_host_behind_a_channel_is_looked_at_through_it_from_windows_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_channel_is_used_from_windows_too(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without `connect` the host could be taken for this computer."""
     monkeypatch.setattr(sys, "platform", "win32")
     channel = Answering(9009, "", "not found\n")

@@ -32,7 +32,7 @@ def cpu_group(seen: HostObservation) -> str:
 
 
 @pytest.mark.parametrize("group", [GROUP, GROUP.upper(), "{" + GROUP + "}"])
-def test_the_group_of_a_machine_is_found_by_its_instance(group: str) -> None:
+def test_group_of_machine_is_found_by_its_instance(group: str) -> None:
     setting = {"instance": f"Microsoft:{an_id().upper()}\\b637f346-6a0e-4dec-af52-bd70cb80a21d\\0", "group": group}
     seen = recorded(STRANGERS, cpu_groups=[{**setting, "reservation": 0}])
 
@@ -46,7 +46,7 @@ def test_no_group_is_no_group(group: str) -> None:
     assert cpu_group(recorded(STRANGERS, cpu_groups=[setting])) == ""
 
 
-def test_policies_are_by_scope_and_scopes_of_later_versions_are_left_out() -> None:
+def test_policies_of_later_scopes_are_left_out() -> None:
     policies = [{"scope": "MachinePolicy", "policy": "AllSigned"}, {"scope": "Fleet", "policy": "Restricted"}]
 
     seen = recorded(STRANGERS, execution_policy=policies)
@@ -55,7 +55,7 @@ def test_policies_are_by_scope_and_scopes_of_later_versions_are_left_out() -> No
 
 
 @pytest.mark.parametrize(("status", "message"), [("absent", "absent (Gone)"), ("denied", "denied (Gone)")])
-def test_what_was_not_read_is_said_with_the_reason(status: str, message: str) -> None:
+def test_what_was_not_read_is_said_with_reason(status: str, message: str) -> None:
     found = condition_of(unread(STRANGERS, "cpu_groups", "numa", status=status))
 
     assert found.numa_nodes is None

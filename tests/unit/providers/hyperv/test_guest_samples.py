@@ -15,7 +15,7 @@ from tests.builders import a_component, at_least, at_most
 @pytest.mark.parametrize(
     ("index", "failure"), [("mean_response_time", "it ended with exit code 2"), ("success_rate", "")]
 )
-def test_an_exit_code_is_a_failed_sample_where_no_success_rate_is_asked_for(index: str, failure: str) -> None:
+def test_exit_code_is_a_failure_without_success_rate(index: str, failure: str) -> None:
     component = a_component(apt={index: at_least(95) if index == "success_rate" else at_most(50)})
     work = Work(
         application="robot",
@@ -33,7 +33,7 @@ def test_an_exit_code_is_a_failed_sample_where_no_success_rate_is_asked_for(inde
     assert (sample.successful, sample.failure) == (False, failure)
 
 
-def test_a_guest_skips_and_refuses_the_lines_that_a_host_does() -> None:
+def test_guest_skips_and_refuses_lines_that_host_does() -> None:
     samples = Samples(source="pattern", pattern="took (?P<t>[0-9.]+)", response_time=TimeField(field="t", unit="ms"))
     component = a_component(run=replace(run_of(a_component()), samples=samples, failures=9))
     work = Work(

@@ -91,7 +91,7 @@ def test_secure_boot_and_what_guests_tell_come_through(folder: Any) -> None:
     assert to_state(observation_of(by_wmi), "cell") == to_state(observation_of(by_script), "cell")
 
 
-def test_a_machine_in_a_state_without_a_name_is_unread_and_hides_no_other() -> None:
+def test_unnamed_state_hides_no_other_machine() -> None:
     class Odd(MadeWindows):
         def instances(self, name: str) -> Sequence[WmiInstance]:
             found = [dict(each) for each in super().instances(name)]
@@ -111,7 +111,7 @@ def test_a_machine_in_a_state_without_a_name_is_unread_and_hides_no_other() -> N
 
 
 @pytest.mark.parametrize("denied", [True, False])
-def test_a_class_that_cannot_be_read_is_no_empty_list(denied: bool) -> None:
+def test_unreadable_class_is_no_empty_list(denied: bool) -> None:
     class Refusing(MadeWindows):
         def instances(self, name: str) -> Any:
             if name == "Msvm_SettingsDefineState":
@@ -123,6 +123,6 @@ def test_a_class_that_cannot_be_read_is_no_empty_list(denied: bool) -> None:
     assert found["machines"] == {"status": "denied" if denied else "absent", "error": "0x80041003", "message": "no"}
 
 
-def test_every_property_that_is_asked_for_is_one_of_its_class() -> None:
+def test_asked_properties_belong_to_their_class() -> None:
     assert {name for name in QUERIES if name.startswith("Msvm_")} - FACTS.keys() == set()
     assert {name: sorted(FACTS[name]) for name in FACTS} == {name: sorted(QUERIES[name]) for name in FACTS}

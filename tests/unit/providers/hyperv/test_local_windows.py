@@ -59,7 +59,7 @@ def _remove(path: str) -> None:
     subprocess.run(["reg", "delete", rf"HKLM\{path}", "/f"], capture_output=True)
 
 
-def test_a_windows_without_hyperv_is_told_in_words_and_everything_else_is_read() -> None:
+def test_windows_without_hyperv_is_read_otherwise() -> None:
     found = json.loads(observe_here())
 
     observation_of(found)
@@ -70,7 +70,7 @@ def test_a_windows_without_hyperv_is_told_in_words_and_everything_else_is_read()
     assert found["machine_id"]["status"] == "value"
 
 
-def test_plan_and_doctor_say_that_it_has_no_hyperv(tmp_path: Path) -> None:
+def test_plan_and_doctor_name_missing_hyperv(tmp_path: Path) -> None:
     (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
 
     planned = rarms("plan", "-f", str(tmp_path))
@@ -83,7 +83,7 @@ def test_plan_and_doctor_say_that_it_has_no_hyperv(tmp_path: Path) -> None:
     assert "0x8004100e" in examined.out + examined.err
 
 
-def test_task_classes_come_out_of_the_registry_as_rarms_means_them(tasks: None, tmp_path: Path) -> None:
+def test_registry_gives_task_classes(tasks: None, tmp_path: Path) -> None:
     """Through a real `reg import` and export; what Windows ships stays to the byte, and types are compared."""
     component = a_component("speech", criticality=9, task="SpeechRecognition")
     (values,) = classes_of([component], {}, "", PLACES).classes
@@ -122,7 +122,7 @@ def _exported(path: str, folder: Path) -> bytes:
         ("REG_BINARY", b"\x01\xff", ("Binary", "1 255")),
     ],
 )
-def test_values_have_the_kinds_and_data_that_powershell_shows(
+def test_values_have_kinds_and_data_that_powershell_shows(
     kind: str, data: Any, expected: tuple[str, Any], tasks: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RARMS_TESTS", "here")
@@ -180,7 +180,7 @@ ENDS = {
 }
 
 
-def test_what_the_module_gives_is_taken_by_name_and_each_class_is_listed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_named_values_are_taken_once_a_class(monkeypatch: pytest.MonkeyPatch) -> None:
     """A connection of ours, as wine has no provider: an older host lacks properties, and references stay paths."""
     asked: list[str] = []
 
@@ -214,7 +214,7 @@ def refusal(code: int, *, listing: bool) -> Exception:
 
 @pytest.mark.parametrize("listing", [True, False])
 @pytest.mark.parametrize(("code", "denied"), [(0x80041003, True), (0x80041010, False)])
-def test_what_wmi_refuses_is_denied_and_what_it_does_not_know_is_absent(
+def test_wmi_refusal_is_denied_and_unknown_absent(
     code: int, denied: bool, listing: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(**_: object) -> None:
@@ -229,9 +229,7 @@ def test_what_wmi_refuses_is_denied_and_what_it_does_not_know_is_absent(
 
 
 @pytest.mark.parametrize("killed", [False, True])
-def test_a_script_that_holds_the_computer_is_seen_and_not_disturbed(
-    killed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_running_script_is_not_disturbed(killed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A process of its own has the file open as lock.ps1 does; when it is gone, so is what it held."""
     monkeypatch.setattr(local_windows, "own_folder", lambda: tmp_path)
     assert not ThisWindows().is_script_running(), "no file is there"
@@ -253,7 +251,7 @@ def test_a_script_that_holds_the_computer_is_seen_and_not_disturbed(
     assert not ThisWindows().is_script_running()
 
 
-def test_membership_of_hyperv_administrators_is_asked_of_the_token() -> None:
+def test_membership_of_hyperv_administrators_is_asked_of_token() -> None:
     """wine's account is an administrator, and wine knows no such group."""
     assert (ThisWindows().is_elevated(), ThisWindows().is_hyperv_administrator()) == (True, False)
 
@@ -272,7 +270,7 @@ def stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     win32cred.CredDelete(NAME, win32cred.CRED_TYPE_GENERIC)
 
 
-def test_scripts_find_a_stored_credential_encrypted_and_only_while_they_run(stored: Path) -> None:
+def test_credential_is_found_only_while_scripts_run(stored: Path) -> None:
     """Wine keeps the owner that Linux knows: that the file belongs to Administrators is not seen here."""
     with credential_files([NAME, "rarms-tests/nobody"]):
         user, secret = stored.read_text(encoding="utf-8").splitlines()
@@ -284,7 +282,7 @@ def test_scripts_find_a_stored_credential_encrypted_and_only_while_they_run(stor
     assert not stored.exists()
 
 
-def test_a_credential_file_of_an_operator_counts_and_stays(stored: Path) -> None:
+def test_credential_file_of_operator_counts_and_stays(stored: Path) -> None:
     stored.parent.mkdir(parents=True)
     stored.write_text("somebody\nelse\n", encoding="utf-8")
 

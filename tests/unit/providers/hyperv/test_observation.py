@@ -33,7 +33,7 @@ def test_no_encoding_that_a_powershell_writes_is_lost(encoding: str) -> None:
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
-def test_what_a_profile_says_around_the_document_is_skipped(encoding: str) -> None:
+def test_what_profile_says_around_document_is_skipped(encoding: str) -> None:
     line = json.dumps(document("client-with-root-scheduler"), separators=(",", ":"))
     noisy = f"Welcome, administrator\r\n{line}\r\nWARNING: {{ goodbye\r\n"
 
@@ -93,7 +93,7 @@ def changed(path: str, value: Any) -> bytes:
         ("journal", {"status": "denied"}, "journal.error"),
     ],
 )
-def test_what_the_script_would_not_write_is_refused_with_its_place(path: str, value: Any, where: str) -> None:
+def test_foreign_output_is_refused_with_place(path: str, value: Any, where: str) -> None:
     with pytest.raises(NotDecodable) as refused:
         read_observation(changed(path, value))
 
@@ -106,7 +106,7 @@ def test_what_is_no_observation_is_refused(data: bytes) -> None:
         read_observation(data)
 
 
-def test_every_probe_of_the_script_is_read_and_no_other() -> None:
+def test_every_probe_is_read() -> None:
     from rarms_iac.powershell.templates import template_text
 
     text = template_text("observe.ps1").split("$document = ")[1]

@@ -45,7 +45,7 @@ def test_strangers_and_ours() -> None:
     )
 
 
-def test_every_state_is_off_running_paused_saved_critical_or_busy() -> None:
+def test_every_state_has_a_meaning() -> None:
     state = to_state(recorded("machines-in-every-state"), "onboard")
 
     told = {partition.settings.name.removeprefix("in-"): partition.state for partition in state.partitions}
@@ -101,7 +101,7 @@ def test_task_classes_have_types_and_records_that_count() -> None:
     assert (gone.values, gone.record.before) == ({}, {"Priority": RegistryValue(kind=ValueKind.DWORD, data=2)})
 
 
-def test_the_record_of_a_task_class_names_its_robot() -> None:
+def test_record_of_task_class_names_its_robot() -> None:
     texts = {"before": "null", "robot": "robot-7", "set": "fedcba987654"}
     values = [{"name": name, "kind": "String", "data": data} for name, data in texts.items()]
     seen = recorded("empty-host", records=[{"application": "cell", "task": "Games", "values": values}])
@@ -111,7 +111,7 @@ def test_the_record_of_a_task_class_names_its_robot() -> None:
     assert task.record == TaskRecord(application="cell", robot="robot-7", set="fedcba987654", before=None)
 
 
-def test_a_record_that_rarms_did_not_write_is_not_guessed_at() -> None:
+def test_foreign_record_is_not_guessed() -> None:
     values = [{"name": "before", "kind": "String", "data": "{"}, {"name": "set", "kind": "String", "data": "a"}]
     seen = recorded("empty-host", records=[{"application": "robot", "task": "Games", "values": values}])
 
@@ -119,7 +119,7 @@ def test_a_record_that_rarms_did_not_write_is_not_guessed_at() -> None:
         tasks_of(seen)
 
 
-def test_an_enumeration_that_hyperv_does_not_have_is_refused() -> None:
+def test_enumeration_that_hyperv_does_not_have_is_refused() -> None:
     machines = document("server-2022-with-strangers")["machines"]["value"]
     machines[0]["start_action"] = "Perhaps"
 
@@ -134,7 +134,7 @@ def test_the_serials_come_from_a_journal_of_administrators() -> None:
     assert isinstance(last_run_of(recorded("empty-host")), NoJournal)
 
 
-def test_a_run_that_was_killed_is_unfinished_and_its_torn_record_dropped() -> None:
+def test_killed_run_is_unfinished() -> None:
     journal = recorded("server-2022-with-strangers").journal
     assert isinstance(journal, ReadProbe)
     whole = journal.value.text.splitlines(keepends=True)
@@ -178,7 +178,7 @@ def test_a_journal_that_is_not_believed_is_told() -> None:
     assert findings_of(recorded("empty-host"), "cell") == ()
 
 
-def test_the_largest_node_counts_only_where_no_machine_may_lie_on_two() -> None:
+def test_largest_node_counts_without_spanning() -> None:
     read = recorded("server-2022-with-strangers").hypervisor
     assert isinstance(read, ReadProbe)
     facts = {name: getattr(read.value, name) for name in read.value.__dataclass_fields__} | {"numa_spanning": False}
@@ -201,7 +201,7 @@ def test_the_largest_node_counts_only_where_no_machine_may_lie_on_two() -> None:
     [(14, 20, [(8, 1), (12, 2)]), (10, 20, []), (20, 20, []), (14, 16, [])],
     ids=["hybrid", "SMT", "no SMT", "minroot"],
 )
-def test_cores_with_one_thread_and_with_two_are_told(cores: int, logical: int, kinds: list[tuple[int, int]]) -> None:
+def test_mixed_cores_are_told(cores: int, logical: int, kinds: list[tuple[int, int]]) -> None:
     read = recorded("empty-host").hypervisor
     assert isinstance(read, ReadProbe)
     whole = {name: getattr(read.value, name) for name in read.value.__dataclass_fields__} | {"logical_processors": 20}

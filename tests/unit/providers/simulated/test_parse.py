@@ -35,7 +35,7 @@ def test_content_reads_back_as_written() -> None:
     assert sealed(content_text(CONTENT)) == write_content(CONTENT)
 
 
-def test_ids_say_where_they_come_from_and_never_come_twice() -> None:
+def test_ids_are_traceable_and_unique() -> None:
     assert empty("onboard") == empty("onboard")
     assert empty("onboard").id != empty("other").id
     assert next_id(CONTENT, "vision") != ID

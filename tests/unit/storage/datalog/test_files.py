@@ -33,7 +33,7 @@ def append_line(path: Path, line: Mapping[str, Any]) -> None:
     append(path, {HEADER_FIELD: a_header().digest, **line})
 
 
-def test_a_log_lies_where_its_components_platform_and_load_say(tmp_path: Path) -> None:
+def test_log_path_names_components_platform_and_load(tmp_path: Path) -> None:
     found = log_path(tmp_path, "onboard", ["vision", "speech"], "busy-loop")
 
     assert found == tmp_path / "measurements" / "onboard" / "speech+vision" / "busy-loop.jsonl"
@@ -60,7 +60,7 @@ def test_what_is_written_reads_back(tmp_path: Path) -> None:
     assert log.settings[1].series[0].samples[0].response_ms == 88.1235
 
 
-def test_a_log_that_is_in_use_is_read_again_only_when_it_was_written_to(tmp_path: Path) -> None:
+def test_used_log_is_reread_only_when_written(tmp_path: Path) -> None:
     path = a_file(tmp_path, 10)
     log = read_log(path)
 
@@ -70,7 +70,7 @@ def test_a_log_that_is_in_use_is_read_again_only_when_it_was_written_to(tmp_path
     assert [setting.reserve for setting in the_log(path).settings] == [10, 20]
 
 
-def test_a_damaged_earlier_setting_is_an_error_that_names_its_line(tmp_path: Path) -> None:
+def test_damaged_setting_names_its_line(tmp_path: Path) -> None:
     path = a_file(tmp_path, 10, 20)
     path.write_bytes(path.read_bytes().replace(b'"reserve":10', b'"reserve":11'))
 
@@ -80,7 +80,7 @@ def test_a_damaged_earlier_setting_is_an_error_that_names_its_line(tmp_path: Pat
     assert error.value.line == 2
 
 
-def test_where_no_file_is_there_is_no_log_and_an_empty_one_is_damaged(tmp_path: Path) -> None:
+def test_missing_log_is_none_and_empty_damaged(tmp_path: Path) -> None:
     path = tmp_path / "none.jsonl"
     assert read_log(path) is None
     path.write_bytes(b"")
@@ -88,7 +88,7 @@ def test_where_no_file_is_there_is_no_log_and_an_empty_one_is_damaged(tmp_path: 
         read_log(path)
 
 
-def test_a_sealed_setting_without_a_members_series_is_no_setting_of_the_log(tmp_path: Path) -> None:
+def test_setting_without_member_series_is_none(tmp_path: Path) -> None:
     path = a_file(tmp_path, 10)
     line = line_of(Recorded(setting=replace(a_setting(), series=()), provenance=TAKEN))
     append_line(path, line)

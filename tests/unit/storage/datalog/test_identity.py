@@ -72,7 +72,7 @@ OF_A_SIMULATION: dict[str, object] = {
 
 
 @pytest.mark.parametrize("field", [field_.name for field_ in fields(Run)])
-def test_every_field_of_a_run_is_in_the_identity_but_the_patterns_of_its_files_and_how_many_samples(field: str) -> None:
+def test_run_fields_are_in_the_identity(field: str) -> None:
     if field == "files":
         assert changed(a_subject(vision(run=replace(a_run(), files=("*.py",))))) == []
         return
@@ -84,7 +84,7 @@ def test_every_field_of_a_run_is_in_the_identity_but_the_patterns_of_its_files_a
 
 
 @pytest.mark.parametrize("field", [field_.name for field_ in fields(Simulation)])
-def test_every_field_of_a_simulation_is_in_the_identity(field: str) -> None:
+def test_every_field_of_simulation_is_in_identity(field: str) -> None:
     other = OF_A_SIMULATION.get(field, 77)
     now = replace(Simulation(work=milliseconds("61.6 ms")), **{field: other})  # type: ignore[arg-type]  # as above
     assert changed(a_subject(vision(simulation=now)))
@@ -107,7 +107,7 @@ IRRELEVANT: dict[str, object] = {
 
 
 @pytest.mark.parametrize("field", [field_.name for field_ in fields(Component)])
-def test_thresholds_criticality_reserve_and_placement_make_no_log_stale(field: str) -> None:
+def test_thresholds_and_placement_keep_logs_fresh(field: str) -> None:
     if field in {"name", "run", "simulation", "task"}:
         return
     assert changed(a_subject(vision(**{field: IRRELEVANT[field]}))) == []
@@ -121,7 +121,7 @@ def test_what_p1_is_is_in_the_identity(field: str, value: int) -> None:
     assert [field_.partition(":")[0] for field_ in changed(replace(subject, setup=setup))] == [field]
 
 
-def test_the_load_and_what_is_fixed_of_a_task_class_are_in_the_identity() -> None:
+def test_load_and_fixed_class_are_in_identity() -> None:
     task = TaskRequest(name="ObjectIdentification", category=TaskCategory.MEDIUM, priority=5)
 
     assert changed(a_subject(vision(), load=Browser(instances=5))) == [
@@ -144,7 +144,7 @@ def running(words: tuple[str, ...], *patterns: str, call: str = "") -> LogSubjec
     return a_subject(vision(run=replace(a_run(), command=words, call=call, files=patterns)))
 
 
-def test_words_modules_and_patterns_name_files_below_the_manifest(files: Files) -> None:
+def test_words_modules_and_patterns_name_files_below_manifest(files: Files) -> None:
     by_word = ("python3", "components/vision.py", "--fast")
 
     assert list(files.of(running(by_word))) == ["components/vision.py"]
@@ -155,7 +155,7 @@ def test_words_modules_and_patterns_name_files_below_the_manifest(files: Files) 
     ]
 
 
-def test_what_lies_outside_the_folder_or_can_be_no_path_is_no_file_of_it(files: Files) -> None:
+def test_outside_path_is_no_file_of_folder(files: Files) -> None:
     outside = files.folder.parent / "elsewhere.py"
     outside.write_bytes(b"")
     words = ("python3", str(outside), "../elsewhere.py", "a\0b", "x" * 5000, "")
@@ -169,7 +169,7 @@ def test_the_programs_of_a_load_count_too(files: Files) -> None:
     assert list(files.of(a_subject(vision(run=None), load=load))) == ["components/vision.py"]
 
 
-def test_line_ends_of_a_text_do_not_change_its_digest(tmp_path: Path) -> None:
+def test_line_ends_do_not_change_digests(tmp_path: Path) -> None:
     text, other, binary, odd = (tmp_path / name for name in ("text", "other", "binary", "odd"))
     text.write_bytes(b"one\ntwo\n" * 200_000)
     other.write_bytes(b"one\r\ntwo\r\n" * 200_000)
@@ -182,7 +182,7 @@ def test_line_ends_of_a_text_do_not_change_its_digest(tmp_path: Path) -> None:
     assert file_digest(odd) != file_digest(text)
 
 
-def test_a_changed_file_makes_stale_a_missing_one_only_unverified(files: Files) -> None:
+def test_changed_file_makes_stale_missing_one_only_unverified(files: Files) -> None:
     subject = running(("python3", "components/vision.py"), "components/*")
     header = a_header(subject, files.of(subject))
     (files.folder / "components" / "vision.py").write_bytes(b"look(twice)\n")
@@ -222,7 +222,7 @@ def test_the_log_of_other_components_is_stale() -> None:
     assert list(map(str, found)) == ["components: vision -> speech"]
 
 
-def test_the_bench_must_match_as_far_as_it_is_known() -> None:
+def test_known_bench_must_match() -> None:
     header, now = a_header(a_subject(vision())), identity(a_subject(vision()))
     other = PartialPlatform(
         provider=ProviderKind.HYPERV,

@@ -75,7 +75,7 @@ def test_logs_of_decisions_are_merged(tmp_path: Path) -> None:
     assert read_runs(tmp_path / "measurements" / TUNING) == (TUNED,)
 
 
-def test_line_ends_and_a_torn_last_line_from_elsewhere_do_no_harm(tmp_path: Path) -> None:
+def test_foreign_line_ends_and_torn_line_are_harmless(tmp_path: Path) -> None:
     came = elsewhere(tmp_path, 10, 20)
     torn = came.replace(b"\n", b"\r\n")[:-40]
     a_log(tmp_path, 10)
@@ -105,7 +105,7 @@ def resealed(change: Callable[[dict[str, object]], dict[str, object]]) -> Callab
         (resealed(lambda header: {**header, "platform": "other"}), "not the digest of this header"),
     ],
 )
-def test_what_is_not_a_log_of_ours_is_refused(tmp_path: Path, damage: Callable[[bytes], bytes], reason: str) -> None:
+def test_what_is_not_log_of_ours_is_refused(tmp_path: Path, damage: Callable[[bytes], bytes], reason: str) -> None:
     a_log(tmp_path, 50)
 
     with pytest.raises(LogUnreadable, match=reason):
@@ -148,7 +148,7 @@ def test_a_damaged_log_here_gets_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("when", When)
 @pytest.mark.parametrize("is_there", [True, False])
-def test_a_crash_while_merging_is_made_good_by_merging_again(tmp_path: Path, when: When, *, is_there: bool) -> None:
+def test_crashed_merge_is_repaired_by_merging(tmp_path: Path, when: When, *, is_there: bool) -> None:
     came = elsewhere(tmp_path, 10, 20, 30)
     for at in (1, 2, 3, 4):
         folder = tmp_path / str(at)

@@ -54,7 +54,7 @@ PATTERNS = {
 
 @pytest.mark.needs("posix")
 @pytest.mark.parametrize("pattern", PATTERNS)
-def test_a_pattern_names_the_files_that_a_shell_would(home: Path, pattern: str) -> None:
+def test_pattern_names_files_that_shell_would(home: Path, pattern: str) -> None:
     place(home, "top.py", "a/one.py", "a/b/c.py", "a/b/x", ".hidden/in.py", ".rc")
     (home / "to-b").symlink_to("a/b")
 
@@ -74,7 +74,7 @@ def test_many_folders_in_a_pattern_are_walked_once(home: Path) -> None:
     assert files.cut == ""
 
 
-def test_beyond_a_bound_of_names_the_first_count_and_it_is_said(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_first_names_count_and_it_is_said(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(named_files, "MOST_ENTRIES", 50)
     place(home, *(f"f{number:03}" for number in range(100)))
     files = Files(home)
@@ -83,7 +83,7 @@ def test_beyond_a_bound_of_names_the_first_count_and_it_is_said(home: Path, monk
     assert "of more than 50 names" in files.cut
 
 
-def test_beyond_a_bound_of_files_the_first_are_read_and_it_is_said(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_first_files_are_read_and_it_is_said(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(named_files, "MOST_FILES", 5)
     place(home, *(f"f{number}" for number in range(9)))
     files = Files(home)
@@ -92,7 +92,7 @@ def test_beyond_a_bound_of_files_the_first_are_read_and_it_is_said(home: Path, m
     assert "of more than 5 files" in files.cut
 
 
-def test_a_file_beyond_the_bytes_is_left_out_where_one_only_looks(home: Path) -> None:
+def test_large_file_is_left_out_when_looking(home: Path) -> None:
     place(home, "small")
     (home / "huge").touch()
     os.truncate(home / "huge", 2**30)  # it takes no room on the disk
@@ -100,7 +100,7 @@ def test_a_file_beyond_the_bytes_is_left_out_where_one_only_looks(home: Path) ->
     assert named(home, "*") == ["small"]
 
 
-def test_a_file_beyond_what_is_measured_counts_by_its_size_and_that_is_said(home: Path) -> None:
+def test_huge_file_counts_by_size_and_says_so(home: Path) -> None:
     place(home, "small")
     (home / "a-huge").touch()
     os.truncate(home / "a-huge", 2**33)  # it takes no room on the disk
@@ -118,7 +118,7 @@ def test_a_file_beyond_what_is_measured_counts_by_its_size_and_that_is_said(home
 
 
 @pytest.mark.needs("posix")
-def test_a_program_beyond_the_bytes_counts_by_its_size_and_that_is_said(home: Path, tmp_path: Path) -> None:
+def test_huge_program_counts_by_size_and_says_so(home: Path, tmp_path: Path) -> None:
     program = tmp_path / "huge"
     program.touch(mode=0o700)
     os.truncate(program, 2**33)  # it takes no room on the disk
@@ -129,7 +129,7 @@ def test_a_program_beyond_the_bytes_counts_by_its_size_and_that_is_said(home: Pa
 
 
 @pytest.mark.needs("posix")  # Windows keeps no time of a change of state
-def test_a_large_file_that_was_read_is_not_read_again(home: Path) -> None:
+def test_large_file_is_read_once(home: Path) -> None:
     large, subject = home / "model.bin", running(("x",), "*")
     large.write_bytes(b"\0" * LARGE)
     old = time.time_ns() - 10 * YOUNG_NS

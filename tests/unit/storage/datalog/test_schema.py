@@ -12,7 +12,7 @@ from tests.builders_measured import TAKEN, a_header, a_setting
 from tests.unit.storage.datalog.test_files import a_file
 
 
-def test_every_line_of_a_log_is_as_the_schema_says_and_another_is_not(tmp_path: Path) -> None:
+def test_log_lines_follow_the_schema(tmp_path: Path) -> None:
     validator = jsonschema.Draft202012Validator(data_log_schema())
     path = a_file(tmp_path, 10, 70)
     whole = replace(a_setting(80), processors=2, used_processors=1, spent_ms=12.5)

@@ -17,7 +17,7 @@ def test_runs_come_back_in_order(tmp_path: Path) -> None:
     assert read_runs(path) == (TUNED, later)
 
 
-def test_a_run_that_says_what_the_last_one_said_is_not_written_again(tmp_path: Path) -> None:
+def test_repeated_run_is_not_written(tmp_path: Path) -> None:
     path = tuning_path(tmp_path, "two-core")
     append_run(path, TUNED)
     append_run(path, replace(TUNED, when="2026-11-22T12:00:00Z", rarms_version="2"))

@@ -9,7 +9,7 @@ from tests.unit.views.reports.test_html import REPORT, all_of
 NAMES = ("path-planning", "speech-recognition", "vision")
 
 
-def test_each_node_is_drawn_once_and_each_part_leads_to_its_compounds() -> None:
+def test_each_node_is_drawn_once() -> None:
     report = replace(REPORT, candidates=all_of(NAMES))
 
     drawing = drawing_of(report)

@@ -57,7 +57,7 @@ def test_the_page_names_nothing_outside_of_itself() -> None:
     assert "://" not in PAGE
 
 
-def test_the_policy_lets_only_the_pages_own_style_and_script_in() -> None:
+def test_policy_allows_only_own_style_and_script() -> None:
     elements = Elements(PAGE)
     [policy] = [values["content"] for _, values in elements.found if "http-equiv" in values]
     assert policy is not None
@@ -74,7 +74,7 @@ def test_the_policy_lets_only_the_pages_own_style_and_script_in() -> None:
     )
 
 
-def test_every_row_is_the_curves_own_safe_value_to_the_last_bit() -> None:
+def test_rows_equal_the_curves_safe_values() -> None:
     cards = data_in(PAGE)["cards"]
     assert isinstance(cards, list)
 
@@ -84,7 +84,7 @@ def test_every_row_is_the_curves_own_safe_value_to_the_last_bit() -> None:
             assert plot["rows"] == [[at, safe] for at, safe in looked_up if safe is not None]
 
 
-def test_text_of_a_manifest_never_becomes_markup_or_code() -> None:
+def test_text_of_manifest_never_becomes_markup_or_code() -> None:
     nasty = "</script><script>alert(1)</script><img src=x onerror=alert(1)> & \u2028 {{ 7 * 7 }}"
     measurements = tuple(
         replace(measurement, platform=nasty, log=nasty, stale=(nasty,), facts=((nasty, nasty),))
@@ -108,12 +108,12 @@ def test_lone_surrogates_do_not_stop_the_page() -> None:
     assert b"robot" in as_html(replace(REPORT, description="\udcff robot"))
 
 
-def test_the_page_is_small_and_the_same_each_time() -> None:
+def test_page_is_small_and_same_each_time() -> None:
     assert len(PAGE.encode()) < 200_000
     assert as_html(report_of_logs(SYSTEM, the_logs(SYSTEM))).decode() == PAGE
 
 
-def test_a_page_of_sixty_components_is_smaller_than_a_megabyte() -> None:
+def test_page_of_sixty_components_is_smaller_than_megabyte() -> None:
     page = as_html(replace(REPORT, measurements=REPORT.measurements * 20))
 
     assert len(REPORT.measurements) == 3
@@ -147,7 +147,7 @@ def all_of(names: tuple[str, ...]) -> tuple[Node, ...]:
     return tuple(node(*members) for size in range(1, len(names) + 1) for members in combinations(names, size))
 
 
-def test_what_could_share_a_partition_is_listed_measured_compounds_first() -> None:
+def test_possible_compounds_list_measured_first() -> None:
     nodes = (
         node("a"),
         node("b"),
@@ -168,7 +168,7 @@ def test_what_could_share_a_partition_is_listed_measured_compounds_first() -> No
     assert "more are not listed" not in page
 
 
-def test_a_long_list_of_compounds_is_cut_and_says_so() -> None:
+def test_long_compound_list_is_cut_and_says_so() -> None:
     names = tuple("abcdef")
     report = replace(report_of_logs(a_robot(), the_logs(a_robot())), candidates=all_of(names))
 
@@ -183,7 +183,7 @@ def test_commands_in_tables_are_code() -> None:
     assert "Measure what is missing: <code>rarms measure</code>." in page
 
 
-def test_commands_in_findings_are_code_and_nothing_else_is() -> None:
+def test_only_commands_in_findings_are_code() -> None:
     finding = Finding.note("RARMS101", "Not <measured>").at(None, "Run `rarms measure`.", "Or <b>`a < b`.")
     page = as_html(replace(REPORT, findings=(finding,))).decode()
 

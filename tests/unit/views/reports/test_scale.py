@@ -35,9 +35,7 @@ def the_scale(values: dict[int, float], index: str = "mean_response_time") -> Sc
 
 
 @given(st.dictionaries(st.integers(1, 100), VALUES, min_size=1, max_size=6), st.none() | VALUES)
-def test_all_values_the_threshold_and_a_grid_of_many_steps_are_on_the_axis(
-    values: dict[int, float], threshold: float | None
-) -> None:
+def test_axis_holds_values_threshold_and_grid(values: dict[int, float], threshold: float | None) -> None:
     apt = None if threshold is None else Fraction(str(round(threshold, 3))) or Fraction(1)
 
     shown = what_is_shown(values, apt)
@@ -54,12 +52,12 @@ def test_all_values_the_threshold_and_a_grid_of_many_steps_are_on_the_axis(
     assert 1 <= len(scale.ticks()) <= 12
 
 
-def test_a_steep_curve_has_a_logarithmic_axis_and_a_flat_one_has_none() -> None:
+def test_steep_curve_has_a_logarithmic_axis() -> None:
     assert the_scale({10: 700.0, 70: 88.0}).logarithmic
     assert not the_scale({10: 100.0, 70: 88.0}).logarithmic
 
 
-def test_a_success_rate_that_is_always_high_shows_its_upper_end_only() -> None:
+def test_high_success_rate_shows_its_upper_end() -> None:
     assert (the_scale({10: 5.0}, index="success_rate").low, the_scale({10: 5.0}, index="success_rate").high) == (
         80,
         100,
@@ -70,11 +68,11 @@ def test_a_success_rate_that_is_always_high_shows_its_upper_end_only() -> None:
     ("value", "text"),
     [(0.0, "0"), (0.01234, "0.0123"), (88.123, "88.1"), (100.0, "100"), (1234.56, "1234.6"), (inf, "no bound")],
 )
-def test_three_digits_count_and_tenths_and_no_exponent_is_written(value: float, text: str) -> None:
+def test_three_digits_and_no_exponent(value: float, text: str) -> None:
     assert show_number(value) == text
 
 
-def test_a_number_never_reads_as_another_one_beside_it() -> None:
+def test_number_never_reads_as_another_one_beside_it() -> None:
     assert [show_number(value, 300.0) for value in (299.96, 300.04, 300.0, 300.0004, 298.0)] == [
         "299.96",
         "300.04",
@@ -85,7 +83,7 @@ def test_a_number_never_reads_as_another_one_beside_it() -> None:
 
 
 @given(st.floats(min_value=1e-9, max_value=1e9))
-def test_a_round_number_is_not_above_and_not_far_below(value: float) -> None:
+def test_round_number_is_just_below(value: float) -> None:
     mantissa, exponent = round_down(value)
 
     assert mantissa in {1, 2, 5}

@@ -44,7 +44,7 @@ def with_failures(report: Report, messages: Sequence[str]) -> Report:
     return replace(report, measurements=(replace(first, settings=(broken,)),))
 
 
-def test_csv_has_a_row_a_setting_and_index_with_six_digits_that_count() -> None:
+def test_csv_has_a_row_for_each_value() -> None:
     header, *rows = read(csv_text(settings_table(REPORT).for_files()))
 
     assert header[3:10] == [
@@ -97,7 +97,7 @@ def test_in_a_workbook_texts_are_text() -> None:
     assert [(cell.value, cell.data_type, cell.hyperlink) for cell in cells] == [(text, "s", None) for text in messages]
 
 
-def test_a_workbook_has_a_summary_a_sheet_a_log_and_a_chart_a_curve() -> None:
+def test_workbook_has_summary_sheet_log_and_chart_curve() -> None:
     book = openpyxl.load_workbook(BytesIO(workbook(REPORT)))
 
     assert book.sheetnames == ["summary", "face-detection", "speech-recognition", "path-planning", "settings"]

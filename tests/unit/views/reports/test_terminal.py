@@ -34,7 +34,7 @@ def field_of(text: str, axis: str, tick: str) -> list[str]:
     return [re.split(f"[{re.escape(axis + tick)}]", line, maxsplit=1)[1] for line in text.splitlines()[1:15]]
 
 
-def test_the_threshold_is_a_line_across_and_the_reserve_one_from_top_to_bottom() -> None:
+def test_threshold_and_reserve_are_lines() -> None:
     text = plot_text(FACES, width=80, ascii_only=True)
 
     field = field_of(text, "|", "+")
@@ -83,7 +83,7 @@ def test_what_cannot_be_plotted_is_said() -> None:
     assert plot_text(replace(FACES, threshold=None)).splitlines()[-1] == "No threshold yet."
 
 
-def test_the_text_report_has_the_summary_the_total_and_every_plot() -> None:
+def test_text_report_has_summary_total_and_every_plot() -> None:
     text = render(report_text(REPORT))
 
     assert "onboard: 1.72 LP of 2 LP reserved (86 % of onboard)" in text

@@ -29,7 +29,7 @@ def test_a_thread_that_wakes_has_a_whole_turn() -> None:
     assert all(50.0 <= response <= 50.0 + QUANTUM_MS for response in responses)
 
 
-def test_a_thread_that_does_not_wait_goes_on_with_its_turn() -> None:
+def test_ready_thread_keeps_its_turn() -> None:
     """Jobs of 20 ms one after another share the processor with the loop: no job begins a turn anew."""
     steady = JobDemand(component="steady", work_ms=20)
     system = VirtualMachine(name="os", vps=1, components=(steady,), loads=(BusyLoop(threads=1),))
@@ -39,7 +39,7 @@ def test_a_thread_that_does_not_wait_goes_on_with_its_turn() -> None:
     assert (last.began + last.response) / 200 == pytest.approx(40.0, rel=0.02)
 
 
-def test_a_higher_thread_never_waits_for_a_lower_one() -> None:
+def test_higher_thread_never_waits_for_lower_one() -> None:
     urgent = JobDemand(component="urgent", work_ms=20, blocked_ms=5, priority=30)
     system = VirtualMachine(name="os", vps=1, components=(urgent,), loads=(BusyLoop(threads=3),))
 
@@ -48,7 +48,7 @@ def test_a_higher_thread_never_waits_for_a_lower_one() -> None:
     assert {round(job.response, 6) for job in jobs} == {25.0}
 
 
-def test_interrupts_take_their_share_from_the_highest_thread_too() -> None:
+def test_interrupts_take_their_share_from_highest_thread_too() -> None:
     job = JobDemand(component="job", work_ms=30, priority=31)
     system = VirtualMachine(name="os", vps=1, reserve=100, components=(job,))
 

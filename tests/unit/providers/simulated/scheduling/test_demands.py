@@ -30,7 +30,7 @@ def test_a_periodic_component_keeps_its_period() -> None:
     assert demand_of(video).period_ms == 33.0
 
 
-def test_bursts_without_a_duty_take_what_their_partition_reserves() -> None:
+def test_bursts_without_duty_take_what_their_partition_reserves() -> None:
     assert model_load(LOADS_WITHOUT_ENTRY["bursts-50"], 80) == BurstLoads(burst_ms=40.0, gap_ms=10.0)
     assert model_load(LOADS_WITHOUT_ENTRY["bursts-50-half"], 80) == BurstLoads(burst_ms=25.0, gap_ms=25.0)
 
@@ -40,5 +40,5 @@ def test_a_load_that_the_model_knows_is_itself(load: BusyLoop | Browser) -> None
     assert model_load(load) == load
 
 
-def test_any_other_program_is_taken_for_one_that_never_waits() -> None:
+def test_unknown_program_never_waits() -> None:
     assert model_load(CommandLoad(command=("stress",), instances=2)) == BusyLoop(threads=2)

@@ -39,7 +39,7 @@ def first(machine: ModelMachine, count: int, seed: int = 1) -> list[JobDone]:
     return list(islice(SchedulerSimulation(machine, seed), count))
 
 
-def test_alone_a_job_takes_its_blocked_time_and_its_work() -> None:
+def test_lone_job_takes_blocked_time_and_work() -> None:
     machine = ModelMachine(lps=1, machines=(VirtualMachine(name="P1", vps=1, components=(face_detection(),)),))
 
     jobs = first(machine, 3)
@@ -49,23 +49,23 @@ def test_alone_a_job_takes_its_blocked_time_and_its_work() -> None:
     assert [round(job.cpu, 6) for job in jobs] == [61.6, 123.2, 184.8]
 
 
-def test_under_busy_loops_a_job_takes_its_work_over_its_reserve() -> None:
+def test_busy_loops_stretch_work_by_reserve() -> None:
     [*_, last] = first(bench(face_detection(), 10), 150)
 
     assert abs((last.began + last.response) / 150 - 61.6 / 0.10) < 6.16
 
 
-def test_a_reserve_that_covers_work_over_the_whole_job_makes_it_as_fast_as_alone() -> None:
+def test_sufficient_reserve_is_as_fast_as_alone() -> None:
     assert {88.0} == {round(job.response, 6) for job in first(bench(face_detection(), 75), 50)[1:]}
 
 
-def test_the_same_seed_gives_the_same_jobs_and_another_seed_others() -> None:
+def test_seed_decides_the_jobs() -> None:
     machine = bench(face_detection(varies=5), 40)
 
     assert first(machine, 20, seed=7) == first(machine, 20, seed=7) != first(machine, 20, seed=8)
 
 
-def test_a_periodic_job_that_is_late_counts_from_when_it_was_due() -> None:
+def test_late_periodic_job_counts_from_due() -> None:
     overrun = JobDemand(component="video", work_ms=15, period_ms=10, success_within_ms=24)
     machine = ModelMachine(lps=1, machines=(VirtualMachine(name="P1", vps=1, components=(overrun,)),))
 
@@ -80,7 +80,7 @@ def test_a_periodic_job_that_is_late_counts_from_when_it_was_due() -> None:
     ]
 
 
-def test_a_job_that_takes_too_long_is_ended_and_uses_nothing_more() -> None:
+def test_timed_out_job_uses_nothing_more() -> None:
     """60 ms of work every 50 ms, ended after 20 ms each: 40 % are used, and the busy loop below has the rest."""
     late = JobDemand(component="late", work_ms=60, period_ms=50, timeout_ms=20, priority=20)
     behind = JobDemand(component="behind", work_ms=30)
@@ -99,7 +99,7 @@ def test_a_job_that_takes_too_long_is_ended_and_uses_nothing_more() -> None:
     assert simulation.consumed_ms("behind") + simulation.consumed_ms("late") == pytest.approx(10_000.0)
 
 
-def test_a_job_is_ended_also_while_it_waits_or_has_no_processor() -> None:
+def test_waiting_job_is_timed_out_too() -> None:
     waits = JobDemand(component="waits", work_ms=1, blocked_ms=30, timeout_ms=10)
     starved = JobDemand(component="starved", work_ms=5, timeout_ms=10, priority=1)
     first_of_all = VirtualMachine(name="P1", vps=1, components=(waits, starved), loads=(BusyLoop(threads=1),))
@@ -113,21 +113,21 @@ def test_a_job_is_ended_also_while_it_waits_or_has_no_processor() -> None:
     assert simulation.consumed_ms("waits") == simulation.consumed_ms("starved") == 0.0
 
 
-def test_a_job_that_is_in_time_ends_the_watch_over_it() -> None:
+def test_timely_job_ends_its_watch() -> None:
     quick = JobDemand(component="quick", work_ms=8, timeout_ms=10)
     machine = ModelMachine(lps=1, machines=(VirtualMachine(name="P1", vps=1, components=(quick,)),))
 
     assert all(job.answered and round(job.response, 6) == 8.0 for job in first(machine, 50))
 
 
-def test_parallel_work_is_done_on_all_vps_at_once() -> None:
+def test_parallel_work_uses_all_vps() -> None:
     wide = JobDemand(component="wide", work_ms=40, threads=2, period_ms=None)
     machine = ModelMachine(lps=2, machines=(VirtualMachine(name="P1", vps=2, components=(wide,)),))
 
     assert round(first(machine, 1)[0].response, 6) == 20.0
 
 
-def test_it_ends_when_asked_and_tells_what_was_consumed() -> None:
+def test_it_ends_on_request_with_consumption() -> None:
     simulation = SchedulerSimulation(bench(face_detection(), 50), 1, until_ms=1000)
 
     jobs = list(simulation)
@@ -149,14 +149,14 @@ def busy_pieces(machine: ModelMachine, lp: int, until_ms: float = 5000.0) -> lis
     return [piece for piece in pieces if piece.lp == lp and piece.ran != IDLE]
 
 
-def test_threads_of_bursts_wake_at_the_same_moment_for_so_much_processor_time() -> None:
+def test_burst_threads_wake_together() -> None:
     first_lp, second_lp = busy_pieces(bursts(), 0), busy_pieces(bursts(), 1)
 
     assert [piece.began for piece in first_lp] == [piece.began for piece in second_lp]
     assert {round(piece.ended - piece.began, 6) for piece in first_lp[:-1]} == {20.0}
 
 
-def test_gaps_between_bursts_are_drawn_so_that_no_phase_lasts() -> None:
+def test_gaps_between_bursts_are_random() -> None:
     pieces = busy_pieces(bursts(), 0, until_ms=60_000.0)
     gaps = [later.began - earlier.ended for earlier, later in pairwise(pieces)]
 
@@ -166,7 +166,7 @@ def test_gaps_between_bursts_are_drawn_so_that_no_phase_lasts() -> None:
     assert len({round(gap, 6) for gap in gaps}) == len(gaps)
 
 
-def test_a_burst_is_processor_time_however_long_that_takes() -> None:
+def test_burst_is_processor_time_however_long_that_takes() -> None:
     """Beside a partition that takes half of the LP, 20 ms last longer, and the gap is none the shorter."""
     load = BurstLoads(burst_ms=20.0, gap_ms=30.0)
     other = VirtualMachine(name="P1", vps=1, reserve=70, loads=(BusyLoop(),))
@@ -178,7 +178,7 @@ def test_a_burst_is_processor_time_however_long_that_takes() -> None:
     assert 0.27 < consumed / 30_000.0 < 0.31, "20 ms at 30 % take up to 67 ms, less what was saved in the gap"
 
 
-def test_a_load_that_begins_anew_gives_p1_nothing_that_it_does_not_reserve() -> None:
+def test_restarted_load_gives_p1_nothing_extra() -> None:
     starts, left_out_ms, counted_ms = 100, 500.0, 500.0
     demand = JobDemand(component="coi", work_ms=5.0)
     p1 = VirtualMachine(name="P1", vps=1, reserve=10, components=(demand,))
