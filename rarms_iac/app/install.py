@@ -26,8 +26,8 @@ from rarms_iac.model.commands import APPLY_ABANDON, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import Connect, ProviderKind
 from rarms_iac.model.version import __version__
-from rarms_iac.providers.channel import SSH_FAILED, CommandChannel, ProgramChannel, last_of, ssh_channel
-from rarms_iac.providers.interface import HostError, HostFailed, HostLocked, HostRefused, HostUnreachable
+from rarms_iac.providers.channel import SSH_FAILED, CommandChannel, ProgramChannel, last_of, not_reached, ssh_channel
+from rarms_iac.providers.interface import HostError, HostFailed, HostLocked, HostRefused
 from rarms_iac.storage.codec import NotDecodable, decode
 from rarms_iac.storage.json_text import parse_json
 from rarms_iac.storage.shipped import shipped_module
@@ -358,8 +358,7 @@ class _RobotSetup:
                     raise _error_of(self.name, self._decoded(_Refusal, answer))
                 return answer
         if result.code == SSH_FAILED:
-            advice = f"Try it by hand, as rarms does, without questions: `ssh -o BatchMode=yes {target}`."
-            raise HostUnreachable(self.name, f"ssh does not reach {target}: {error}", advice)
+            raise not_reached(self.name, target, error)
         if result.code == _NO_PYTHON:
             message = f"{target} has no Python 3.11 or newer in {install_there.SEARCH}"
             raise HostRefused(self.name, message, "Install one there, such as python3 of Debian 12 or Ubuntu 24.04.")

@@ -2,7 +2,7 @@
 
 `Conversation` is with a program that runs: what it writes, what it is sent, and whether it still lives; `Channel` is
 one with a program of this computer. `CommandChannel` runs one command with standard input and returns its output, so
-that any engine that reaches hosts can be one.
+that any engine that reaches hosts can be one. Through a `LiveChannel` a command can also be talked with while it runs.
 
 Threads read and write, so that neither side can block the other and the caller may look up now and then. The program
 gets a process group of its own: Ctrl-C is for rarms, which then asks for an end after the running step. The system's
@@ -16,8 +16,10 @@ import subprocess
 import sys
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from subprocess import PIPE
@@ -29,27 +31,17 @@ from rarms_iac.model.wording import last_words, reason_of
 from rarms_iac.providers.interface import HostFailed, HostUnreachable
 from rarms_iac.storage.reading import STATE_LIMIT
 
-SSH = (
-    "ssh",
-    "-T",
-    "-o",
-    "BatchMode=yes",
-    "-o",
-    "ConnectTimeout=15",
-    "-o",
-    "ServerAliveInterval=15",
-    "-o",
-    "ServerAliveCountMax=4",
-)
 CONTROL_PERSIST = "60s"
 """How long a shared connection outlives the last one that used it."""
 SSH_FAILED = 255  # ssh's own exit code: it never got through, or the connection broke
 CONNECT_SECONDS = 60.0
+LOOK_AT_OUTPUT = "Look at what the host prints for each command of this user."
 LOOK_SECONDS = 0.1
 LAST_SECONDS = 10.0  # for a program that has closed its output to end
 ERROR_SECONDS = 1.0  # for what it said last to be read; a program that it started may keep the pipe open for ever
 KEPT_LINES = 20
 LONGEST_LINE = 64 * 2**20  # bytes: an observation is one line
+_NOISE_LINES = 1_000  # of a login, before the answer of what was started
 
 
 class SilenceTimeout(Exception):
@@ -65,6 +57,9 @@ class Conversation(Protocol):
 
     def send(self, data: bytes) -> None:
         """Have this on its standard input, after what was sent before; a program that does not listen is no error."""
+
+    def close(self) -> None:
+        """End its standard input, where the way can."""
 
     def next_line(self, silence_s: float, look: Callable[[], None]) -> str | None:
         """Return its next line without its end, None when there are no more; `look` is called while waiting.
@@ -118,7 +113,6 @@ class Channel:
         self._sending.put(data)
 
     def close(self) -> None:
-        """Nothing more is sent."""
         self._sending.put(None)
 
     def next_line(self, silence_s: float, look: Callable[[], None]) -> str | None:
@@ -204,14 +198,13 @@ else:
         return process, kill
 
 
-def ssh_words(connect: Connect, command: Sequence[str]) -> tuple[str, ...]:
-    """Return the whole argument list of ssh on this side; no shell reads it here.
-
-    Args:
-        connect: where to, and with what options.
-        command: words without blanks or quotes for the shell at the other end, whichever that is.
-    """
-    options = {
+def ssh_words(connect: Connect) -> tuple[str, ...]:
+    """Return the argument list of ssh on this side, without the command; no shell reads it here."""
+    options: dict[str, str | int | None] = {
+        "BatchMode": "yes",
+        "ConnectTimeout": 15,
+        "ServerAliveInterval": 15,
+        "ServerAliveCountMax": 4,
         "Port": connect.port,
         "IdentityFile": connect.key,
         "ProxyJump": connect.jump,
@@ -222,7 +215,7 @@ def ssh_words(connect: Connect, command: Sequence[str]) -> tuple[str, ...]:
     words = [
         word for name, value in options.items() if value is not None for word in ("-o", f"{name}={_quoted(value)}")
     ]
-    return (*SSH, *words, "--", connect.ssh, *command)
+    return ("ssh", "-T", *words, "--", connect.ssh)
 
 
 def _quoted(value: str | int) -> str:
@@ -232,6 +225,10 @@ def _quoted(value: str | int) -> str:
 
 def open_channel(host: str, words: Sequence[str]) -> Channel:
     """Start a program that leads to a host.
+
+    Args:
+        host: its name in the manifest.
+        words: the program and its arguments.
 
     Raises:
         HostUnreachable: it cannot be started.
@@ -243,30 +240,68 @@ def open_channel(host: str, words: Sequence[str]) -> Channel:
         raise HostUnreachable(host, message, f"Install {words[0]}, or correct its rights.") from None
 
 
-def await_line(channel: Conversation, host: str, target: str, is_wanted: Callable[[str], bool], way: str) -> str | None:
-    """Wait for the line by which the other end says that it is ready; what a login prints before is passed over.
+def no_look() -> None:
+    """Do nothing while a line is waited for."""
+
+
+def look_for_stop(should_stop: Callable[[], bool], stop: Callable[[], None]) -> Callable[[], None]:
+    """Return what to call while a line is waited for: it stops once, when it should."""
+    has_stopped = False
+
+    def look() -> None:
+        nonlocal has_stopped
+        if not has_stopped and should_stop():
+            has_stopped = True
+            stop()
+
+    return look
+
+
+def not_reached(host: str, target: str, error: str, way: str = "ssh") -> HostUnreachable:
+    """Return the error of a host (its name in the manifest) to which a way, ssh or WinRM, does not lead."""
+    by_hand = f"ssh -o BatchMode=yes {target}" if way == "ssh" else f"Test-WSMan -UseSSL -ComputerName {target}"
+    advice = f"Try it by hand, as rarms does, without questions: `{by_hand}`."
+    return HostUnreachable(host, f"{way} does not reach {target}: {error}", advice)
+
+
+def await_line(
+    conversation: Conversation,
+    host: str,
+    channel: "CommandChannel",
+    is_wanted: Callable[[str], bool],
+    look: Callable[[], None] = no_look,
+) -> str | None:
+    """Wait for the line by which the other end says that it is ready; pass over what a login prints before.
 
     Args:
-        channel: of ssh, or another way.
+        conversation: through the channel.
+        host: its name in the manifest.
+        channel: to it.
         is_wanted: whether a line is that line.
-        way: ssh, or how the way is called.
+        look: called while waiting.
 
     Returns:
         The line; None: what was started there ended before.
 
     Raises:
         HostUnreachable: the way does not get through, or nothing came for `CONNECT_SECONDS`.
+        HostFailed: it prints other lines without an end.
     """
-    by_hand = f"ssh -o BatchMode=yes {target}" if way == "ssh" else f"Test-WSMan -UseSSL -ComputerName {target}"
-    advice = f"Try it by hand, as rarms does, without questions: `{by_hand}`."
+    way = channel.way if isinstance(channel, LiveChannel) else "ssh"
     try:
-        while (line := channel.next_line(CONNECT_SECONDS, lambda: None)) is not None:
+        for _ in range(_NOISE_LINES):
+            line = conversation.next_line(CONNECT_SECONDS, look)
+            if line is None:
+                break
             if is_wanted(line):
                 return line
+        else:
+            message = f"{channel.target} printed {_NOISE_LINES:,} lines and did not start what it was asked for"
+            raise HostFailed(host, message, LOOK_AT_OUTPUT)
     except SilenceTimeout:
-        raise HostUnreachable(host, f"{target} did not answer within {CONNECT_SECONDS:.0f} s", advice) from None
-    if channel.code() == SSH_FAILED:
-        raise HostUnreachable(host, f"{way} does not reach {target}: {last_of(channel.error_lines)}", advice)
+        raise not_reached(host, channel.target, f"no answer within {CONNECT_SECONDS:.0f} s", way) from None
+    if conversation.code() == SSH_FAILED:
+        raise not_reached(host, channel.target, last_of(conversation.error_lines), way)
     return None
 
 
@@ -309,7 +344,11 @@ class CommandChannel(Protocol):
 
 
 def one_command_only(host: str) -> HostFailed:
-    """Return the refusal to talk with what runs on a host, through a channel that runs one command."""
+    """Return the refusal to talk with what runs on a host, through a channel that runs one command.
+
+    Args:
+        host: its name in the manifest.
+    """
     return HostFailed(
         host,
         "measuring talks with the host all the while, and the channel to it runs one command at a time",
@@ -317,27 +356,65 @@ def one_command_only(host: str) -> HostFailed:
     )
 
 
+class EndedConversation:
+    """A `Conversation` with a command that has ended."""
+
+    def __init__(self, result: CommandResult) -> None:
+        self._lines = iter(result.output.splitlines())
+        self._code = result.code
+        self.error_lines = tuple(filter(None, map(str.strip, result.error.splitlines())))
+
+    def send(self, data: bytes) -> None:
+        """Drop the data: it has ended."""
+
+    def close(self) -> None:
+        """Do nothing: it has ended."""
+
+    def next_line(self, silence_s: float, look: Callable[[], None]) -> str | None:  # noqa: ARG002 - the protocol's
+        return next(self._lines, None)
+
+    def code(self) -> int | None:
+        return self._code
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ProgramChannel:
-    """A `CommandChannel` through a program, such as ssh, that takes the command as its last argument."""
+class LiveChannel(ABC):
+    """A `CommandChannel` through which a command can also be talked with while it runs."""
 
     host: str  # its name in the manifest
     target: str
-    words: tuple[str, ...]
-    most_bytes: int = STATE_LIMIT
+
+    @property
+    def way(self) -> str:
+        """What messages call it."""
+        return "ssh"
+
+    @abstractmethod
+    def open(self, command: str) -> AbstractContextManager[Conversation]:
+        """Start a command, which ends with the context.
+
+        Raises:
+            HostUnreachable: the host cannot be asked.
+        """
+
+    @property
+    def refusal_to_measure(self) -> HostFailed | None:
+        """Why it cannot be measured through it: the host does not notice that rarms ends."""
+        return None
 
     def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:
         lines: list[str] = []
         size = 0
-        with open_channel(self.host, (*self.words, command)) as program:
+        with self.open(command) as program:
             program.send(data)
             program.close()
             try:
-                while (line := program.next_line(silence_s, lambda: None)) is not None:
+                while (line := program.next_line(silence_s, no_look)) is not None:
                     lines.append(line)
                     size += len(line)
-                    if size > self.most_bytes:
-                        raise self._too_long()
+                    if size > STATE_LIMIT:
+                        message = f"the answer of {self.target} is not of rarms: it has more than {STATE_LIMIT:,} bytes"
+                        raise HostFailed(self.host, message, LOOK_AT_OUTPUT)
             except SilenceTimeout:
                 raise self._broken(f"it said nothing for {silence_s:.0f} s") from None
             code = program.code()
@@ -345,16 +422,26 @@ class ProgramChannel:
                 raise self._broken("it does not end")
             return CommandResult(code=code, output="\n".join([*lines, ""]), error="\n".join(program.error_lines))
 
-    def _too_long(self) -> HostFailed:
-        message = f"what {self.target} answers is not of rarms: its answer has more than {self.most_bytes:,} bytes"
-        advice = f"Look at what the host prints for each command: `{' '.join(self.words)} true`."
-        return HostFailed(self.host, message, advice)
-
     def _broken(self, message: str) -> HostFailed:
         advice = "Run the same command again once the host is up."
         return HostFailed(self.host, f"the connection to {self.target} broke: {message}", advice)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProgramChannel(LiveChannel):
+    """A channel through a program, such as ssh, that takes the command as its last argument."""
+
+    words: tuple[str, ...]
+
+    def open(self, command: str) -> Channel:
+        return open_channel(self.host, (*self.words, command))
+
+
 def ssh_channel(host: str, connect: Connect) -> ProgramChannel:
-    """Return the system's ssh as a channel."""
-    return ProgramChannel(host=host, target=connect.ssh, words=ssh_words(connect, ()))
+    """Return the system's ssh as a channel.
+
+    Args:
+        host: its name in the manifest.
+        connect: how it is reached.
+    """
+    return ProgramChannel(host=host, target=connect.ssh, words=ssh_words(connect))

@@ -19,14 +19,16 @@ from rarms_iac.model.journal import Journal
 from rarms_iac.model.state import State
 from rarms_iac.model.version import __version__
 from rarms_iac.providers.channel import (
+    LOOK_AT_OUTPUT,
     SSH_FAILED,
     CommandChannel,
-    CommandResult,
     Conversation,
-    ProgramChannel,
+    EndedConversation,
+    LiveChannel,
     SilenceTimeout,
+    await_line,
     last_of,
-    open_channel,
+    look_for_stop,
 )
 from rarms_iac.providers.interface import (
     UNHEARD,
@@ -61,7 +63,6 @@ LOST_S = 60.0
 SILENCE_S = 24 * 3600.0
 """Seconds without a line after which a command is given up: one setting may take hours."""
 
-_NOISE_LINES = 1_000  # of a login, before the robot's rarms speaks
 _MISSING = 69  # exit code of the entry command where this version is not installed
 
 
@@ -214,7 +215,7 @@ class RobotByChannel:
 
     def ask(self, command: str, job: Json, listener: RobotListener) -> Json:
         self._look = None
-        listens = isinstance(self._channel, ProgramChannel)
+        listens = isinstance(self._channel, LiveChannel)
         request = encode(Request(version=__version__, command=command, by=owner(), host=self._host, listens=listens))
         data = json.dumps({"request": request, "job": job}, separators=(",", ":")).encode("ascii") + b"\n"
         if len(data) > LINE_LIMIT:
@@ -226,24 +227,17 @@ class RobotByChannel:
     @contextmanager
     def _conversation(self, data: bytes) -> Iterator[Conversation]:
         words = entry_command()
-        if isinstance(self._channel, ProgramChannel):
-            with open_channel(self.name, (*self._channel.words, words)) as program:
+        if isinstance(self._channel, LiveChannel):
+            with self._channel.open(words) as program:
                 program.send(data)
                 with _saying_here(program):
                     yield program
         else:
-            yield _Ended(self._channel.run(words, data + f"{ALL_SENT}\n".encode("ascii"), SILENCE_S))
+            yield EndedConversation(self._channel.run(words, data + f"{ALL_SENT}\n".encode("ascii"), SILENCE_S))
 
     def _follow(self, conversation: Conversation, listener: RobotListener) -> Json:
         """Return the result; what the robot calls meanwhile is passed on."""
-        has_stopped = False
-
-        def look() -> None:
-            nonlocal has_stopped
-            if not has_stopped and listener.should_stop():
-                has_stopped = True
-                conversation.send(f"{STOP}\n".encode("ascii"))
-
+        look = look_for_stop(listener.should_stop, lambda: conversation.send(f"{STOP}\n".encode("ascii")))
         try:
             self._await_ready(conversation, look)
             while (line := conversation.next_line(SILENCE_S, look)) is not None:
@@ -252,7 +246,7 @@ class RobotByChannel:
                     return cast("Json", answer["result"])
                 if "failure" in answer:
                     failure = self._decoded(Failure, answer["failure"])
-                    if failure.findings or (has_stopped and failure.outcome == "interrupted"):
+                    if failure.findings or (failure.outcome == "interrupted" and listener.should_stop()):
                         raise EndedThere(self.name, failure)
                     raise self._garbage("the failure has no reason")
                 call = self._decoded(ReporterCall, answer.get("call"))
@@ -268,24 +262,16 @@ class RobotByChannel:
 
     def _await_ready(self, conversation: Conversation, look: Callable[[], None]) -> None:
         """Pass over what a login prints, until the robot's rarms speaks."""
-        for _ in range(_NOISE_LINES):
-            line = conversation.next_line(SILENCE_S, look)
-            if line == READY:
-                return
-            if line is not None and line.startswith(VERSIONS):
-                installed = line.removeprefix(VERSIONS).split()
-                raise OtherVersion(self.name, tuple(sorted(set(installed) - {"current"})))
-            if line is None:
-                raise self._not_reached(conversation)
-        raise self._garbage("rarms did not start after the output of the login")
-
-    def _not_reached(self, conversation: Conversation) -> HostFailed:
-        target, error = self._channel.target, last_of(conversation.error_lines, conversation.code())
-        if conversation.code() == SSH_FAILED:
-            advice = f"Try it by hand, as rarms does, without questions: `ssh -o BatchMode=yes {target}`."
-            return HostUnreachable(self.name, f"ssh does not reach {target}: {error}", advice)
-        advice = "Connect as root, or let this user start rarms by sudo without a password (docs/linux.md)."
-        return HostFailed(self.name, f"rarms does not start on {target}: {error}", advice)
+        line = await_line(
+            conversation, self.name, self._channel, lambda line: line == READY or line.startswith(VERSIONS), look
+        )
+        if line is None:
+            why = last_of(conversation.error_lines, conversation.code())
+            advice = "Connect as root, or let this user start rarms by sudo without a password (docs/linux.md)."
+            raise HostFailed(self.name, f"rarms does not start on {self._channel.target}: {why}", advice)
+        if line != READY:
+            installed = line.removeprefix(VERSIONS).split()
+            raise OtherVersion(self.name, tuple(sorted(set(installed) - {"current"})))
 
     def _parsed(self, line: str) -> dict[str, Any]:
         try:
@@ -309,7 +295,7 @@ class RobotByChannel:
 
     def _garbage(self, why: str) -> HostFailed:
         message = f"the answer of {self._channel.target} is not of rarms {__version__}: {why[:300]}"
-        return HostFailed(self.name, message, "Look at what the host prints for each command of this user.")
+        return HostFailed(self.name, message, LOOK_AT_OUTPUT)
 
     def _broken(self, why: str) -> HostFailed:
         message = f"the connection to {self._channel.target} broke: {why}"
@@ -330,24 +316,6 @@ def _saying_here(conversation: Conversation) -> Iterator[None]:
         yield
     finally:
         ended.set()
-
-
-class _Ended:
-    """A `Conversation` with a command that has ended."""
-
-    def __init__(self, result: CommandResult) -> None:
-        self._lines = iter(result.output.splitlines())
-        self._code = result.code
-        self.error_lines = tuple(result.error.splitlines())
-
-    def send(self, data: bytes) -> None:
-        """Drop the data: it has ended."""
-
-    def next_line(self, silence_s: float, look: Callable[[], None]) -> str | None:  # noqa: ARG002 - the protocol's
-        return next(self._lines, None)
-
-    def code(self) -> int | None:
-        return self._code
 
 
 def calls_sent_by(interface: type[Any], target: str, send: Callable[[ReporterCall, Json], None], ask: Ask) -> Any:

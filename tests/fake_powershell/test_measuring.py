@@ -19,7 +19,7 @@ from tests.fake_powershell.host import Program, WindowsHost
 from tests.fake_powershell.measuring import CREDENTIAL, MANIFEST, a_measurable_windows
 from tests.fake_powershell.run import put
 from tests.fake_powershell.run import run as run_script
-from tests.fake_powershell.transport import Conversation, FakePowerShellTransport
+from tests.fake_powershell.transport import FakeConversation, FakePowerShellTransport
 from tests.fake_powershell.values import Value
 
 Measured = Callable[..., measure.MeasureOutcome]
@@ -135,9 +135,15 @@ def test_leftover_is_told_and_removed_next_time(measured: Measured) -> None:
     assert leftovers(host) == []
 
 
-def test_newest_of_merged_settings_counts(measured: Measured, monkeypatch: pytest.MonkeyPatch) -> None:
-    send = Conversation.send
-    monkeypatch.setattr(Conversation, "send", lambda talk, text: send(talk, f"1 rest.{text}" if "." in text else text))
+def test_newest_of_merged_settings_counts(
+    measured: Measured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    send = FakeConversation.send
+
+    def doubled(talk: FakeConversation, data: bytes) -> None:
+        send(talk, b"1 rest." + data if b"." in data else data)
+
+    monkeypatch.setattr(FakeConversation, "send", doubled)
 
     (result,) = measured(a_measurable_windows(), reserves=(40, 50)).experiments
 
@@ -167,13 +173,13 @@ def test_broken_session_does_not_keep_test_partitions(measured: Measured) -> Non
 
 def test_waiting_script_may_be_silent_as_long(measured: Measured, monkeypatch: pytest.MonkeyPatch) -> None:
     allowed: list[float] = []
-    next_line = Conversation.next_line
+    next_line = FakeConversation.next_line
 
-    def heard(talk: Conversation, silence_s: float) -> str | None:
+    def heard(talk: FakeConversation, silence_s: float, look: Callable[[], None]) -> str | None:
         allowed.append(silence_s)
-        return next_line(talk, silence_s)
+        return next_line(talk, silence_s, look)
 
-    monkeypatch.setattr(Conversation, "next_line", heard)
+    monkeypatch.setattr(FakeConversation, "next_line", heard)
 
     measured(a_measurable_windows(), reserves=(40,), lock_timeout_ms=300_000)
 
@@ -182,22 +188,22 @@ def test_waiting_script_may_be_silent_as_long(measured: Measured, monkeypatch: p
 
 
 def test_slow_counters_do_not_pile_up(measured: Measured, monkeypatch: pytest.MonkeyPatch) -> None:
-    counters, next_line = guests.counters, Conversation.next_line
+    counters, next_line = guests.counters, FakeConversation.next_line
     behind: list[int] = []
 
     def slowly(host: WindowsHost, counter_set: str) -> list[Value]:
         host.clock += 500
         return counters(host, counter_set)
 
-    def heard(talk: Conversation, silence_s: float) -> str | None:
-        line = next_line(talk, silence_s)
+    def heard(talk: FakeConversation, silence_s: float, look: Callable[[], None]) -> str | None:
+        line = next_line(talk, silence_s, look)
         seen = read_seen(line or "")
         if seen and seen.seen.startswith("counted") and "Virtual Processor(rarms-p1)" in seen.name:
             behind.append(seen.at_ms - int(seen.seen.split(" ")[1]))
         return line
 
     monkeypatch.setattr(guests, "counters", slowly)
-    monkeypatch.setattr(Conversation, "next_line", heard)
+    monkeypatch.setattr(FakeConversation, "next_line", heard)
     measured(a_measurable_windows(), reserves=(40,))
 
     assert len(behind) > 2

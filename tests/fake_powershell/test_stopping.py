@@ -14,7 +14,7 @@ from rarms_iac.model.plan import Purpose
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.system import PartitionStop
 from rarms_iac.providers.hyperv.provider import LiveHypervHost
-from rarms_iac.providers.hyperv.script_session import Listener
+from rarms_iac.providers.hyperv.transport import Listener
 from rarms_iac.providers.interface import ScriptBundle, ScriptExited, ScriptLost, WaitLimits
 from tests.builders import a_component, a_host, a_partition
 from tests.fake_powershell.cell import Cell, apply, undo

@@ -1,12 +1,13 @@
 """A way to a host that is a fake in this very process: scripts go there as files, and what they print comes back."""
 
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from queue import SimpleQueue
 
-from rarms_iac.providers.hyperv.script_session import Listener
+from rarms_iac.providers.channel import no_look
+from rarms_iac.providers.hyperv.transport import Listener
 from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost
 from tests.fake_powershell.host import WindowsHost
 from tests.fake_powershell.run import FOLDER, Ran, put, run
@@ -40,21 +41,21 @@ class FakePowerShellTransport:
         return self
 
     @contextmanager
-    def session(self, script: ScriptBundle, arguments: Sequence[str]) -> Iterator["Conversation"]:
+    def session(self, script: ScriptBundle, arguments: Sequence[str]) -> Iterator["FakeConversation"]:
         """As the protocol says; the script runs only while a reader waits for its next line."""
         assert self.host is not None
         put(self.host, {name: text.encode("ascii") for name, text in script.files.items()})
-        talk = Conversation(self.host, script.runs)
+        talk = FakeConversation(self.host, script.runs)
         try:
             yield talk
         finally:
             talk.lay(".stop", "s")
-            while talk.next_line(0.0) is not None:
+            while talk.next_line(0.0, no_look) is not None:
                 continue
             talk.sweep()
 
 
-class Conversation:
+class FakeConversation:
     """A script of the fake in a thread, which waits after every line until the next one is asked for."""
 
     def __init__(self, host: WindowsHost, name: str) -> None:
@@ -83,7 +84,7 @@ class Conversation:
         for suffix in (".stop", ".next"):
             self.host.files.pop(f"{FOLDER}\\{self.name}{suffix}".lower(), None)
 
-    def next_line(self, silence_s: float) -> str | None:
+    def next_line(self, silence_s: float, look: Callable[[], None]) -> str | None:
         if not self._thread.is_alive() and self._lines.empty():
             return None
         self._go.release()
@@ -92,14 +93,19 @@ class Conversation:
             raise self._error
         return line
 
-    def send(self, line: str) -> None:
-        self.lay(".next" if line.endswith(".") else ".stop", line)
+    def send(self, data: bytes) -> None:
+        self.lay(".next" if data.endswith(b".") else ".stop", data.decode("ascii"))
 
-    def ended(self) -> ScriptExited | ScriptLost:
+    def close(self) -> None:
+        """Its input has no end."""
+
+    def code(self) -> int | None:
         self._thread.join()
-        if self.ran is None or self.ran.code is None:
-            return ScriptLost(why="it was killed")
-        return ScriptExited(code=self.ran.code, last_lines=self.ran.talk)
+        return None if self.ran is None else self.ran.code
+
+    @property
+    def error_lines(self) -> tuple[str, ...]:
+        return () if self.ran is None else self.ran.talk
 
 
 class _HandedOver(list[Value]):

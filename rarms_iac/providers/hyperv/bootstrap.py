@@ -30,7 +30,7 @@ STOP = b"s"
 NO_MORE = b"o"
 """Said behind the scripts where the input ends at once and the script is to go on all the same."""
 
-_PROGRAMS = {"pwsh": "pwsh", "powershell": "powershell.exe"}
+PROGRAMS = {"pwsh": "pwsh", "powershell": "powershell.exe"}
 _NAME = re.compile(r"[a-z0-9][a-z0-9.-]*\.ps1|Rarms/Rarms\.ps[dm]1")
 
 
@@ -59,11 +59,6 @@ def render_installed_receiver() -> bytes:
     return as_script(template_text("receive.ps1"))
 
 
-def program_of(shell: str) -> str:
-    """Return the program behind `connect.shell`."""
-    return _PROGRAMS[shell]
-
-
 @dataclass(frozen=True, slots=True)
 class RemotePowerShell:
     """What is started at the other end: a PowerShell, and in it what takes scripts from standard input."""
@@ -74,7 +69,7 @@ class RemotePowerShell:
     @property
     def program(self) -> str:
         """The name of the PowerShell, as the command starts it."""
-        return program_of(self.shell)
+        return PROGRAMS[self.shell]
 
     def words(self) -> tuple[str, ...]:
         """Return the command; `-InputFormat None` leaves its standard input to the loader or the module."""
@@ -95,35 +90,24 @@ class RemotePowerShell:
         return line.removeprefix(ANSWERS).partition(" ")[2].strip() or "none"
 
     def frame(self, script: ScriptBundle, arguments: Sequence[str]) -> bytes:
-        """Return the bytes for standard input.
+        """Return the bytes for standard input: the receiver, then lengths and digests, then the scripts.
 
         Raises:
             ValueError: a file has a name that the receiver would refuse.
         """
-        return frame(script, arguments, self.receiver)
+        names = [script.runs, *sorted(name for name in script.files if name != script.runs)]
+        bodies = [script.files[name].encode("ascii") for name in names]
+        rows: list[str] = []
+        for name, body in zip(names, bodies, strict=True):
+            if not _NAME.fullmatch(name):
+                raise ValueError(f"{name!r} cannot be a script's name")
+            rows.append(f"{name} {len(body)} {hashlib.sha256(body).hexdigest()}")
+        table = "\n".join([" ".join(arguments), *rows]).encode("ascii")
+        parts = [table] if self.receiver is Receiver.INSTALLED else [render_receiver(), table]
+        return b"".join([b"%08d" % len(part) + part for part in parts] + bodies)
 
 
 def arguments_of(waits: WaitLimits, *, abandoning: bool) -> tuple[str, ...]:
     """Return the arguments of a script that changes something."""
     lock = ("-LockTimeout", str(min(-(-waits.lock_ms // 1000), 999_999))) if waits.lock_ms > 0 else ()
     return ("-AsJson", "-Force", *lock, *(("-Abandon",) if abandoning else ()))
-
-
-def frame(script: ScriptBundle, arguments: Sequence[str], source: Receiver = Receiver.SENT) -> bytes:
-    """Return the bytes for standard input: the receiver, then lengths and digests, then the scripts.
-
-    Raises:
-        ValueError: a file has a name that the receiver would refuse.
-    """
-    names = [script.runs, *sorted(name for name in script.files if name != script.runs)]
-    bodies = [script.files[name].encode("ascii") for name in names]
-    for name in names:
-        if not _NAME.fullmatch(name):
-            raise ValueError(f"{name!r} cannot be a script's name")
-    rows = [f"{name} {len(body)} {hashlib.sha256(body).hexdigest()}" for name, body in zip(names, bodies, strict=True)]
-    table = "\n".join([" ".join(arguments), *rows]).encode("ascii")
-    scripts = [b"%08d" % len(table), table, *bodies]
-    if source is Receiver.SENT:
-        receiver = render_receiver()
-        scripts = [b"%08d" % len(receiver), receiver, *scripts]
-    return b"".join(scripts)

@@ -20,12 +20,11 @@ from rarms_iac.model.state import HostFacts
 from rarms_iac.model.system import Component, run_of
 from rarms_iac.model.wording import last_words, reason_of
 from rarms_iac.powershell.measuring import GuestWork, TestMachine, render_measuring, script_name
-from rarms_iac.providers.channel import SilenceTimeout
+from rarms_iac.providers.channel import Conversation, SilenceTimeout, no_look
 from rarms_iac.providers.hyperv.bootstrap import STOP, arguments_of
 from rarms_iac.providers.hyperv.guest_samples import TICKS_MS, GuestRun
 from rarms_iac.providers.hyperv.provider import LiveHypervHost, read_event
-from rarms_iac.providers.hyperv.script_session import ScriptSession
-from rarms_iac.providers.hyperv.transport import Transport
+from rarms_iac.providers.hyperv.transport import Transport, end_of
 from rarms_iac.providers.interface import (
     NO_WAITING,
     EventKind,
@@ -79,7 +78,7 @@ class HypervMeasuringHost(LiveHypervHost):
         self._reserves: Mapping[str, int] = {}
         self._waits = NO_WAITING
         self._ends = ExitStack()  # the session that measures now
-        self._session: ScriptSession | None = None
+        self._session: Conversation | None = None
         self._runs: tuple[GuestWork, ...] = ()  # what that session was started with
         self._number = 0  # of the setting
 
@@ -151,7 +150,7 @@ class HypervMeasuringHost(LiveHypervHost):
         try:
             yield
             if self._session is not None:
-                self._session.send(STOP.decode("ascii"))
+                self._session.send(STOP)
                 self._wait_until(self._session, lambda event: event.status is EventStatus.DONE)
         finally:
             self._shapes = ()
@@ -181,7 +180,7 @@ class HypervMeasuringHost(LiveHypervHost):
         self._number += 1
         reserves = " ".join(str(self._reserves.get(shape.name, 0)) for shape in self._shapes)
         setting = f"{self._number} run {reserves}".rstrip() + "."
-        self._session.send(setting)
+        self._session.send(setting.encode("ascii"))
         try:
             session = self._session
             yield GuestRun(next_line=lambda: self._next_line(session), setting=setting, work=work)
@@ -190,11 +189,11 @@ class HypervMeasuringHost(LiveHypervHost):
             raise
         if self._shapes:
             self._number += 1
-            self._session.send(f"{self._number} rest.")
+            self._session.send(f"{self._number} rest.".encode("ascii"))
         else:
             self._end_session()
 
-    def _next_line(self, session: ScriptSession, silence_s: float = SILENCE_S) -> str:
+    def _next_line(self, session: Conversation, silence_s: float = SILENCE_S) -> str:
         """Return the next line of a script that is to go on.
 
         Args:
@@ -208,11 +207,11 @@ class HypervMeasuringHost(LiveHypervHost):
             HostFailed: it failed, ended, or says nothing any more.
         """
         try:
-            line = session.next_line(silence_s)
+            line = session.next_line(silence_s, no_look)
         except SilenceTimeout:
             raise self._broken(f"the script said nothing for {silence_s:.0f} s") from None
         if line is None:
-            match session.ended():
+            match end_of(session):
                 case ScriptExited(code=code, last_lines=lines):
                     raise self._broken(f"the script ended: {last_words(' '.join(lines[-2:]), code)}")
                 case lost:
@@ -228,7 +227,7 @@ class HypervMeasuringHost(LiveHypervHost):
         return HostFailed(self.name, message, "Measure again: what is recorded is kept, and what is there is removed.")
 
     @contextmanager
-    def _started(self, script: ScriptBundle, is_ready: Callable[[RunEvent], bool]) -> Iterator[ScriptSession]:
+    def _started(self, script: ScriptBundle, is_ready: Callable[[RunEvent], bool]) -> Iterator[Conversation]:
         """Run a script, from when it says a certain thing."""
         arguments = arguments_of(self._waits, abandoning=False)
         with self._credential_files(), self._transport.session(self._as_signed(script), arguments) as session:
@@ -236,7 +235,7 @@ class HypervMeasuringHost(LiveHypervHost):
             yield session
 
     def _wait_until(
-        self, session: ScriptSession, is_so: Callable[[RunEvent], bool], silence_s: float = SILENCE_S
+        self, session: Conversation, is_so: Callable[[RunEvent], bool], silence_s: float = SILENCE_S
     ) -> None:
         while (event := read_event(self._next_line(session, silence_s))) is None or not is_so(event):
             continue

@@ -12,14 +12,13 @@ from rarms_iac.model.state import State
 from rarms_iac.model.wording import last_words, reason_of
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.powershell.templates import without_signature
-from rarms_iac.providers.channel import CommandChannel
+from rarms_iac.providers.channel import CommandChannel, ssh_channel
 from rarms_iac.providers.hyperv.bootstrap import SHELLS, RemotePowerShell, arguments_of
 from rarms_iac.providers.hyperv.condition import condition_of, findings_of, unread_error
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal
 from rarms_iac.providers.hyperv.observation import HostObservation, is_unread, observation_of, or_else
 from rarms_iac.providers.hyperv.parse import last_run_of, to_state
-from rarms_iac.providers.hyperv.script_session import Listener
-from rarms_iac.providers.hyperv.transport import ChannelTransport, LocalTransport, SshTransport, Transport
+from rarms_iac.providers.hyperv.transport import Listener, LocalTransport, RemoteTransport, Transport
 from rarms_iac.providers.interface import (
     EventListener,
     HostDamaged,
@@ -204,26 +203,23 @@ def open_hyperv(host: Host, signed_folder: Path, channel: CommandChannel | None)
     Args:
         channel: reaches it in place of what `connect` says.
     """
-    if channel is None:
-        return LiveHypervHost(host, transport_to(host), signed_folder)
+    return LiveHypervHost(host, transport_to(host, channel), signed_folder)
+
+
+def transport_to(host: Host, channel: CommandChannel | None = None) -> Transport:
+    """Return the way to a host: by a channel, by what `connect` says, or this computer's own PowerShell."""
     connect = host.connect
+    if channel is None and connect is None:
+        return LocalTransport(host.name)
     there = RemotePowerShell(SHELLS[0]) if connect is None else RemotePowerShell(connect.shell, connect.receiver)
-    return LiveHypervHost(host, ChannelTransport(host.name, channel, there), signed_folder)
+    if channel is None and isinstance(connect, Connect):
+        channel = ssh_channel(host.name, connect)
+    elif channel is None and isinstance(connect, WinRmConnect):
+        from rarms_iac.providers.hyperv.winrm import winrm_channel
 
-
-def transport_to(host: Host) -> Transport:
-    """Return the way to a host: over ssh or WinRM, or this computer's own PowerShell."""
-    match host.connect:
-        case None:
-            return LocalTransport(host.name)
-        case Connect():
-            return SshTransport(host.name, host.connect)
-        case WinRmConnect():
-            from rarms_iac.providers.hyperv.winrm import WinRmTransport
-
-            return WinRmTransport(host.name, host.connect)
-        case _:
-            assert_never(host.connect)
+        channel = winrm_channel(host.name, connect)
+    assert channel is not None, "connect is one of these"
+    return RemoteTransport(host.name, channel, there)
 
 
 class _Events:

@@ -1,4 +1,4 @@
-"""The way to a Hyper-V host over WinRM: the command that ssh starts there too, through the shell of pypsrp.
+"""The channel to a Hyper-V host over WinRM: the command that ssh starts there too, through the shell of pypsrp.
 
 One thread sends and polls, since a connection of WinRM asks and is answered in turn. When rarms ends, the host is not
 told: a script that changes something goes on to its end, and measuring, whose test partitions would stay, is refused.
@@ -6,9 +6,9 @@ told: a script that changes something goes on to its end, and measuring, whose t
 
 import os
 from collections import deque
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
-from dataclasses import replace
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
@@ -20,13 +20,11 @@ from rarms_iac.providers.channel import (
     LAST_SECONDS,
     LONGEST_LINE,
     SSH_FAILED,
-    CommandResult,
-    SilenceTimeout,
+    LiveChannel,
     next_of,
+    not_reached,
 )
-from rarms_iac.providers.hyperv.bootstrap import WINDOWS_POWERSHELL, RemotePowerShell
-from rarms_iac.providers.hyperv.script_session import Listener, ScriptSession, await_bootstrap, send_and_follow
-from rarms_iac.providers.interface import HostFailed, HostUnreachable, ScriptBundle, ScriptExited, ScriptLost
+from rarms_iac.providers.interface import HostFailed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -39,120 +37,69 @@ LARGEST_SEND = 64 * 2**10
 """Bytes of one message: WinRM takes 150 KiB of XML unless its host is told otherwise."""
 UTF_8 = 65001
 
-WAY = "WinRM"
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServiceChannel(LiveChannel):
+    """A channel through a WinRM service: rarms' own way to it, or that of an engine, as Ansible's `psrp` has it.
 
-class WinRmTransport:
-    """Runs scripts through the shell of WinRM."""
+    What is called through it ends its input by a byte of its own: the service does not close it.
+    """
 
-    def __init__(self, host: str, connect: WinRmConnect) -> None:
-        self._host = host
-        self._connect = connect
-        self._there = RemotePowerShell(connect.shell, connect.receiver)
+    reach: "Callable[[], Any]"
+    """Returns pypsrp's `WSMan`; is called for each command, and raises what pypsrp does where it is out of reach."""
 
-    def run(
-        self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
-    ) -> ScriptExited | ScriptLost:
-        """Nothing is sent before the other end says that it is ready."""
-        with self._ready() as program:
-            return send_and_follow(program, self._host, self._there.frame(script, arguments), silence_s, listener)
+    @property
+    def way(self) -> str:
+        return "WinRM"
 
-    def session(
-        self,
-        script: ScriptBundle,  # noqa: ARG002 - as the protocol has it
-        arguments: Sequence[str],  # noqa: ARG002
-    ) -> AbstractContextManager[ScriptSession]:
-        raise HostFailed(
-            self._host,
+    @property
+    def refusal_to_measure(self) -> HostFailed:
+        return HostFailed(
+            self.host,
             "it cannot be measured over WinRM, which does not tell a host when rarms ends: test partitions would stay",
             "Reach it by ssh to measure (`connect: {ssh: user@host}`), or run rarms on the host itself.",
         )
 
-    def in_windows_powershell(self) -> "WinRmTransport":
-        return WinRmTransport(self._host, replace(self._connect, shell=WINDOWS_POWERSHELL))
-
     @contextmanager
-    def _ready(self) -> "Iterator[RemoteProgram]":
-        connect = self._connect
-        target = connect.winrm
-        with _program(self._host, target, lambda: _service(self._host, connect), self._there.words()) as program:
-            await_bootstrap(program, self._host, target, self._there, WAY)
-            yield program
+    def open(self, command: str) -> "Iterator[RemoteProgram]":
+        """Start a command in a shell of the service.
 
-
-class ServiceChannel:
-    """A `CommandChannel` through a WinRM service that an engine reached with pypsrp, as Ansible's `psrp` does.
-
-    Its commands are those of rarms, which end their input by a byte of their own: the service does not close it.
-    """
-
-    def __init__(self, host: str, target: str, reach: "Callable[[], Any]") -> None:
-        """Prepare; `reach` returns pypsrp's `WSMan`, and is called for each command.
-
-        Args:
-            reach: raises what pypsrp does where the service is out of reach.
+        Raises:
+            HostFailed: pypsrp or the password is missing here, or the command cannot be started.
+            HostUnreachable: the host is not reached, or does not let this user in.
         """
-        self._host = host
-        self._target = target
-        self._reach = reach
-
-    @property
-    def target(self) -> str:
-        return self._target
-
-    def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:
-        lines: list[str] = []
-        with _program(self._host, self._target, self._reach, command.split(" ")) as program:
-            program.send(data)
+        try:
+            from pypsrp.exceptions import WinRMError
+            from pypsrp.shell import Process, WinRS
+            from spnego.exceptions import SpnegoError
+        except ImportError:
+            message = "WinRM needs the Python package pypsrp, which is not installed here"
+            raise HostFailed(
+                self.host,
+                message,
+                "Install it from the clone: `pipx install --force '.[winrm]'`, or in its .venv: "
+                "`.venv/bin/pip install -e '.[winrm]'`.",
+            ) from None
+        with ExitStack() as opened:
             try:
-                while (line := program.next_line(silence_s, lambda: None)) is not None:
-                    lines.append(line)
-            except SilenceTimeout:
-                message = f"{self._target} said nothing for {silence_s:.0f} s"
-                raise HostFailed(self._host, message, "Look what runs there, then run it again.") from None
-            code = program.code()
-            return CommandResult(
-                code=SSH_FAILED if code is None else code,
-                output="\n".join([*lines, ""]),
-                error="\n".join(program.error_lines),
-            )
+                shell = WinRS(self.reach(), codepage=UTF_8)
+                shell.__enter__()
+            except (WinRMError, SpnegoError, OSError) as error:
+                raise not_reached(self.host, self.target, reason_of(error), self.way) from None
+            opened.callback(_close, shell)
+            program, *arguments = command.split(" ")
+            process = Process(shell, program, arguments)
+            try:
+                process.begin_invoke()
+            except (WinRMError, OSError) as error:
+                message = f"{program} cannot be started on {self.target}: {reason_of(error)}"
+                raise HostFailed(self.host, message, "Look into the host's log of WinRM, then run it again.") from None
+            yield opened.enter_context(RemoteProgram(process))
 
 
-@contextmanager
-def _program(host: str, target: str, reach: "Callable[[], Any]", words: Sequence[str]) -> "Iterator[RemoteProgram]":
-    """Start a program in a shell of the service.
-
-    Raises:
-        HostFailed: pypsrp or the password is missing here, or the program cannot be started.
-        HostUnreachable: the host is not reached, or does not let this user in.
-    """
-    try:
-        from pypsrp.exceptions import WinRMError
-        from pypsrp.shell import Process, WinRS
-        from spnego.exceptions import SpnegoError
-    except ImportError:
-        message = "WinRM needs the Python package pypsrp, which is not installed here"
-        raise HostFailed(
-            host,
-            message,
-            "Install it from the clone: `pipx install --force '.[winrm]'`, or in its .venv: "
-            "`.venv/bin/pip install -e '.[winrm]'`.",
-        ) from None
-    with ExitStack() as opened:
-        try:
-            shell = WinRS(reach(), codepage=UTF_8)
-            shell.__enter__()
-        except (WinRMError, SpnegoError, OSError) as error:
-            advice = f"Try it by hand: `Test-WSMan -UseSSL -ComputerName {target}`; its certificate is checked."
-            raise HostUnreachable(host, f"{WAY} does not reach {target}: {reason_of(error)}", advice) from None
-        opened.callback(_close, shell)
-        process = Process(shell, words[0], list(words[1:]))
-        try:
-            process.begin_invoke()
-        except (WinRMError, OSError) as error:
-            message = f"{words[0]} cannot be started on {target}: {reason_of(error)}"
-            raise HostFailed(host, message, "Look into the host's log of WinRM, then run it again.") from None
-        yield opened.enter_context(RemoteProgram(process))
+def winrm_channel(host: str, connect: WinRmConnect) -> ServiceChannel:
+    """Return rarms' own way to the service of a host (its name in the manifest)."""
+    return ServiceChannel(host=host, target=connect.winrm, reach=lambda: _service(host, connect))
 
 
 def _close(shell: Any) -> None:
@@ -167,35 +114,24 @@ def _service(host: str, connect: WinRmConnect) -> Any:
     """Return pypsrp's way to the service; nothing was sent.
 
     Raises:
-        HostFailed: the password is missing here.
+        HostFailed: the variable with the password is not set here.
     """
     from pypsrp.wsman import WSMan
 
+    name = connect.password.name if connect.password else ""
+    if name and name not in os.environ:
+        message = f"the variable {name}, which holds the password of {connect.user}, is not set here"
+        raise HostFailed(host, message, f"Set {name} where rarms runs.")
     return WSMan(
         connect.winrm,
         port=connect.port or PORT,
         username=connect.user,
-        password=_password(host, connect),
+        password=os.environ[name] if name else None,
         ssl=True,
         auth="negotiate" if connect.user else "kerberos",
         cert_validation=True,
         connection_timeout=CONNECT_SECONDS,
     )
-
-
-def _password(host: str, connect: WinRmConnect) -> str | None:
-    """Return the password.
-
-    Raises:
-        HostFailed: its variable is not set here.
-    """
-    if connect.password is None:
-        return None
-    name = connect.password.name
-    if (value := os.environ.get(name)) is None:
-        message = f"the variable {name}, which holds the password of {connect.user}, is not set here"
-        raise HostFailed(host, message, f"Set {name} where rarms runs.")
-    return value
 
 
 class RemoteProgram:
@@ -227,6 +163,9 @@ class RemoteProgram:
     def send(self, data: bytes) -> None:
         for at in range(0, len(data), LARGEST_SEND):
             self._sending.put(data[at : at + LARGEST_SEND])
+
+    def close(self) -> None:
+        """Do nothing: the service has no end of input."""
 
     def next_line(self, silence_s: float, look: "Callable[[], None]") -> str | None:
         return next_of(self._lines, silence_s, look)

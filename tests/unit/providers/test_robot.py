@@ -45,7 +45,7 @@ def saying(*lines: str) -> str:
         (saying(READY, '{"failure":{"outcome":"failed"}}'), "not of rarms"),
         (saying(READY, '{"failure":{"outcome":"perfect","findings":[]}}'), "not of rarms"),
         (f"import sys; print({READY!r}); sys.stdout.buffer.write(bytes(2 ** 26 + 9))", "not of rarms"),
-        ("while True: print('noise')", "rarms did not start after"),
+        ("while True: print('noise')", "did not start what it was asked for"),
         ("import sys; sys.exit('rarms: not found')", "rarms: not found"),
     ],
     ids=["login", "cut", "text", "deep", "list", "method", "kinds", "no-findings", "outcome", "64MiB", "noise", "code"],

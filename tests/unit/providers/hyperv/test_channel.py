@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.providers.channel import Channel
-from rarms_iac.providers.hyperv.file_access import OURS_ONLY, protect
 from rarms_iac.providers.hyperv.provider import read_event
+from rarms_iac.providers.hyperv.transport import OURS_ONLY, protect
 from rarms_iac.providers.interface import EventKind, EventStatus, RunEvent
 
 EVENT = {

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.providers.channel import SSH_FAILED, CommandResult
-from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, NO_MORE, READY, RemotePowerShell, frame
+from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, NO_MORE, READY, RemotePowerShell
 from rarms_iac.providers.hyperv.provider import open_hyperv
-from rarms_iac.providers.hyperv.transport import ChannelTransport
+from rarms_iac.providers.hyperv.transport import RemoteTransport
 from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost
 from tests.builders import a_host
 
@@ -47,7 +47,7 @@ class Lines:
 
 
 def run(channel: Answering, listener: Lines) -> ScriptExited | ScriptLost:
-    return ChannelTransport("onboard", channel, THERE).run(SCRIPT, ("-AsJson",), 5.0, listener)
+    return RemoteTransport("onboard", channel, THERE).run(SCRIPT, ("-AsJson",), 5.0, listener)
 
 
 def test_session_is_ssh_and_ends_its_input() -> None:
@@ -55,7 +55,7 @@ def test_session_is_ssh_and_ends_its_input() -> None:
 
     assert run(channel, listener) == ScriptExited(code=3, last_lines=("a word",))
     assert listener.said == ["one", "two"]
-    assert channel.asked == [(" ".join(THERE.words()), frame(SCRIPT, ("-AsJson",)) + NO_MORE)]
+    assert channel.asked == [(" ".join(THERE.words()), THERE.frame(SCRIPT, ("-AsJson",)) + NO_MORE)]
 
 
 def test_a_host_without_that_powershell_is_named() -> None:
@@ -75,8 +75,10 @@ def test_a_way_that_breaks_loses_the_script() -> None:
 
 
 def test_nothing_is_talked_with() -> None:
-    with pytest.raises(HostFailed, match="one command at a time"):
-        ChannelTransport("onboard", Answering(0, ""), THERE).session(SCRIPT, ())
+    session = RemoteTransport("onboard", Answering(0, ""), THERE).session(SCRIPT, ())
+
+    with pytest.raises(HostFailed, match="one command at a time"), session:
+        pass
 
 
 def test_channel_is_used_from_windows_too(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -234,7 +234,7 @@ class RobotAction(ActionBase):
             )
         ansible = ConnectionChannel(self, robot.host)
         if self._connection.transport == "psrp":
-            return ServiceChannel(robot.host, ansible.target, self._service)
+            return ServiceChannel(host=robot.host, target=ansible.target, reach=self._service)
         return ansible
 
     def _service(self) -> Any:
