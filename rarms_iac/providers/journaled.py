@@ -1,21 +1,23 @@
 """Lock and journal of a host that rarms changes step by step: two files, the journal as JSON Lines."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import cast
+from typing import TypeVar, cast
 
 from rarms_iac.model.journal import Journal, JournalRecord, RunClosed, RunStarted, StepRecorded
 from rarms_iac.model.plan_names import wrong_name
 from rarms_iac.model.wording import quoted, reason_of
 from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked
 from rarms_iac.storage.append import Damaged, Record, append, first_in, last_in, records_in, sealed_line
-from rarms_iac.storage.codec import NotDecodable, decode_union, encode
+from rarms_iac.storage.codec import NotDecodable, decode, decode_union, encode
 from rarms_iac.storage.disk import advice_on, make_folder_for
 from rarms_iac.storage.lock import Locked, hold, read_holder
 from rarms_iac.storage.reading import STATE_LIMIT, read_file
 from rarms_iac.storage.replace import replace
+
+T = TypeVar("T")
 
 
 class LocalFiles:
@@ -135,7 +137,11 @@ def journal_in(data: bytes | None, path: Path) -> Journal | None:
     """
     if data is None:
         return None
-    return journal_of([_decode(number, record) for number, record in enumerate(records_in(data, path))])
+    started, steps, closed = split_run(records_in(data, path))
+    run = Journal(started=_decode(RunStarted, 1, started), steps=steps, closed=closed)
+    for journal in filter(None, (run, run.started.before_measurement)):
+        _check(journal)
+    return run
 
 
 def unfinished_in(data: bytes | None, path: Path) -> Journal | None:
@@ -153,23 +159,17 @@ def unfinished_in(data: bytes | None, path: Path) -> Journal | None:
     return journal if journal is not None and journal.unfinished else None
 
 
-def journal_of(records: list[JournalRecord]) -> Journal:
-    """Return the run that these records tell, in their order.
+def split_run(records: Sequence[Record]) -> tuple[Record, tuple[StepRecorded, ...], RunClosed | None]:
+    """Return the record that starts a run, and those of its steps and its end.
 
     Raises:
-        NotDecodable: they do not tell one.
+        NotDecodable: a later record is another one.
     """
     started, *rest = records
-    closed = rest.pop() if rest and isinstance(rest[-1], RunClosed) else None
-    if not isinstance(started, RunStarted):
-        raise NotDecodable("record 1", "it does not start a run")
-    steps = [record for record in rest if isinstance(record, StepRecorded)]
-    if len(steps) != len(rest):
-        raise NotDecodable("", "a run is started or closed in the middle of another")
-    run = Journal(started=started, steps=tuple(steps), closed=closed if isinstance(closed, RunClosed) else None)
-    for journal in filter(None, (run, started.before_measurement)):
-        _check(journal)
-    return run
+    is_closed = bool(rest) and rest[-1].get("kind") == "run_closed"
+    steps = rest[:-1] if is_closed else rest
+    found = tuple(_decode(StepRecorded, number, record) for number, record in enumerate(steps, 2))
+    return started, found, _decode(RunClosed, len(records), rest[-1]) if is_closed else None
 
 
 def _check(run: Journal) -> None:
@@ -199,9 +199,8 @@ def _encode(record: JournalRecord) -> Record:
     return cast("Record", encode(record))
 
 
-def _decode(number: int, data: object) -> JournalRecord:
+def _decode(kind: type[T], number: int, record: Record) -> T:
     try:
-        record: JournalRecord = decode_union(JournalRecord, data)
+        return decode(kind, record)
     except NotDecodable as problem:
-        raise NotDecodable(f"record {number + 1}", str(problem)) from None
-    return record
+        raise NotDecodable(f"record {number}", str(problem)) from None

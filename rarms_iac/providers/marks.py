@@ -9,13 +9,13 @@ and no other machine carries a mark of the same partition; a machine whose mark 
 
 import re
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import replace
 from functools import lru_cache
 
 from rarms_iac.model.names import NAME_PATTERN
 from rarms_iac.model.renaming import BETWEEN
-from rarms_iac.model.state import ID_DIGITS, PROTECTED, Mark, StoppedBy
+from rarms_iac.model.state import ID_DIGITS, PROTECTED, Mark, Partition, StoppedBy
 
 _NAME = NAME_PATTERN.removeprefix("^").removesuffix("$")
 _BETWEEN = re.escape(BETWEEN)
@@ -26,15 +26,6 @@ _LINE = re.compile(
     rf"(?P<stopped_by>(?: (?:{_STOPPED}))?)(?: robot=(?P<robot>{_NAME}))?(?P<protected>(?: {PROTECTED})?)"
 )
 _LOOKS_LIKE_ONE = re.compile(r"\s*rarms/[0-9]")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MarkReading:
-    """A machine's notes as read: a mark that counts, or why what looks like one does not, and the user's lines."""
-
-    mark: Mark | None
-    foreign: str  # empty: nothing that looks like a mark is left over
-    other_notes: str
 
 
 def write_mark(notes: str, mark: Mark) -> str:
@@ -55,33 +46,31 @@ def read_mark(notes: str) -> Mark | None:
     return marks[0] if len(marks) == 1 else None
 
 
-def read_marks(notes_by_id: Mapping[str, str]) -> dict[str, MarkReading]:
-    """Find which machines of a host carry a mark that counts.
+def with_marks(machines: Iterable[tuple[Partition, str]]) -> tuple[Partition, ...]:
+    """Return a host's machines by name and then id, each with its mark if that counts, or why it does not.
 
     Args:
-        notes_by_id: the notes of every machine of the host, by its id.
-
-    Returns:
-        By id: the mark where it counts, or why it does not, and the user's own lines.
+        machines: every machine of the host, with its notes.
     """
-    own = {
-        machine: mark
-        for machine, notes in notes_by_id.items()
-        if (mark := read_mark(notes)) and mark.machine == machine[:ID_DIGITS].lower()
-    }
-    carriers = Counter((mark.application, mark.name) for mark in own.values())
-    return {machine: _judge(notes, own.get(machine), carriers) for machine, notes in notes_by_id.items()}
+    known = sorted(machines, key=lambda each: (each[0].settings.name, each[0].id))
+    own = [(partition, notes, _own_mark(partition, notes)) for partition, notes in known]
+    carriers = Counter((mark.application, mark.name) for _, _, mark in own if mark)
+    return tuple(_judged(partition, notes, mark, carriers) for partition, notes, mark in own)
 
 
-def _judge(notes: str, own: Mark | None, carriers: Counter[tuple[str, str]]) -> MarkReading:
+def _own_mark(partition: Partition, notes: str) -> Mark | None:
+    mark = read_mark(notes)
+    return mark if mark and mark.machine == partition.id[:ID_DIGITS].lower() else None
+
+
+def _judged(partition: Partition, notes: str, own: Mark | None, carriers: Counter[tuple[str, str]]) -> Partition:
     others = erase_mark(notes)
     if own is None:
-        return MarkReading(mark=None, foreign=_why_foreign(notes), other_notes=others)
-    count = carriers[own.application, own.name]
-    if count > 1:
+        return replace(partition, other_notes=others, foreign_mark=_why_foreign(notes))
+    if (count := carriers[own.application, own.name]) > 1:
         why = f"the mark of {own.application}/{own.name} stands on {count} machines"
-        return MarkReading(mark=None, foreign=why, other_notes=others)
-    return MarkReading(mark=own, foreign="", other_notes=others)
+        return replace(partition, other_notes=others, foreign_mark=why)
+    return replace(partition, mark=own, other_notes=others)
 
 
 def _why_foreign(notes: str) -> str:

@@ -18,7 +18,7 @@ from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree
-from rarms_iac.providers.cgroups.machine import read_machine
+from rarms_iac.providers.cgroups.machine import read_boot, read_facts
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER, LinuxHostProvider
 from rarms_iac.providers.channel import ProgramChannel
 from rarms_iac.providers.interface import StepwiseHost
@@ -73,11 +73,9 @@ def open_simulated(host: Host, folder: Path) -> SimulatedHostProvider:
 
 def open_linux(host: Host, folder: Path, boot: str = "") -> LinuxHostProvider:
     """This machine, with the processors and the memory that the manifest tells; `boot`: another start of it."""
-    machine = read_machine(LinuxEffects())
-    machine = replace(
-        machine, logical_processors=host.logical_processors, memory=int(host.memory), boot=boot or machine.boot
-    )
-    return LinuxHostProvider(on_linux(host), folder, groups_of(folder), machine)
+    facts = read_facts(on_linux(host), LinuxEffects())
+    facts = replace(facts, logical_processors=host.logical_processors, memory=int(host.memory))
+    return LinuxHostProvider(on_linux(host), folder, groups_of(folder), facts, boot or read_boot(LinuxEffects()))
 
 
 def shell_channel(*words: str) -> ProgramChannel:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.providers.cgroups.effects import LinuxEffects
-from rarms_iac.providers.cgroups.machine import read_machine
+from rarms_iac.providers.cgroups.machine import read_boot
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from tests.contracts.benches import forget_host, groups_of, slice_of
 from tests.unit.cli.running import rarms
@@ -61,7 +61,7 @@ def test_after_restart_apply_or_unit_starts_partitions(folder: Path, at_boot: bo
     groups_of(folder).remove("eyes")
     for definition in (STATE_FOLDER / slice_of(folder)).glob("*.json"):
         text = definition.read_text(encoding="ascii")
-        definition.write_text(text.replace(read_machine(LinuxEffects()).boot, "an earlier start"), encoding="ascii")
+        definition.write_text(text.replace(read_boot(LinuxEffects()), "an earlier start"), encoding="ascii")
 
     advised = run(folder, "doctor")
     assert "`rarms apply` starts what is off" in advised

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.host import Host
-from rarms_iac.model.state import Partition, PartitionSettings, RunState
+from rarms_iac.model.state import HostFacts, Partition, PartitionSettings, RunState
 from rarms_iac.providers.cgroups.definitions import GroupDefinition, new_settings
 from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupValues
-from rarms_iac.providers.cgroups.machine import NAMESPACE, LinuxMachine
-from rarms_iac.providers.marks import MarkReading, read_marks
+from rarms_iac.providers.cgroups.machine import NAMESPACE
+from rarms_iac.providers.marks import with_marks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,11 +26,11 @@ class RunningGroup:
     wanted: GroupValues | None = None  # None: no definition names this group
 
 
-def foreign_definition(name: str, group: RunningGroup, machine: LinuxMachine) -> GroupDefinition:
+def foreign_definition(name: str, group: RunningGroup, facts: HostFacts, boot: str) -> GroupDefinition:
     """Return a group that no definition names as a partition, under an id that is always the same."""
-    number = str(uuid.uuid5(NAMESPACE, f"{machine.id}/group/{name}"))
-    settings = observed_settings(new_settings(name, 0), replace(group, wanted=None), machine.logical_processors)
-    return GroupDefinition(id=number, settings=settings, group=name, boot=machine.boot)
+    number = str(uuid.uuid5(NAMESPACE, f"{facts.id}/group/{name}"))
+    settings = observed_settings(new_settings(name, 0), replace(group, wanted=None), facts.logical_processors)
+    return GroupDefinition(id=number, settings=settings, group=name, boot=boot)
 
 
 def slice_limit(host: Host, processors: int) -> int | None:
@@ -68,10 +68,11 @@ def to_partitions(
         definitions: of all partitions, those of unmanaged groups included.
         running: by name of the group: those that are in the kernel.
         boot: the machine's latest start.
+        processors: logical processors of the machine.
     """
-    known = sorted(definitions, key=lambda definition: (definition.settings.name, definition.id))
-    judged = read_marks({definition.id: definition.notes for definition in known})
-    return tuple(_partition(definition, judged[definition.id], running, boot, processors) for definition in known)
+    return with_marks(
+        (_partition(definition, running, boot, processors), definition.notes) for definition in definitions
+    )
 
 
 def is_running(definition: GroupDefinition, groups: Iterable[str], boot: str) -> bool:
@@ -80,22 +81,15 @@ def is_running(definition: GroupDefinition, groups: Iterable[str], boot: str) ->
 
 
 def _partition(
-    definition: GroupDefinition, judged: MarkReading, running: Mapping[str, RunningGroup], boot: str, processors: int
+    definition: GroupDefinition, running: Mapping[str, RunningGroup], boot: str, processors: int
 ) -> Partition:
-    settings, runs = definition.settings, is_running(definition, running, boot)
-    if runs:
-        group = running[definition.group]
-        # NOTE: while values are being written, the old settings count; the next run that holds the host restores them.
-        observed = settings if definition.changing else observed_settings(settings, group, processors)
-        settings = replace(observed, running=True)
-    return Partition(
-        settings=settings,
-        id=definition.id,
-        state=RunState.RUNNING if runs else RunState.OFF,
-        mark=judged.mark,
-        other_notes=judged.other_notes,
-        foreign_mark=judged.foreign,
-    )
+    settings = definition.settings
+    if not is_running(definition, running, boot):
+        return Partition(settings=settings, id=definition.id)
+    # NOTE: while values are being written, the old settings count; the next run that holds the host restores them.
+    if not definition.changing:
+        settings = observed_settings(settings, running[definition.group], processors)
+    return Partition(settings=replace(settings, running=True), id=definition.id, state=RunState.RUNNING)
 
 
 def observed_settings(settings: PartitionSettings, group: RunningGroup, processors: int) -> PartitionSettings:

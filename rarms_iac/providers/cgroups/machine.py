@@ -3,7 +3,7 @@
 import uuid
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from rarms_iac.model.host import Host, ProviderKind, SchedulerType, host_identity
@@ -22,22 +22,13 @@ _SMT, _PROCESSORS = _CPU / "smt/active", _CPU / "online"
 MEBIBYTE = 2**20
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinuxMachine:
-    """A machine and its latest start."""
-
-    id: str
-    computer_name: str
-    logical_processors: int
-    memory: int  # bytes, whole MiB
-    smt: bool
-    boot: str  # id of its latest start
-    deadline_percent: int = USUAL_DEADLINE_PERCENT  # of each processor, that the kernel admits for SCHED_DEADLINE
-    processor_kinds: tuple[ProcessorKind, ...] = ()  # as of `HostFacts`
+def read_boot(effects: LinuxEffects) -> str:
+    """Return the id of the machine's latest start. Raises OSError."""
+    return effects.read(_BOOT)
 
 
-def read_machine(effects: LinuxEffects) -> LinuxMachine:
-    """Read a machine.
+def read_facts(host: Host, effects: LinuxEffects) -> HostFacts:
+    """Return the facts of a machine, the host of the manifest.
 
     Raises:
         OSError: it has no `/proc`, or no `/sys`.
@@ -48,40 +39,22 @@ def read_machine(effects: LinuxEffects) -> LinuxMachine:
     online = effects.read(_PROCESSORS)
     if not (processors := processor_list(_PROCESSORS, online)):
         raise UnreadableFile(_PROCESSORS, online, "a list of processors")
-    return LinuxMachine(
-        id=_text(effects, _ID) or uuid.uuid5(NAMESPACE, name).hex,
-        computer_name=name,
-        logical_processors=len(processors),
-        memory=_memory_kib(effects.read(_MEMORY)) * 1024 // MEBIBYTE * MEBIBYTE,
-        smt=_text(effects, _SMT) == "1",
-        boot=effects.read(_BOOT),
-        processor_kinds=_kinds(effects, processors),
-        # Where the kernel does not say, it admits nothing; a negative runtime is all of the period.
-        deadline_percent=100 if runtime < 0 else min(100, runtime * 100 // period) if period > 0 else 0,
-    )
-
-
-def facts_of(host: Host, machine: LinuxMachine, group_processors: int) -> HostFacts:
-    """Return the facts of the host that decisions rest on.
-
-    Args:
-        group_processors: how many of its processors control groups may use.
-    """
-    percent = machine.deadline_percent if group_processors == machine.logical_processors else 0
+    # Where the kernel does not say, it admits nothing; a negative runtime is all of the period.
+    deadline = 100 if runtime < 0 else min(100, runtime * 100 // period) if period > 0 else 0
     return HostFacts(
         name=host.name,
-        id=host_identity(machine.id),
+        id=host_identity(_text(effects, _ID) or uuid.uuid5(NAMESPACE, name).hex),
         provider=ProviderKind.LINUX,
-        computer_name=machine.computer_name,
+        computer_name=name,
         os_build=0,
         client=False,
         scheduler=SchedulerType.NONE,
-        smt=machine.smt,
-        logical_processors=machine.logical_processors,
-        memory=machine.memory,
+        smt=_text(effects, _SMT) == "1",
+        logical_processors=len(processors),
+        memory=_memory_kib(effects.read(_MEMORY)) * 1024 // MEBIBYTE * MEBIBYTE,
         rights=Rights.PROVEN,  # `LinuxHostProvider.tree` has refused the host where they are missing
-        processor_kinds=machine.processor_kinds,
-        deadline_percent=None if percent == USUAL_DEADLINE_PERCENT else percent,
+        processor_kinds=_kinds(effects, processors),
+        deadline_percent=None if deadline == USUAL_DEADLINE_PERCENT else deadline,
     )
 
 

@@ -30,7 +30,7 @@ from rarms_iac.planner.task_classes import ClassValues
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.processes import consumed_ms
 from rarms_iac.providers.cgroups.processor_use import ThreadLooks, looking_at
-from rarms_iac.providers.cgroups.provider import STATE_FOLDER, LinuxHostProvider, unreadable
+from rarms_iac.providers.cgroups.provider import STATE_FOLDER, LinuxHostProvider
 from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.measuring import NO_RUN, Obstacle, PartitionWork, RemainingSamples, Work
 from rarms_iac.rcss import CLASSES_VARIABLE
@@ -48,6 +48,7 @@ have their share within two points in each window that begins 50 ms or more afte
 OWN_PRIORITY = 1
 """The real-time priority (SCHED_FIFO, the lowest) of rarms and its supervisors: the load would delay them."""
 
+MEASURE_AGAIN = "Measure again: what is recorded is kept."
 ENDLESS = Elapsed(time=Milliseconds(Fraction(10**12)))
 PARENT_VARIABLE = "RARMS_CGROUP_PARENT"
 """The environment variable from which a component takes the parent of its containers' control groups."""
@@ -161,19 +162,14 @@ class LinuxMeasuringHost(LinuxHostProvider):
     @contextmanager
     def reported(self) -> Iterator[None]:
         """Raise what goes wrong with processes and files of the kernel as `HostRefused` or `HostFailed`."""
-        try:
-            yield
-        except UnreadableFile as problem:
-            raise unreadable(self.name, problem) from problem
-        except OSError as problem:
-            message = f"a file of the kernel cannot be read: {problem}"
-            raise HostFailed(self.name, message, "Measure again: what is recorded is kept.") from problem
-        except CannotStart as problem:
-            raise HostRefused(
-                self.name, f"{problem}", prose("Try it alone: ", command("run", "COMPONENT"), ".")
-            ) from problem
-        except RunningError as problem:
-            raise HostFailed(self.name, f"{problem}", "Measure again: what is recorded is kept.") from problem
+        with self.kernel_errors(advice=MEASURE_AGAIN):
+            try:
+                yield
+            except CannotStart as problem:
+                advice = prose("Try it alone: ", command("run", "COMPONENT"), ".")
+                raise HostRefused(self.name, f"{problem}", advice) from problem
+            except RunningError as problem:
+                raise HostFailed(self.name, f"{problem}", MEASURE_AGAIN) from problem
 
     def _component_runs(self, part: PartitionWork, groups: Mapping[str, str]) -> Iterator[ComponentRun]:
         """Yield the components of a partition. They run until the work ends; the caller judges their failures."""
@@ -240,14 +236,13 @@ class LinuxMeasuringHost(LinuxHostProvider):
             )
         group = definitions[running[0].id].group
         if part.classes:
-            try:
-                self.tree.allow_real_time(group, running[0].settings.reserve)
-            except UnreadableFile as problem:
-                raise unreadable(self.name, problem) from problem
-            except OSError as problem:
-                message = f"{partition} gets no budget for its task classes: {reason_of(problem)}"
-                advice = "Take real-time budgets (cpu.rt_runtime_us) from other control groups."
-                raise HostRefused(self.name, message, advice) from problem
+            with self.kernel_errors():
+                try:
+                    self.tree.allow_real_time(group, running[0].settings.reserve)
+                except OSError as problem:
+                    message = f"{partition} gets no budget for its task classes: {reason_of(problem)}"
+                    advice = "Take real-time budgets (cpu.rt_runtime_us) from other control groups."
+                    raise HostRefused(self.name, message, advice) from problem
         return group
 
 

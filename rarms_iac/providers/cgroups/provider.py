@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rarms_iac.diff.readings import readings, resolve
 from rarms_iac.model.changes import Address
-from rarms_iac.model.commands import DOCTOR, PLAN, prose
+from rarms_iac.model.commands import DOCTOR, PLAN, Wording, prose
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.host import Host, LinuxHost
 from rarms_iac.model.journal import Journal
@@ -27,7 +27,7 @@ from rarms_iac.model.operations import (
     TaskOperation,
 )
 from rarms_iac.model.plan import Readings, Scope
-from rarms_iac.model.state import PartitionSettings, StartAction, State
+from rarms_iac.model.state import HostFacts, PartitionSettings, StartAction, State
 from rarms_iac.model.wording import reason_of
 from rarms_iac.providers.cgroups.condition import nothing_withheld, off_without_stop, orphan_findings
 from rarms_iac.providers.cgroups.definition_files import DefinitionFiles
@@ -49,7 +49,7 @@ from rarms_iac.providers.cgroups.group_settings import (
     values_of,
 )
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
-from rarms_iac.providers.cgroups.machine import LinuxMachine, facts_of, read_machine
+from rarms_iac.providers.cgroups.machine import read_boot, read_facts
 from rarms_iac.providers.cgroups.processes import orphans
 from rarms_iac.providers.cgroups.refusals import lack_of_memory, lack_of_reserve, out_of_range
 from rarms_iac.providers.interface import HostFailed, HostRefused, ObservedHost
@@ -64,12 +64,6 @@ PLAN_AGAIN = prose("Look at the host again: ", PLAN, ".")
 ASK_DOCTOR = prose("See what this kernel lacks: ", DOCTOR, ".")
 
 
-def unreadable(host: str, problem: UnreadableFile) -> HostFailed:
-    """Return a host's failure for a file of its kernel that has no number where one is needed."""
-    advice = f"Compare {problem.file.as_posix()} with what the kernel documents; a tool may have put a file over it."
-    return HostFailed(host, f"{problem}", advice)
-
-
 class LinuxHostProvider(JournaledHost):
     """A `StepwiseHost` whose partitions are control groups of this machine.
 
@@ -81,14 +75,16 @@ class LinuxHostProvider(JournaledHost):
         host: Host,
         state_folder: Path = STATE_FOLDER,
         tree: GroupTree | None = None,
-        machine: LinuxMachine | None = None,
+        facts: HostFacts | None = None,
+        boot: str = "",
     ) -> None:
         """Prepare; nothing is read before the first call.
 
         Args:
             state_folder: what all slices of the machine keep lies below it.
             tree: the control groups; None: the kernel's, below the slice of the manifest.
-            machine: None: as it shows itself.
+            facts: of the machine; None: as it shows itself.
+            boot: its latest start; empty: as it shows itself.
         """
         settings = host.settings if isinstance(host.settings, LinuxHost) else LinuxHost()
         self._linux = settings
@@ -99,7 +95,8 @@ class LinuxHostProvider(JournaledHost):
         self._host = host
         self._known_tree = tree
         self._is_ours = False  # known that rarms made the slice, or that it is not there
-        self._described_machine = self._known_machine = machine
+        self._described_facts = self._known_facts = facts
+        self._described_boot = self._known_boot = boot
 
     @property
     def tree(self) -> GroupTree:
@@ -142,15 +139,20 @@ class LinuxHostProvider(JournaledHost):
         )
 
     @property
-    def machine(self) -> LinuxMachine:
-        """The machine below."""
-        if self._known_machine is None:
-            try:
-                machine, boot = read_machine(self._effects), self.tree.boot
-            except UnreadableFile as problem:
-                raise unreadable(self.name, problem) from problem
-            self._known_machine = replace(machine, boot=boot) if boot else machine
-        return self._known_machine
+    def facts(self) -> HostFacts:
+        """The facts of the machine."""
+        if self._known_facts is None:
+            with self.kernel_errors():
+                self._known_facts = read_facts(self._host, self._effects)
+        return self._known_facts
+
+    @property
+    def boot(self) -> str:
+        """The id of the machine's latest start; systemd keeps groups over all of them."""
+        if not self._known_boot:
+            with self.kernel_errors():
+                self._known_boot = self.tree.boot or read_boot(self._effects)
+        return self._known_boot
 
     @contextmanager
     def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
@@ -176,7 +178,7 @@ class LinuxHostProvider(JournaledHost):
         found = [*off_without_stop(self._host, off), *nothing_withheld(self._host, self._processors)]
         read = self._effects.processes()
         for partition in state.partitions:
-            with self._kernel_errors(partition.settings.name):
+            with self.kernel_errors(partition.settings.name):
                 running = self.tree.processes(definitions[partition.id].group) if partition.settings.running else ()
                 found += orphan_findings(partition.settings.name, orphans(running, read))
         return ObservedHost(state=state, condition=HostCondition(), findings=tuple(found))
@@ -193,7 +195,7 @@ class LinuxHostProvider(JournaledHost):
         state, definitions = self._seen()
         stopped = self._stopped_by_no_run(definitions.values())
         for definition in stopped:
-            with self._kernel_errors(definition.settings.name):
+            with self.kernel_errors(definition.settings.name):
                 self._start(definition, state)
             state, _ = self._seen()
         return tuple(definition.settings.name for definition in stopped)
@@ -208,27 +210,23 @@ class LinuxHostProvider(JournaledHost):
 
     def _look(self) -> tuple[State, Mapping[str, GroupDefinition]]:
         """Look at the machine, too, which a run does not: return state and definitions as `_seen`."""
-        self._known_machine = self._described_machine
+        self._known_facts, self._known_boot = self._described_facts, self._described_boot
         return self._seen()
 
     def _seen(self) -> tuple[State, Mapping[str, GroupDefinition]]:
         """Return the host's state, and the definition of each partition by its id."""
-        try:
+        with self.kernel_errors():
             return self._state_and_definitions()
-        except UnreadableFile as problem:
-            raise unreadable(self.name, problem) from problem
-        except OSError as problem:
-            message = f"a file of the kernel cannot be read: {problem}"
-            raise HostFailed(self.name, message, ASK_DOCTOR) from problem
 
     def _state_and_definitions(self) -> tuple[State, Mapping[str, GroupDefinition]]:
-        tree, machine = self.tree, self.machine
+        tree, facts = self.tree, self.facts
         definitions = self._definitions.all()
         running = self._running(tree, definitions)
         known = [*definitions, *self._foreign(running, definitions)]
+        has_all = tree.usable_processors() == facts.logical_processors
         state = State(
-            facts=facts_of(self._host, machine, tree.usable_processors()),
-            partitions=to_partitions(known, running, machine.boot, machine.logical_processors),
+            facts=facts if has_all else replace(facts, deadline_percent=0),
+            partitions=to_partitions(known, running, self.boot, facts.logical_processors),
             serials=self._serials(),
         )
         return state, {definition.id: definition for definition in known}
@@ -239,7 +237,7 @@ class LinuxHostProvider(JournaledHost):
     def execute(self, operation: Operation, scope: Scope) -> None:
         """Change a group, its definition first: after a kill `_recover` takes back what that says."""
         state, known = self._seen()
-        with self._kernel_errors(self._linux.slice if isinstance(operation, TaskOperation) else operation.partition):
+        with self.kernel_errors(self._linux.slice if isinstance(operation, TaskOperation) else operation.partition):
             self._do(operation, scope, state, known)
 
     def _do(self, operation: Operation, scope: Scope, state: State, known: Mapping[str, GroupDefinition]) -> None:
@@ -287,7 +285,7 @@ class LinuxHostProvider(JournaledHost):
                     raise self._plan_again(
                         f"{definition.settings.name} is running, and only a partition that is off can be removed"
                     )
-                if definition.boot == self.machine.boot:  # systemd remembers a group that is off since a restart
+                if definition.boot == self.boot:  # systemd remembers a group that is off since a restart
                     self.tree.remove(definition.group)
                 self._definitions.delete(definition)
             case _:
@@ -331,7 +329,7 @@ class LinuxHostProvider(JournaledHost):
         self._definitions.save(begun)
         self._make_group(group)
         self.tree.write(group, self._values(settings))
-        started = replace(begun, boot=self.machine.boot)
+        started = replace(begun, boot=self.boot)
         self._start_with_machine(started)
         self._definitions.save(started)
 
@@ -346,10 +344,10 @@ class LinuxHostProvider(JournaledHost):
     def _recover(self) -> None:
         """Take back what a killed run left half done; the definitions have what was there before."""
         self._definitions.refuse_writable_folder()
-        with self._kernel_errors(self._linux.slice):
+        with self.kernel_errors(self._linux.slice):
             self.tree.limit_slice(slice_limit(self._host, self._processors))
         for definition in self._definitions.all():
-            with self._kernel_errors(definition.settings.name):
+            with self.kernel_errors(definition.settings.name):
                 if definition.group and not definition.boot:
                     self.tree.remove(definition.group)
                     self._definitions.save(replace(definition, group=""))
@@ -373,11 +371,11 @@ class LinuxHostProvider(JournaledHost):
         return group if group not in self.tree.names() else self.tree.name_for(f"{name}.{definition.id[:8]}")
 
     def _runs(self, definition: GroupDefinition) -> bool:
-        return is_running(definition, self.tree.names(), self.machine.boot)
+        return is_running(definition, self.tree.names(), self.boot)
 
     @property
     def _processors(self) -> int:
-        return self.machine.logical_processors
+        return self.facts.logical_processors
 
     def _make_group(self, name: str) -> None:
         self.tree.make(name)
@@ -401,10 +399,10 @@ class LinuxHostProvider(JournaledHost):
         self, running: dict[str, RunningGroup], definitions: list[GroupDefinition]
     ) -> Iterator[GroupDefinition]:
         """Yield the groups below the slice that other tools made, as unmanaged partitions."""
-        known = {definition.group for definition in definitions if definition.boot in {"", self.machine.boot}}
+        known = {definition.group for definition in definitions if definition.boot in {"", self.boot}}
         for name, group in running.items():
             if name not in known:
-                yield foreign_definition(name, group, self.machine)
+                yield foreign_definition(name, group, self.facts, self.boot)
 
     def _partition_id(self, operation: GroupOperation, state: State, scope: Scope) -> str:
         """Return the id of the partition that the operation's name resolves to."""
@@ -415,14 +413,20 @@ class LinuxHostProvider(JournaledHost):
         return found[0].id
 
     @contextmanager
-    def _kernel_errors(self, partition: str) -> Iterator[None]:
+    def kernel_errors(self, partition: str = "", advice: Wording = ASK_DOCTOR) -> Iterator[None]:
+        """Report what the kernel refuses of a partition; without one, that a file of the kernel cannot be read."""
         try:
             yield
         except UnreadableFile as problem:
-            raise unreadable(self.name, problem) from problem
+            look = (
+                f"Compare {problem.file.as_posix()} with what the kernel documents; a tool may have put a file over it."
+            )
+            raise HostFailed(self.name, f"{problem}", look) from problem
         except OSError as problem:
-            message = f"{partition}: the kernel refuses: {reason_of(problem)}"
-            raise HostFailed(self.name, message, ASK_DOCTOR) from None
+            message = f"a file of the kernel cannot be read: {problem}"
+            if partition:
+                message = f"{partition}: the kernel refuses: {reason_of(problem)}"
+            raise HostFailed(self.name, message, advice) from problem
 
     def _plan_again(self, message: str) -> HostRefused:
         """Return the refusal of a host that differs from what the plan saw: a new plan is needed."""

@@ -7,7 +7,6 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.shared_findings import DAMAGED, ROUNDED
 from rarms_iac.model.state import Rights
 from rarms_iac.model.wording import quoted
-from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted
 from rarms_iac.providers.hyperv.observation import (
     HostObservation,
     ObservedMachine,
@@ -16,7 +15,7 @@ from rarms_iac.providers.hyperv.observation import (
     is_unread,
     or_else,
 )
-from rarms_iac.providers.hyperv.parse import last_run_of, responsiveness_of, rights_of
+from rarms_iac.providers.hyperv.parse import JOURNAL, UnusableJournal, last_run_of, responsiveness_of, rights_of
 from rarms_iac.providers.hyperv.ties import processor_settings
 from rarms_iac.providers.interface import HostFailed
 
@@ -157,20 +156,6 @@ def _not_whole(machine: ObservedMachine, reserve: int, host: str) -> Diagnostic:
 
 
 def _journal_findings(observation: HostObservation, host: str) -> Iterator[Diagnostic]:
-    match last_run_of(observation):
-        case JournalPlanted(owner=owner):
-            yield DAMAGED.of_host(
-                host,
-                "%ProgramData%\\rarms\\journal.jsonl of {host} belongs to {owner}, not to Administrators or SYSTEM.",
-                "Find out who put it there, then remove it. A script refuses to run beside it.",
-                owner=owner,
-            )
-        case JournalDamaged(message=message):
-            yield DAMAGED.of_host(
-                host,
-                "%ProgramData%\\rarms\\journal.jsonl of {host} is damaged: {reason}.",
-                "Look at the host to see what the last run did, then remove the file.",
-                reason=message,
-            )
-        case _:
-            return
+    run = last_run_of(observation)
+    if isinstance(run, UnusableJournal):
+        yield DAMAGED.of_host(host, JOURNAL + " of {host} {problem}.", run.advice, problem=run.problem)

@@ -2,12 +2,13 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TypeVar
 
 from rarms_iac.model.capacity import SMT_THREADS, core_sharing
 from rarms_iac.model.host import ProviderKind, SchedulerType, host_identity
-from rarms_iac.model.journal import ScriptRun
+from rarms_iac.model.journal import ScriptRun, ScriptStarted
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.state import (
     SECURE_BOOT_OFF,
@@ -32,7 +33,6 @@ from rarms_iac.model.state import (
 )
 from rarms_iac.model.task_names import TASK_VALUES
 from rarms_iac.model.wording import quoted
-from rarms_iac.providers.hyperv.journal import LastRun, NoJournal, last_run
 from rarms_iac.providers.hyperv.observation import (
     HostObservation,
     HypervisorFacts,
@@ -47,13 +47,19 @@ from rarms_iac.providers.hyperv.observation import (
     or_else,
 )
 from rarms_iac.providers.hyperv.ties import REPLICA_MARK, cpu_groups_of, ties_of
-from rarms_iac.providers.marks import MarkReading, read_marks
-from rarms_iac.storage.codec import NotDecodable, decode_union
+from rarms_iac.providers.journaled import split_run
+from rarms_iac.providers.marks import with_marks
+from rarms_iac.storage.append import Damaged, records_in
+from rarms_iac.storage.codec import NotDecodable, decode, decode_union
 from rarms_iac.storage.json_text import parse_json
 
 T = TypeVar("T")
 
 CLIENT = "Client"
+
+JOURNAL = "%ProgramData%\\rarms\\journal.jsonl"
+TRUSTED = frozenset({"S-1-5-32-544", "S-1-5-18", ""})
+"""Administrators and SYSTEM; empty where the system has no such owners, as off Windows."""
 _SCHEDULERS = {
     1: SchedulerType.CLASSIC,
     2: SchedulerType.CLASSIC,
@@ -191,26 +197,26 @@ def partitions_of(observation: HostObservation, facts: HostFacts) -> tuple[Parti
     Raises:
         NotDecodable: an enumeration has a name that Hyper-V does not give.
     """
-    machines = sorted(or_else(observation.machines, ()), key=lambda machine: (machine.name, machine.id))
-    readings = read_marks({machine.id: machine.notes for machine in machines})
     builds, mute = _guest_builds(observation), _mute_guests(observation)
     groups = cpu_groups_of(observation)
     secure_boot = {
         firmware.machine: SECURE_BOOT_OFF if firmware.secure_boot == "Off" else firmware.template
         for firmware in or_else(observation.firmware, ())
     }
-    return tuple(
-        _tied(
+    marked = with_marks(
+        (
             replace(
-                _partition(machine, readings[machine.id], facts, secure_boot.get(machine.id)),
+                _partition(machine, facts, secure_boot.get(machine.id)),
                 guest_build=builds.get(machine.id, 0),
                 can_be_asked=machine.id not in mute,
                 cpu_group=groups.get(machine.id, ""),
                 ties=ties_of(machine, groups),
-            )
+            ),
+            machine.notes,
         )
-        for machine in machines
+        for machine in or_else(observation.machines, ())
     )
+    return tuple(map(_tied, marked))
 
 
 def _tied(partition: Partition) -> Partition:
@@ -285,10 +291,38 @@ def responsiveness_of(observation: HostObservation) -> Responsiveness | None:
     return Responsiveness(value=values.get(_RESPONSIVENESS), record=record)
 
 
-def last_run_of(observation: HostObservation) -> LastRun:
-    """Return the last run, as the journal of that operating system tells it."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnusableJournal:
+    """Nothing is known of the last run."""
+
+    problem: str  # follows the file's name
+    advice: str
+
+
+def last_run_of(observation: HostObservation) -> ScriptRun | UnusableJournal | None:
+    """Return the last run, as the journal of that operating system tells it; None: nothing has run there yet."""
     journal = or_else(observation.journal, None)
-    return last_run(journal.owner, journal.text) if journal else NoJournal()
+    return last_run(journal.owner, journal.text) if journal else None
+
+
+def last_run(owner: str, text: str) -> ScriptRun | UnusableJournal:
+    """Read the last run from the journal (docs/scripts.md has its records).
+
+    One that belongs to neither Administrators nor SYSTEM was planted: it must not tell an administrator what to do.
+    """
+    if owner not in TRUSTED:
+        advice = "Find out who put it there, then remove it. A script refuses to run beside it."
+        return UnusableJournal(problem=f"belongs to {owner}, not to Administrators or SYSTEM", advice=advice)
+    try:
+        started, steps, closed = split_run(records_in(text.encode("utf-8", "surrogatepass"), Path(JOURNAL)))
+        touched = started.get("touched")
+        texts = [str(number) for number in touched] if isinstance(touched, list) else []
+        return ScriptRun(started=decode(ScriptStarted, {**started, "touched": texts}), steps=steps, closed=closed)
+    except Damaged as error:
+        why = f"line {error.line}: {error.message}"
+    except NotDecodable as error:
+        why = str(error)
+    return UnusableJournal(problem=f"is damaged: {why}", advice="Look at what the last run did, then remove the file.")
 
 
 def serials_of(observation: HostObservation) -> Mapping[str, int]:
@@ -317,7 +351,7 @@ def run_state(state: str) -> RunState:
     return _AT_REST.get(state, RunState.BUSY)
 
 
-def _partition(machine: ObservedMachine, readings: MarkReading, facts: HostFacts, secure_boot: str | None) -> Partition:
+def _partition(machine: ObservedMachine, facts: HostFacts, secure_boot: str | None) -> Partition:
     state = run_state(machine.state)
     settings = PartitionSettings(
         name=machine.name,
@@ -338,9 +372,6 @@ def _partition(machine: ObservedMachine, readings: MarkReading, facts: HostFacts
         settings=settings,
         id=machine.id,
         state=state,
-        mark=readings.mark,
-        other_notes=readings.other_notes,
-        foreign_mark=readings.foreign,
         checkpoints=machine.checkpoint_count,
         sharing=core_sharing(facts, int(machine.threads_per_core) if machine.threads_per_core.isdecimal() else 1),
     )

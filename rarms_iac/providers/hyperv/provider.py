@@ -15,9 +15,8 @@ from rarms_iac.powershell.templates import without_signature
 from rarms_iac.providers.channel import CommandChannel, ssh_channel
 from rarms_iac.providers.hyperv.bootstrap import SHELLS, RemotePowerShell, arguments_of
 from rarms_iac.providers.hyperv.condition import condition_of, findings_of, unread_error
-from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal
 from rarms_iac.providers.hyperv.observation import HostObservation, is_unread, observation_of, or_else
-from rarms_iac.providers.hyperv.parse import last_run_of, to_state
+from rarms_iac.providers.hyperv.parse import JOURNAL, UnusableJournal, last_run_of, to_state
 from rarms_iac.providers.hyperv.transport import Listener, LocalTransport, RemoteTransport, Transport
 from rarms_iac.providers.interface import (
     EventListener,
@@ -37,7 +36,6 @@ from rarms_iac.storage.reading import read_file
 OBSERVE_SECONDS = 300.0
 OBSERVE = "observe.ps1"
 LARGEST_SIGNED = 32 * 2**20  # bytes
-JOURNAL = "%ProgramData%\\rarms\\journal.jsonl"
 EVENT_FORMAT = "rarms-event/1"
 NATIVE_BUILD = 17763
 """The first build of Windows (Server 2019) whose Hyper-V module PowerShell 7 loads itself."""
@@ -86,19 +84,10 @@ class LiveHypervHost:
         observation = self.observation()
         if is_unread(observation.journal):
             raise HostFailed(self.name, f"{JOURNAL} may not be read", "Connect as a member of its Administrators.")
-        match last_run_of(observation):
-            case NoJournal():
-                return None
-            case ScriptRun() as run:
-                return run
-            case JournalPlanted(owner=owner):
-                message = f"{JOURNAL} belongs to {owner}, not to Administrators or SYSTEM"
-                raise HostDamaged(self.name, message, "Find out who put it there, then remove it.")
-            case JournalDamaged(message=message):
-                advice = "Look at what the last run did, then remove it."
-                raise HostDamaged(self.name, f"{JOURNAL} is damaged: {message}", advice)
-            case unreachable:
-                assert_never(unreachable)
+        run = last_run_of(observation)
+        if isinstance(run, UnusableJournal):
+            raise HostDamaged(self.name, f"{JOURNAL} {run.problem}", run.advice)
+        return run
 
     def unfinished(self) -> ScriptRun | None:
         run = self.journal()

@@ -2,13 +2,12 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 
 from rarms_iac.model.capacity import core_sharing
 from rarms_iac.model.host import Host, SimulatedHost
 from rarms_iac.model.state import Disk, HostFacts, Partition, Rights, State, TaskClass
-from rarms_iac.providers.marks import MarkReading, read_marks
-from rarms_iac.providers.simulated.content import Content, SimulatedMachine
+from rarms_iac.providers.marks import with_marks
+from rarms_iac.providers.simulated.content import Content
 from rarms_iac.providers.simulated.registry import FRESH, SHIPPED
 
 DISK_FOLDER = "C:\\disks"
@@ -39,10 +38,14 @@ def visible_disks(content: Content, facts: HostFacts) -> tuple[Disk, ...]:
 def partitions_of(content: Content, host: Host) -> tuple[Partition, ...]:
     """Return the machines by name, then id, with the marks that count."""
     sharing, build = core_sharing(facts_of(content, host)), description(host).guest_windows_build
-    judged = read_marks({machine.id: machine.notes for machine in content.machines.values()})
-    machines = sorted(content.machines.values(), key=lambda machine: (machine.settings.name, machine.id))
-    return tuple(
-        replace(_partition(machine, judged[machine.id]), sharing=sharing, guest_build=build) for machine in machines
+    return with_marks(
+        (
+            Partition(
+                settings=machine.settings, id=machine.id, state=machine.state, sharing=sharing, guest_build=build
+            ),
+            machine.notes,
+        )
+        for machine in content.machines.values()
     )
 
 
@@ -85,17 +88,6 @@ def stands_for(partition: Partition) -> str:
         return partition.mark.name
     pending = _PENDING.fullmatch(partition.settings.name)
     return pending["partition"] if pending else ""
-
-
-def _partition(machine: SimulatedMachine, judged: MarkReading) -> Partition:
-    return Partition(
-        settings=machine.settings,
-        id=machine.id,
-        state=machine.state,
-        mark=judged.mark,
-        other_notes=judged.other_notes,
-        foreign_mark=judged.foreign,
-    )
 
 
 def _tasks(content: Content, inside: str, machine: str) -> list[TaskClass]:

@@ -4,12 +4,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.providers.marks import erase_mark, read_mark, read_marks, write_mark
+from rarms_iac.model.state import Partition
+from rarms_iac.providers.cgroups.definitions import new_settings
+from rarms_iac.providers.marks import erase_mark, read_mark, with_marks, write_mark
 from tests.builders import a_mark
 
 FIRST, SECOND = "aaaaaaaa-1111-4111-8111-111111111111", "bbbbbbbb-1111-4111-8111-111111111111"
 MARK = a_mark(FIRST, "robot", "vision", "0123456789ab")
 LINE = "rarms/1 robot/vision vm=aaaaaaaa set=0123456789ab"
+
+
+def marked(notes: dict[str, str]) -> dict[str, Partition]:
+    """Machines with these notes, by id."""
+    machines = ((Partition(settings=new_settings("vision", 0), id=id_), text) for id_, text in notes.items())
+    return {machine.id: machine for machine in with_marks(machines)}
 
 
 def test_a_mark_is_one_line_below_the_users() -> None:
@@ -45,25 +53,25 @@ def test_mark_taken_out_leaves_notes_as_they_were(notes: str) -> None:
     ],
 )
 def test_what_does_not_count_is_said(notes: str, why: str) -> None:
-    judged = read_marks({FIRST: notes})[FIRST]
+    judged = marked({FIRST: notes})[FIRST]
 
-    assert (judged.mark, judged.foreign) == (None, why)
+    assert (judged.mark, judged.foreign_mark) == (None, why)
 
 
 def test_copy_of_a_machine_is_not_ours() -> None:
-    judged = read_marks({FIRST: LINE, SECOND: LINE})
+    judged = marked({FIRST: LINE, SECOND: LINE})
 
     assert judged[FIRST].mark == MARK
     assert judged[SECOND].mark is None
-    assert judged[SECOND].foreign.startswith("its mark names another machine")
+    assert judged[SECOND].foreign_mark.startswith("its mark names another machine")
 
 
 def test_a_partition_on_two_machines_is_on_none() -> None:
-    twice = read_marks({FIRST: LINE, SECOND: write_mark("", a_mark(SECOND, "robot", "vision", "0" * 12))})
+    twice = marked({FIRST: LINE, SECOND: write_mark("", a_mark(SECOND, "robot", "vision", "0" * 12))})
 
     assert [reading.mark for reading in twice.values()] == [None, None]
-    assert {reading.foreign for reading in twice.values()} == {"the mark of robot/vision stands on 2 machines"}
+    assert {reading.foreign_mark for reading in twice.values()} == {"the mark of robot/vision stands on 2 machines"}
 
 
 def test_the_users_lines_are_kept_apart() -> None:
-    assert read_marks({FIRST: f"one\n{LINE}\ntwo"})[FIRST].other_notes == "one\ntwo"
+    assert marked({FIRST: f"one\n{LINE}\ntwo"})[FIRST].other_notes == "one\ntwo"

@@ -6,7 +6,8 @@ import pytest
 
 from rarms_iac.model.state import ProcessorKind
 from rarms_iac.providers.cgroups.effects import LinuxEffects
-from rarms_iac.providers.cgroups.machine import read_machine
+from rarms_iac.providers.cgroups.machine import read_facts
+from tests.builders import a_host
 
 pytestmark = pytest.mark.needs("linux")
 
@@ -47,4 +48,4 @@ SINGLE = {f"cpu{number}/topology/thread_siblings_list": str(number) for number i
     ids=["unknown", "alike", "threads", "capacity", "frequency"],
 )
 def test_processors_that_differ_are_told_by_kind(files: dict[str, str], kinds: tuple[ProcessorKind, ...]) -> None:
-    assert read_machine(_Copy(FOUR | files)).processor_kinds == kinds
+    assert read_facts(a_host(), _Copy(FOUR | files)).processor_kinds == kinds

@@ -13,7 +13,7 @@ from rarms_iac.providers.cgroups import effects, provider, systemd
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.find_tree import SYSTEMD_FOLDER, MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.groups import GroupValues
-from rarms_iac.providers.cgroups.machine import read_machine
+from rarms_iac.providers.cgroups.machine import read_boot
 from rarms_iac.providers.cgroups.provider import LinuxHostProvider
 from rarms_iac.providers.cgroups.systemd import GroupTreeSystemd
 from rarms_iac.providers.interface import HostRefused
@@ -174,9 +174,9 @@ def test_half_read_machine_is_read_again(lab: Lab, monkeypatch: pytest.MonkeyPat
     found = iter([MissingFeatures(names=("cpu",)), lab.tree])
     monkeypatch.setattr(provider, "find_tree", lambda *_: next(found))
     with pytest.raises(HostRefused):
-        host.machine  # noqa: B018 - reading it is what fails
+        host.boot  # noqa: B018 - reading it is what fails
 
-    assert host.machine.boot == "systemd"
+    assert host.boot == "systemd"
 
 
 def test_systemd_uses_version_2_unless_asked(
@@ -198,7 +198,7 @@ def test_systemd_uses_version_2_unless_asked(
 
 
 def test_restart_keeps_partitions_except_manual_ones(lab: Lab) -> None:
-    machine, host = read_machine(LinuxEffects()), lab.host()
+    host = lab.host()
     for name in ("vision", "speech"):
         host.execute(CreatePartition(partition=name, generation=2, memory=64 * MIB), SCOPE)
         host.execute(SetCpu(partition=name, reserve=20, limit=50, weight=100), SCOPE)
@@ -211,7 +211,7 @@ def test_restart_keeps_partitions_except_manual_ones(lab: Lab) -> None:
     lab.restart_machine()
 
     after = {found.settings.start_action: found for found in lab.host().observe().partitions}
-    assert machine.boot != lab.host().machine.boot == "systemd"
+    assert read_boot(LinuxEffects()) != lab.host().boot == "systemd"
     assert after[StartAction.START] in before.partitions
     assert after[StartAction.NOTHING].state is RunState.OFF
     host.execute(RemovePartition(partition="speech"), SCOPE)

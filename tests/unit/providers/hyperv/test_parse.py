@@ -6,9 +6,16 @@ from rarms_iac.model.host import ProviderKind, SchedulerType, host_identity
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import RegistryValue, Rights, RunState, StartAction, StopAction, TaskRecord, ValueKind
 from rarms_iac.providers.hyperv.condition import findings_of
-from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal, last_run
 from rarms_iac.providers.hyperv.observation import HostObservation, ReadProbe
-from rarms_iac.providers.hyperv.parse import last_run_of, run_state, serials_of, tasks_of, to_state
+from rarms_iac.providers.hyperv.parse import (
+    UnusableJournal,
+    last_run,
+    last_run_of,
+    run_state,
+    serials_of,
+    tasks_of,
+    to_state,
+)
 from rarms_iac.storage.append import sealed_line
 from rarms_iac.storage.codec import NotDecodable
 from tests.recorded_hosts import document, recorded, unread
@@ -131,7 +138,7 @@ def test_the_serials_come_from_a_journal_of_administrators() -> None:
     assert serials_of(recorded("server-2022-with-strangers")) == {"other": 1, "welding-cell": 3}
     assert serials_of(recorded("event-log-rolled-over")) == {}
     assert serials_of(recorded("empty-host")) == {}
-    assert isinstance(last_run_of(recorded("empty-host")), NoJournal)
+    assert last_run_of(recorded("empty-host")) is None
 
 
 def test_killed_run_is_unfinished() -> None:
@@ -154,12 +161,14 @@ def test_a_planted_and_a_damaged_journal_say_nothing() -> None:
     text = journal.value.text
     extra = sealed_line({"number": 0, "status": "begun", "kind": "step_recorded"}).decode()
 
-    assert last_run("S-1-5-21-1-2-3-1013", text) == JournalPlanted(owner="S-1-5-21-1-2-3-1013")
-    assert isinstance(last_run("S-1-5-18", text.replace("begun", "other", 1)), JournalDamaged)
-    assert isinstance(last_run("S-1-5-18", text + extra), JournalDamaged)
-    assert isinstance(last_run("S-1-5-18", sealed_line({"kind": "step_recorded"}).decode()), JournalDamaged)
-    assert isinstance(last_run("S-1-5-18", ""), JournalDamaged)
-    assert isinstance(last_run("S-1-5-18", text.replace("\n", "\r")), JournalDamaged)
+    planted = last_run("S-1-5-21-1-2-3-1013", text)
+    assert isinstance(planted, UnusableJournal)
+    assert "belongs to S-1-5-21-1-2-3-1013" in planted.problem
+    assert isinstance(last_run("S-1-5-18", text.replace("begun", "other", 1)), UnusableJournal)
+    assert isinstance(last_run("S-1-5-18", text + extra), UnusableJournal)
+    assert isinstance(last_run("S-1-5-18", sealed_line({"kind": "step_recorded"}).decode()), UnusableJournal)
+    assert isinstance(last_run("S-1-5-18", ""), UnusableJournal)
+    assert isinstance(last_run("S-1-5-18", text.replace("\n", "\r")), UnusableJournal)
 
 
 def test_a_reserve_that_no_cmdlet_shows_is_told() -> None:
