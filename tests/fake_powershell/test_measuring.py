@@ -31,7 +31,7 @@ def measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Measured:
 
     def run(host: WindowsHost, manifest: str = MANIFEST, **asked: object) -> measure.MeasureOutcome:
         (tmp_path / "rarms.yaml").write_text(manifest, encoding="utf-8")
-        monkeypatch.setattr(provider, "transport_to", lambda _host: FakePowerShellTransport(host))
+        monkeypatch.setattr(provider, "transport_to", lambda *_: FakePowerShellTransport(host))
         request = MeasureRequest(**asked)  # type: ignore[arg-type]  # fields, said by tests
         return measure.measure_components(app_hosts.load(str(tmp_path)), request)
 
@@ -88,7 +88,7 @@ def test_a_task_class_is_not_measured_but_proven(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     host = a_measurable_windows()
-    monkeypatch.setattr(provider, "transport_to", lambda _host: FakePowerShellTransport(host))
+    monkeypatch.setattr(provider, "transport_to", lambda *_: FakePowerShellTransport(host))
     monkeypatch.chdir(tmp_path)
     with_class = MANIFEST.replace("processors: 1", "processors: 1\n    task: SpeechRecognition")
     Path("rarms.yaml").write_text(with_class, encoding="utf-8")
@@ -220,7 +220,7 @@ def test_only_process_job_is_started_by_its_period(
     (tmp_path / "rarms.yaml").write_text(
         MANIFEST.replace("until", f"arrival: {{ every: 33 ms }}, {source}until"), encoding="utf-8"
     )
-    monkeypatch.setattr(provider, "transport_to", lambda _host: FakePowerShellTransport(a_measurable_windows()))
+    monkeypatch.setattr(provider, "transport_to", lambda *_: FakePowerShellTransport(a_measurable_windows()))
 
     script, _removal = measure.measuring_scripts(app_hosts.load(str(tmp_path)))
 
@@ -305,7 +305,7 @@ def test_script_by_hand_makes_nothing(
 ) -> None:
     host = a_measurable_windows()
     (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
-    monkeypatch.setattr(provider, "transport_to", lambda _host: FakePowerShellTransport(host))
+    monkeypatch.setattr(provider, "transport_to", lambda *_: FakePowerShellTransport(host))
     script, _removal = measure.measuring_scripts(app_hosts.load(str(tmp_path)))
     put(host, {script.name: script.text.encode("ascii")})
     host.effects = []
@@ -320,7 +320,7 @@ def test_what_was_measured_is_applied_and_proven(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     host = a_measurable_windows()
-    monkeypatch.setattr(provider, "transport_to", lambda _host: FakePowerShellTransport(host))
+    monkeypatch.setattr(provider, "transport_to", lambda *_: FakePowerShellTransport(host))
     (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
 

@@ -1,15 +1,20 @@
-"""The content of a simulated host: its machines, their disks and the registries of its operating systems.
+"""The content of a simulated host, and its file: machines, their disks and the registries of its operating systems.
 
 The machine itself (processors, memory, build, scheduler, rights) is described by the manifest each time; this is what
-was done to it since. Pure.
+was done to it since. The file is one record as in a journal, with a checksum: a file that is not exactly as it was
+written is damaged, and is never taken for something else. Pure.
 """
 
 import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal, cast
 
 from rarms_iac.model.state import Disk, PartitionSettings, RunState
 from rarms_iac.providers.simulated.registry import FRESH, Registry
+from rarms_iac.storage.append import Record, records_in, sealed_line
+from rarms_iac.storage.codec import NotDecodable, decode, encode
 
 NAMESPACE = uuid.UUID("6f1d3c52-8a0e-5b7c-9d44-72a1b0e5c301")
 """Ids of simulated hosts and machines are made in it, so that the same input gives the same bytes."""
@@ -35,6 +40,7 @@ class Content:
     """Everything on the host."""
 
     id: str
+    format: Literal["rarms-simulated-host/1"] = "rarms-simulated-host/1"
     made: int = 0  # how many machines there ever were: no id comes twice
     machines: Mapping[str, SimulatedMachine] = field(default_factory=dict)  # by id
     registries: Mapping[str, Registry] = field(default_factory=dict)  # by machine, "" the host's; absent: FRESH
@@ -83,3 +89,21 @@ def empty(host: str) -> Content:
 def next_id(content: Content, name: str) -> str:
     """Return the id of the next machine, if it is called so."""
     return str(uuid.uuid5(uuid.UUID(content.id), f"{name}/{content.made + 1}"))
+
+
+def write_content(content: Content) -> bytes:
+    """Return the file that holds this content."""
+    return sealed_line(cast("Record", encode(content)))
+
+
+def read_content(data: bytes, path: Path) -> Content:
+    """Return the content of the file; `path` says where it comes from, for people.
+
+    Raises:
+        Damaged: it is not as it was written.
+        NotDecodable: it is of another format.
+    """
+    record, *others = records_in(data, path)
+    if others or data.count(b"\n") != 1:
+        raise NotDecodable("", "it is not the one line that rarms wrote")
+    return decode(Content, record)

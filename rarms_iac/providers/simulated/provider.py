@@ -21,8 +21,7 @@ from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import Rights, State
 from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.journaled import JournaledHost, LocalFiles, report_damage, report_failure
-from rarms_iac.providers.simulated.content import Content, SimulatedMachine, empty, next_id
-from rarms_iac.providers.simulated.content_file import read_content, write_content
+from rarms_iac.providers.simulated.content import Content, SimulatedMachine, empty, next_id, read_content, write_content
 from rarms_iac.providers.simulated.observation import (
     description,
     facts_of,
@@ -125,7 +124,7 @@ class SimulatedHostProvider(JournaledHost):
                 robot = f"{folder.name}/" if folder.parent.name == ROBOTS else ""
                 return empty(f"{robot}{self.name}")
             if self._last_content is None or self._last_content[0] != data:
-                self._last_content = (data, read_content(data))
+                self._last_content = (data, read_content(data, self._path))
             return self._last_content[1]
 
     def save(self, content: Content) -> None:

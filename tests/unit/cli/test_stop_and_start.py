@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.model.state import Partition, RunState
-from rarms_iac.providers.simulated.content_file import read_content, write_content
+from rarms_iac.providers.simulated.content import read_content, write_content
 from rarms_iac.storage.snapshot_file import read_snapshot
 from tests.unit.cli.running import rarms
 
@@ -114,7 +114,7 @@ def test_foreign_start_is_stopped_again() -> None:
 def started_on_the_host(name: str) -> None:
     """Start a machine as the host's own tools do, past rarms: its mark stays."""
     path = Path(".rarms", "hosts", "onboard.json")
-    content = read_content(path.read_bytes())
+    content = read_content(path.read_bytes(), path)
     machine = next(each for each in content.machines.values() if each.settings.name == name)
     running_settings = replace(machine.settings, running=True)
     content = content.with_machine(replace(machine, settings=running_settings, state=RunState.RUNNING))
