@@ -23,8 +23,8 @@ from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Elapsed, Periodic
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.system import AtMost, Component, run_of
-from rarms_iac.providers.cgroups.find_tree import MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
+from rarms_iac.providers.cgroups.trees import MissingFeatures, find_tree
 from rarms_iac.running.component import ComponentRun
 from rarms_iac.running.loads import InterferingLoad
 from rarms_iac.running.start import ProcessPlace, StartContext

@@ -47,8 +47,8 @@ from benchmarks.linux.experiments import (
 from benchmarks.paper.drawing import Chart, draw
 from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.system import Component
-from rarms_iac.providers.cgroups.find_tree import find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree
+from rarms_iac.providers.cgroups.trees import find_tree
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 

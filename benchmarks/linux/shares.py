@@ -12,8 +12,8 @@ import time
 from pathlib import Path
 
 from rarms_iac.model.loads import BusyLoop
-from rarms_iac.providers.cgroups.find_tree import find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
+from rarms_iac.providers.cgroups.trees import find_tree
 from rarms_iac.running.loads import InterferingLoad
 from rarms_iac.running.start import StartContext
 

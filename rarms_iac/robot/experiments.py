@@ -59,7 +59,7 @@ _PAUSES = 20  # least time between two reports, in multiples of the time for sen
 
 
 @dataclass(frozen=True, slots=True)
-class SeenHost:
+class OtherHost:
     """A `RobotHost`: another host of the manifest, as the other side saw it. It does nothing."""
 
     state: State
@@ -282,7 +282,7 @@ def _hosts_of(job: ExperimentJob, host: Host, files: Sequence[str]) -> Hosts:
     here = Files(Path(), code=Path(job.folder)).named_by(system.components.values(), system.interference.values())
     if problems := different_files(host.name, job, here):
         raise UseCaseError(Outcome.REFUSED, problems)
-    return replace(hosts, looked_at_once={name: SeenHost(state) for name, state in job.others.items()})
+    return replace(hosts, looked_at_once={name: OtherHost(state) for name, state in job.others.items()})
 
 
 def now_and_then(report: Callable[..., None]) -> Callable[..., None]:

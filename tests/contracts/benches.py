@@ -16,10 +16,10 @@ import pytest
 
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.providers.cgroups.effects import LinuxEffects
-from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.machine import read_boot, read_facts
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER, LinuxHostProvider
+from rarms_iac.providers.cgroups.trees import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.channel import ProgramChannel
 from rarms_iac.providers.interface import StepwiseHost
 from rarms_iac.providers.simulated.provider import SimulatedHostProvider

@@ -22,9 +22,9 @@ from rarms_iac.model.operations import (
 )
 from rarms_iac.model.plan import Scope
 from rarms_iac.providers.cgroups.effects import LinuxEffects
-from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.provider import LinuxHostProvider
+from rarms_iac.providers.cgroups.trees import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.interface import HostDamaged, HostFailed, HostRefused
 from tests import builders
 from tests.contracts.benches import groups_of, open_linux, opened_bench

@@ -272,7 +272,7 @@ def reason(obstacle: Obstacle | None) -> str:
 
 KILLED = """\
 import sys
-from rarms_iac.providers.cgroups.find_tree import find_tree
+from rarms_iac.providers.cgroups.trees import find_tree
 from tests.contracts.test_measuring_contract import *
 folder = Path(sys.argv[1])
 (folder / "jobs.py").write_text(JOBS, encoding="utf-8")

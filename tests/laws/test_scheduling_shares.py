@@ -9,8 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rarms_iac.model.loads import BusyLoop
-from rarms_iac.providers.simulated.scheduling.machine import ModelMachine, TracePiece, VirtualMachine
-from rarms_iac.providers.simulated.scheduling.processors import Entitlement, usable_weights
+from rarms_iac.providers.simulated.scheduling.machine import (
+    Entitlement,
+    ModelMachine,
+    TracePiece,
+    VirtualMachine,
+    usable_weights,
+)
 from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
 from tests.effort import examples
 from tests.laws.test_scheduling_laws import machines

@@ -28,8 +28,7 @@ from rarms_iac.model.system import Component, run_of
 from rarms_iac.model.wording import reason_of
 from rarms_iac.planner.task_classes import ClassValues
 from rarms_iac.providers.cgroups.groups import GroupTree
-from rarms_iac.providers.cgroups.processes import consumed_ms
-from rarms_iac.providers.cgroups.processor_use import ThreadLooks, looking_at
+from rarms_iac.providers.cgroups.processes import ThreadLooks, consumed_ms, looking_at
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER, LinuxHostProvider
 from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.measuring import NO_RUN, Obstacle, PartitionWork, RemainingSamples, Work

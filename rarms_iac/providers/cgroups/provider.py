@@ -29,21 +29,25 @@ from rarms_iac.model.operations import (
 from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import HostFacts, PartitionSettings, StartAction, State
 from rarms_iac.model.wording import reason_of
-from rarms_iac.providers.cgroups.condition import nothing_withheld, off_without_stop, orphan_findings
-from rarms_iac.providers.cgroups.definition_files import DefinitionFiles
 from rarms_iac.providers.cgroups.definitions import (
+    DefinitionFiles,
     GroupDefinition,
     SettingOperation,
     changed,
+    lack_of_memory,
+    lack_of_reserve,
     new_definition,
+    out_of_range,
     restored_definition,
 )
 from rarms_iac.providers.cgroups.effects import LinuxEffects
-from rarms_iac.providers.cgroups.find_tree import MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.group_settings import (
     RunningGroup,
     foreign_definition,
     is_running,
+    nothing_withheld,
+    off_without_stop,
+    orphan_findings,
     slice_limit,
     to_partitions,
     values_of,
@@ -51,7 +55,7 @@ from rarms_iac.providers.cgroups.group_settings import (
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
 from rarms_iac.providers.cgroups.machine import read_boot, read_facts
 from rarms_iac.providers.cgroups.processes import orphans
-from rarms_iac.providers.cgroups.refusals import lack_of_memory, lack_of_reserve, out_of_range
+from rarms_iac.providers.cgroups.trees import MissingFeatures, find_tree
 from rarms_iac.providers.interface import HostFailed, HostRefused, ObservedHost
 from rarms_iac.providers.journaled import JournaledHost
 from rarms_iac.running.kernel_files import UnreadableFile

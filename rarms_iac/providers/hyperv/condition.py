@@ -15,8 +15,14 @@ from rarms_iac.providers.hyperv.observation import (
     is_unread,
     or_else,
 )
-from rarms_iac.providers.hyperv.parse import JOURNAL, UnusableJournal, last_run_of, responsiveness_of, rights_of
-from rarms_iac.providers.hyperv.ties import processor_settings
+from rarms_iac.providers.hyperv.parse import (
+    JOURNAL,
+    UnusableJournal,
+    last_run_of,
+    processor_settings,
+    responsiveness_of,
+    rights_of,
+)
 from rarms_iac.providers.interface import HostFailed
 
 NO_NAMESPACE, NO_CLASS = "0x8004100e", "0x80041010"

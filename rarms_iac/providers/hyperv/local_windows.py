@@ -26,10 +26,9 @@ import win32security
 import winerror
 
 from rarms_iac.model.wording import reason_of
-from rarms_iac.providers.hyperv.local_probes import RegistryKey, local_document
 from rarms_iac.providers.hyperv.observation import MAX_BYTES
 from rarms_iac.providers.hyperv.transport import ADMINISTRATORS_ONLY, protect
-from rarms_iac.providers.hyperv.wmi_machines import QUERIES, NotRead, WmiInstance
+from rarms_iac.providers.hyperv.wmi_document import QUERIES, NotRead, RegistryKey, WmiInstance, local_document
 from rarms_iac.storage.reading import read_file
 
 assert sys.platform == "win32"

@@ -1,7 +1,7 @@
 """An observation as a State: what a Hyper-V host, or a Windows inside one of its guests, looks like. Pure."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -38,6 +38,7 @@ from rarms_iac.providers.hyperv.observation import (
     HypervisorFacts,
     NamedValue,
     ObservedMachine,
+    ProcessorSetting,
     ReadProbe,
     RecordKey,
     Socket,
@@ -46,12 +47,49 @@ from rarms_iac.providers.hyperv.observation import (
     is_denied,
     or_else,
 )
-from rarms_iac.providers.hyperv.ties import REPLICA_MARK, cpu_groups_of, ties_of
 from rarms_iac.providers.journaled import split_run
 from rarms_iac.providers.marks import with_marks
 from rarms_iac.storage.append import Damaged, records_in
 from rarms_iac.storage.codec import NotDecodable, decode, decode_union
 from rarms_iac.storage.json_text import parse_json
+
+_NO_GROUP = "00000000-0000-0000-0000-000000000000"
+_INSTANCE = re.compile(r"Microsoft:(?P<id>[0-9a-fA-F-]{36})\\")
+_REPLICAS = frozenset({"Replica", "TestReplica", "ExtendedReplica"})
+
+REPLICA_MARK = "the machine is a replica of one on another host"
+"""Why a mark on it does not count."""
+
+
+def processor_settings(observation: HostObservation) -> Iterator[tuple[str, ProcessorSetting]]:
+    """Yield settings by the id of their machine; those of checkpoints carry ids that no machine has."""
+    for setting in or_else(observation.cpu_groups, ()):
+        if instance := _INSTANCE.match(setting.instance):
+            yield instance["id"].lower(), setting
+
+
+def cpu_groups_of(observation: HostObservation) -> Mapping[str, str]:
+    """By id of a machine: its CPU group, where it is in one."""
+    groups = ((machine, setting.group.strip("{}").lower()) for machine, setting in processor_settings(observation))
+    return {machine: group for machine, group in groups if group not in {"", _NO_GROUP}}
+
+
+def ties_of(machine: ObservedMachine, groups: Mapping[str, str]) -> tuple[Tie, ...]:
+    """Return what a machine is tied to.
+
+    Args:
+        groups: by id of a machine: its CPU group.
+
+    Returns:
+        The ties in their order; none of what an older observation did not ask.
+    """
+    facts = {
+        Tie.REPLICA: machine.replication_mode in _REPLICAS,
+        Tie.CLUSTER: machine.clustered == "True",
+        Tie.CPU_GROUP: machine.id in groups,
+    }
+    return tuple(tie for tie, holds in facts.items() if holds)
+
 
 T = TypeVar("T")
 

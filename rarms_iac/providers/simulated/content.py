@@ -1,20 +1,130 @@
-"""The content of a simulated host, and its file: machines, their disks and the registries of its operating systems.
+"""The content of a simulated host, its file, and what operations make of it: machines, disks, registries.
 
 The machine itself (processors, memory, build, scheduler, rights) is described by the manifest each time; this is what
 was done to it since. The file is one record as in a journal, with a checksum: a file that is not exactly as it was
-written is damaged, and is never taken for something else. Pure.
+written is damaged, and is never taken for something else. Pure: what is refused was refused before (`refusals.py`).
 """
 
 import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, cast
+from typing import Literal, TypeVar, assert_never, cast
 
-from rarms_iac.model.state import Disk, PartitionSettings, RunState
-from rarms_iac.providers.simulated.registry import FRESH, Registry
+from rarms_iac.model import operations
+from rarms_iac.model.changes import RESPONSIVENESS, Address
+from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS, USUAL
+from rarms_iac.model.operation_effects import applied
+from rarms_iac.model.plan import Scope
+from rarms_iac.model.state import (
+    Checkpoints,
+    Disk,
+    DiskKind,
+    PartitionSettings,
+    RegistryValue,
+    Responsiveness,
+    RunState,
+    StartAction,
+    StopAction,
+    TaskRecord,
+    ValueKind,
+)
+from rarms_iac.providers.marks import erase_mark, write_mark
 from rarms_iac.storage.append import Record, records_in, sealed_line
 from rarms_iac.storage.codec import NotDecodable, decode, encode
+
+T = TypeVar("T")
+
+Values = Mapping[str, RegistryValue]
+
+
+def _shipped(category: str, priority: int, background_priority: int | None, background_only: str) -> Values:
+    def dword(data: int) -> RegistryValue:
+        return RegistryValue(kind=ValueKind.DWORD, data=data)
+
+    def text(data: str) -> RegistryValue:
+        return RegistryValue(kind=ValueKind.SZ, data=data)
+
+    background = {} if background_priority is None else {"BackgroundPriority": dword(background_priority)}
+    return {
+        "Affinity": dword(0),
+        "Background Only": text(background_only),
+        **background,
+        "Clock Rate": dword(10_000),
+        "GPU Priority": dword(8),
+        "Priority": dword(priority),
+        "SFIO Priority": text("Normal"),
+        "Scheduling Category": text(category),
+    }
+
+
+SHIPPED: Mapping[str, Values] = {
+    "Audio": _shipped("Medium", 6, None, "True"),
+    "Capture": _shipped("Medium", 5, None, "True"),
+    "DisplayPostProcessing": _shipped("High", 8, 8, "True"),
+    "Distribution": _shipped("Medium", 4, None, "True"),
+    "Games": _shipped("Medium", 2, None, "False"),
+    "Playback": _shipped("Medium", 3, 4, "False"),
+    "Pro Audio": _shipped("High", 1, None, "False"),
+    "Window Manager": _shipped("Medium", 5, None, "True"),
+}
+"""The task classes that every Windows brings (windows.md 6.5)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Registry:
+    """The part of an operating system's registry that concerns rarms. Key names are compared without case."""
+
+    tasks: Mapping[str, Values] = field(default_factory=lambda: SHIPPED)
+    records: Mapping[str, TaskRecord] = field(default_factory=dict)  # by the class's name in lower case
+    responsiveness: Responsiveness = Responsiveness(value=RegistryValue(kind=ValueKind.DWORD, data=USUAL))
+
+    def entry(self, task: str) -> tuple[Values | None, TaskRecord | None]:
+        """Return the values of a task class or SystemResponsiveness (None without a key), and our record of it."""
+        if task == SYSTEM_RESPONSIVENESS:
+            return self.responsiveness.values or None, self.responsiveness.record
+        key = self.key(task)
+        return None if key is None else self.tasks[key], self.records.get(task.lower())
+
+    def key(self, task: str) -> str | None:
+        """Return the name of a task class's key as it is written there; None: there is none."""
+        wanted = task.lower()
+        return next((name for name in self.tasks if name.lower() == wanted), None)
+
+
+FRESH = Registry()
+"""As Windows is installed."""
+
+
+def change_registry(registry: Registry, operation: operations.TaskOperation) -> Registry:
+    """Return the registry after the operation. A key that exists keeps the case of its name."""
+    values, record = registry.entry(operation.task)
+    match operation:
+        case operations.WriteTaskClass(values=wanted):
+            values = dict(wanted)
+        case operations.RemoveTaskClass():
+            values = None
+        case operations.WriteTaskRecord(record=wanted):
+            record = wanted
+        case operations.EraseTaskRecord():
+            record = None
+        case _:
+            assert_never(operation)
+    if operation.task == SYSTEM_RESPONSIVENESS:
+        changed = Responsiveness(value=(values or {}).get(SYSTEM_RESPONSIVENESS), record=record)
+        return replace(registry, responsiveness=changed)
+    key = registry.key(operation.task) or operation.task
+    return replace(
+        registry,
+        tasks=_with_entry(registry.tasks, key, values),
+        records=_with_entry(registry.records, operation.task.lower(), record),
+    )
+
+
+def _with_entry(entries: Mapping[str, T], name: str, entry: T | None) -> Mapping[str, T]:
+    others = {known: value for known, value in entries.items() if known != name}
+    return others if entry is None else {**others, name: entry}
+
 
 NAMESPACE = uuid.UUID("6f1d3c52-8a0e-5b7c-9d44-72a1b0e5c301")
 """Ids of simulated hosts and machines are made in it, so that the same input gives the same bytes."""
@@ -107,3 +217,84 @@ def read_content(data: bytes, path: Path) -> Content:
     if others or data.count(b"\n") != 1:
         raise NotDecodable("", "it is not the one line that rarms wrote")
     return decode(Content, record)
+
+
+def address_of(operation: operations.Operation) -> Address:
+    """Return the address of what the operation changes, as faults name it."""
+    match operation:
+        case operations.CreatePartition() | operations.RestorePartition():
+            return Address(partition=operation.partition)
+        case operations.RemoveDisk():
+            return Address(partition=operation.partition, disk=operation.path)
+        case _ if isinstance(operation, operations.TaskOperation):
+            if operation.task == SYSTEM_RESPONSIVENESS:
+                return RESPONSIVENESS
+            return Address(partition=operation.inside, task=operation.task)
+        case _:
+            return Address(partition=operation.partition, machine=operation.machine)
+
+
+def new_settings(operation: operations.CreatePartition, scope: Scope) -> PartitionSettings:
+    """Return a new machine, off, without reserve, under its pending name; the rest as Hyper-V makes it."""
+    return PartitionSettings(
+        name=scope.pending(operation.partition),
+        generation=operation.generation,
+        processors=1,
+        reserve=0,
+        limit=100,
+        weight=100,
+        memory=operation.memory,
+        dynamic_memory=False,
+        start_action=StartAction.START_IF_RUNNING,
+        stop_action=StopAction.SAVE,
+        checkpoints=Checkpoints.PRODUCTION,
+        running=False,
+        secure_boot=(operation.secure_boot or "MicrosoftWindows") if operation.generation == 2 else None,
+    )
+
+
+def with_new_machine(content: Content, settings: PartitionSettings) -> Content:
+    """Return the content with one machine more."""
+    machine = SimulatedMachine(id=next_id(content, settings.name), settings=settings, state=RunState.OFF)
+    return replace(content, made=content.made + 1).with_machine(machine)
+
+
+def with_restored_machine(content: Content, operation: operations.RestorePartition) -> Content:
+    """Return the content with a machine again that was removed: off, and with rarms' task classes in its guest."""
+    notes = write_mark(operation.other_notes, operation.mark) if operation.mark else operation.other_notes
+    machine = SimulatedMachine(id=operation.machine, settings=operation.settings, state=RunState.OFF, notes=notes)
+    if not operation.tasks:
+        return content.with_machine(machine)
+    registry = replace(
+        FRESH,
+        tasks={**FRESH.tasks, **{task.name: task.values for task in operation.tasks if task.values}},
+        records={task.name.lower(): task.record for task in operation.tasks if task.record},
+    )
+    return content.with_machine(machine).with_registry(machine.id, registry)
+
+
+def with_new_disk(
+    content: Content, machine: str, operation: operations.CreatePartition, folder: str, scope: Scope
+) -> Content:
+    """Return the content with one disk more, of a machine, which grows out of an image."""
+    path = operations.disk_path(operation, scope.plan, folder)
+    disk = Disk(path=path, kind=DiskKind.DIFFERENCING, parent=operation.image, machine=machine)
+    return content.with_disk(disk)
+
+
+def change_machine(content: Content, machine: SimulatedMachine, operation: operations.MachineOperation) -> Content:
+    """Return the content after the operation on this machine."""
+    match operation:
+        case operations.RemovePartition():
+            return content.without_machine(machine.id)
+        case operations.WriteMark():
+            changed = replace(machine, notes=write_mark(machine.notes, operation.mark(machine.id)))
+        case operations.EraseMark():
+            changed = replace(machine, notes=erase_mark(machine.notes))
+        case operations.StartPartition():
+            changed = machine.now(RunState.RUNNING)
+        case operations.StopPartition():
+            changed = machine.now(RunState.OFF)
+        case _:
+            changed = replace(machine, settings=applied(machine.settings, operation))
+    return content.with_machine(changed)

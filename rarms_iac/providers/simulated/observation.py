@@ -7,8 +7,7 @@ from rarms_iac.model.capacity import core_sharing
 from rarms_iac.model.host import Host, SimulatedHost
 from rarms_iac.model.state import Disk, HostFacts, Partition, Rights, State, TaskClass
 from rarms_iac.providers.marks import with_marks
-from rarms_iac.providers.simulated.content import Content
-from rarms_iac.providers.simulated.registry import FRESH, SHIPPED
+from rarms_iac.providers.simulated.content import FRESH, SHIPPED, Content
 
 DISK_FOLDER = "C:\\disks"
 """The folder of a simulated host's disks, as its facts name it."""

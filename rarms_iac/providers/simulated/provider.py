@@ -21,7 +21,21 @@ from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import Rights, State
 from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.journaled import JournaledHost, LocalFiles, report_damage, report_failure
-from rarms_iac.providers.simulated.content import Content, SimulatedMachine, empty, next_id, read_content, write_content
+from rarms_iac.providers.simulated.content import (
+    Content,
+    SimulatedMachine,
+    address_of,
+    change_machine,
+    change_registry,
+    empty,
+    new_settings,
+    next_id,
+    read_content,
+    with_new_disk,
+    with_new_machine,
+    with_restored_machine,
+    write_content,
+)
 from rarms_iac.providers.simulated.observation import (
     description,
     facts_of,
@@ -31,14 +45,6 @@ from rarms_iac.providers.simulated.observation import (
     to_state,
     visible_disks,
 )
-from rarms_iac.providers.simulated.operations import (
-    address_of,
-    change_machine,
-    new_settings,
-    with_new_disk,
-    with_new_machine,
-    with_restored_machine,
-)
 from rarms_iac.providers.simulated.refusals import (
     Refusal,
     refuse_change,
@@ -47,7 +53,6 @@ from rarms_iac.providers.simulated.refusals import (
     refuse_task_change,
     refuse_without_rights,
 )
-from rarms_iac.providers.simulated.registry import change_registry
 from rarms_iac.storage.replace import remove_leftovers
 
 ROBOTS = "hosts"

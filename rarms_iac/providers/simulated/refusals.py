@@ -29,8 +29,7 @@ from rarms_iac.model.operations import (
 )
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, show_bytes, write_bytes
 from rarms_iac.model.state import HostFacts, PartitionSettings, RegistryValue, Rights, RunState, TaskRecord, ValueKind
-from rarms_iac.providers.simulated.content import Content, SimulatedMachine
-from rarms_iac.providers.simulated.registry import Registry
+from rarms_iac.providers.simulated.content import Content, Registry, SimulatedMachine
 from rarms_iac.providers.simulated.reserve_packing import reserves_fit
 
 LONGEST_NAME = 100

@@ -10,7 +10,7 @@ from rarms_iac.model.plan import HostPlan, ThreadClass
 from rarms_iac.model.state import RegistryValue, State, TaskClass, TaskRecord, ValueKind
 from rarms_iac.planner.desired import Desired
 from rarms_iac.planner.task_classes import classes_of
-from rarms_iac.providers.simulated.registry import SHIPPED
+from rarms_iac.providers.simulated.content import SHIPPED
 from tests import builders_plan as build
 from tests.builders import a_component, a_system
 from tests.planning import PLACES, a_request

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.providers.cgroups.effects import LinuxEffects
-from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
+from rarms_iac.providers.cgroups.trees import CONTROL_GROUPS, MissingFeatures, find_tree
 from tests.needs import require
 
 MIB = 2**20

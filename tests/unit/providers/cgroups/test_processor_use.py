@@ -10,7 +10,7 @@ from typing import cast
 import pytest
 
 from rarms_iac.providers.cgroups.groups import GroupTree
-from rarms_iac.providers.cgroups.processor_use import ThreadLooks, looking_at
+from rarms_iac.providers.cgroups.processes import ThreadLooks, looking_at
 
 pytestmark = pytest.mark.needs("linux")
 

@@ -9,13 +9,12 @@ import pytest
 from rarms_iac.model.operations import CreatePartition, RemovePartition, SetActions, SetCpu, StartPartition
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import RunState, StartAction
-from rarms_iac.providers.cgroups import effects, provider, systemd
+from rarms_iac.providers.cgroups import effects, provider, trees
 from rarms_iac.providers.cgroups.effects import LinuxEffects
-from rarms_iac.providers.cgroups.find_tree import SYSTEMD_FOLDER, MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.groups import GroupValues
 from rarms_iac.providers.cgroups.machine import read_boot
 from rarms_iac.providers.cgroups.provider import LinuxHostProvider
-from rarms_iac.providers.cgroups.systemd import GroupTreeSystemd
+from rarms_iac.providers.cgroups.trees import SYSTEMD_FOLDER, GroupTreeSystemd, MissingFeatures, find_tree
 from rarms_iac.providers.interface import HostRefused
 from tests import builders
 from tests.contracts.benches import on_linux
@@ -99,7 +98,7 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Lab:
     (tmp_path / "systemctl").write_text(SYSTEMCTL.format(folder=tmp_path))
     (tmp_path / "systemctl").chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
-    monkeypatch.setattr(systemd, "UNITS", tmp_path / "units")
+    monkeypatch.setattr(trees, "UNITS", tmp_path / "units")
     return Lab(tmp_path)
 
 

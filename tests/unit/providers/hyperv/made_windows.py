@@ -5,9 +5,8 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rarms_iac.providers.hyperv import local_probes, wmi_machines
-from rarms_iac.providers.hyperv.local_probes import RegistryKey
-from rarms_iac.providers.hyperv.wmi_machines import QUERIES, NotRead, WmiInstance
+from rarms_iac.providers.hyperv import wmi_document
+from rarms_iac.providers.hyperv.wmi_document import QUERIES, NotRead, RegistryKey, WmiInstance
 from tests.needs import CHECKOUT
 
 FACTS: Mapping[str, Mapping[str, str]] = json.loads(
@@ -22,17 +21,17 @@ RESTS_ON = {
     "host_visible": "Msvm_ComputerSystem",
     "cpu_groups": "Msvm_ProcessorSettingData",
     "processors": "Win32_Processor",
-    "counters": wmi_machines.COUNTERS,
+    "counters": wmi_document.COUNTERS,
     "guests": "Msvm_KvpExchangeComponent",
     "shutdown_services": "Msvm_ShutdownComponent",
 }
 KEYS = {
-    "profile": local_probes.PROFILE_KEY,
-    "tasks": rf"{local_probes.PROFILE_KEY}\Tasks",
-    "records": local_probes.RECORDS_KEY,
-    "windows": local_probes.WINDOWS_KEY,
-    "machine_id": local_probes.CRYPTOGRAPHY_KEY,
-    "powershell": local_probes.ENGINE_KEY,
+    "profile": wmi_document.PROFILE_KEY,
+    "tasks": rf"{wmi_document.PROFILE_KEY}\Tasks",
+    "records": wmi_document.RECORDS_KEY,
+    "windows": wmi_document.WINDOWS_KEY,
+    "machine_id": wmi_document.CRYPTOGRAPHY_KEY,
+    "powershell": wmi_document.ENGINE_KEY,
 }
 
 
@@ -135,7 +134,7 @@ class MadeWindows:
         memory = str(facts["memory"]) if facts else None
         self._add("Win32_ComputerSystem", TotalPhysicalMemory=memory, HypervisorPresent=running)
         if self._value("counters", False):
-            self._add(wmi_machines.COUNTERS, Name="_Total")
+            self._add(wmi_document.COUNTERS, Name="_Total")
         for number, node in enumerate(self._value("numa", ())):
             processors = facts["logical_processors"] if facts and number == 0 else 0
             blocks = str(node["memory_available"])
@@ -166,22 +165,22 @@ class MadeWindows:
             self._add("Msvm_ShutdownComponent", SystemName=system, EnabledState=enabled, OperationalStatus=status)
         for disk in self._value("virtual_disks", ()):
             if disk["type"]:
-                number = numbers(wmi_machines.DISK_TYPES)[disk["type"]]
+                number = numbers(wmi_document.DISK_TYPES)[disk["type"]]
                 self._disks[disk["path"]] = {"Type": str(number), "ParentPath": disk["parent"] or None}
 
     def _fill_machine(self, machine: Mapping[str, Any]) -> None:
         system = machine["id"].upper()
         realised = f"Microsoft:{system}"
         critical = machine["state"].endswith("Critical")
-        state = numbers(wmi_machines.STATES)[machine["state"].removesuffix("Critical")]
-        status = [wmi_machines.DEGRADED] if critical else [2]
+        state = numbers(wmi_document.STATES)[machine["state"].removesuffix("Critical")]
+        status = [wmi_document.DEGRADED] if critical else [2]
         name = machine["name"]
-        mode = numbers(wmi_machines.REPLICATION_MODES)[machine.get("replication_mode") or "None"]
+        mode = numbers(wmi_document.REPLICATION_MODES)[machine.get("replication_mode") or "None"]
         known = {"ElementName": name, "EnabledState": state, "OperationalStatus": status, "ReplicationMode": mode}
         self._add("Msvm_ComputerSystem", Name=system, **known)
         if machine["clustered"] == "True":
-            self._add(wmi_machines.CLUSTER, Type="Virtual Machine", PrivateProperties={"VmID": system})
-        self._settings(realised, wmi_machines.REALISED, machine)
+            self._add(wmi_document.CLUSTER, Type="Virtual Machine", PrivateProperties={"VmID": system})
+        self._settings(realised, wmi_document.REALISED, machine)
         self._link("Msvm_SettingsDefineState", ManagedElement=system, SettingData=realised)
         for number in range(machine["checkpoint_count"]):
             # A checkpoint keeps settings of its own, which must not be taken for the machine's.
@@ -192,19 +191,19 @@ class MadeWindows:
 
     def _settings(self, instance: str, kind: str, machine: Mapping[str, Any]) -> None:
         firmware = {each["machine"]: each for each in self._value("firmware", ())}.get(machine["id"], {})
-        templates = {template: guid for guid, template in wmi_machines.TEMPLATES.items()}
+        templates = {template: guid for guid, template in wmi_document.TEMPLATES.items()}
         hours, rest = divmod(machine["start_delay"], 3600)
         self._add(
-            wmi_machines.SETTINGS,
+            wmi_document.SETTINGS,
             InstanceID=instance,
             VirtualSystemType=kind,
             VirtualSystemSubType=f"Microsoft:Hyper-V:SubType:{machine['generation']}",
             Version=machine["version"],
             Notes=[machine["notes"]],
-            AutomaticStartupAction=numbers(wmi_machines.START_ACTIONS)[machine["start_action"]],
+            AutomaticStartupAction=numbers(wmi_document.START_ACTIONS)[machine["start_action"]],
             AutomaticStartupActionDelay=f"{hours // 24:08}{hours % 24:02}{rest // 60:02}{rest % 60:02}.000000:000",
-            AutomaticShutdownAction=numbers(wmi_machines.STOP_ACTIONS)[machine["stop_action"]],
-            UserSnapshotType=numbers(wmi_machines.CHECKPOINTS)[machine["checkpoints"]],
+            AutomaticShutdownAction=numbers(wmi_document.STOP_ACTIONS)[machine["stop_action"]],
+            UserSnapshotType=numbers(wmi_document.CHECKPOINTS)[machine["checkpoints"]],
             SecureBootEnabled=firmware.get("secure_boot") == "On",
             SecureBootTemplateId=templates.get(firmware.get("template", ""), "").upper() or None,
         )
@@ -239,7 +238,7 @@ class MadeWindows:
             self._add(
                 "Msvm_StorageAllocationSettingData",
                 InstanceID=parts[-1],
-                ResourceSubType=wmi_machines.DISK,
+                ResourceSubType=wmi_document.DISK,
                 HostResource=[path],
             )
         for number, adapter in enumerate(machine["adapters"]):
@@ -267,7 +266,7 @@ class MadeWindows:
         return reference("Msvm_AnySettingData", "InstanceID", value)
 
     def _fill_registry(self) -> None:
-        profile = local_probes.PROFILE_KEY
+        profile = wmi_document.PROFILE_KEY
         self._key(profile, self._value("profile", None))
         tasks = self._value("tasks", None)
         self._key(rf"{profile}\Tasks", None if tasks is None else [], [task["name"] for task in tasks or ()])
@@ -275,25 +274,25 @@ class MadeWindows:
             self._key(rf"{profile}\Tasks\{task['name']}", task["values"])
         records = self._value("records", None)
         applications = dict.fromkeys(record["application"] for record in records or ())
-        self._key(local_probes.RECORDS_KEY, None if records is None else [], list(applications))
+        self._key(wmi_document.RECORDS_KEY, None if records is None else [], list(applications))
         for application in applications:
             own = [record for record in records if record["application"] == application]
-            self._key(rf"{local_probes.RECORDS_KEY}\{application}", [], [record["task"] for record in own])
+            self._key(rf"{wmi_document.RECORDS_KEY}\{application}", [], [record["task"] for record in own])
             for record in own:
-                self._key(rf"{local_probes.RECORDS_KEY}\{application}\{record['task']}", record["values"])
+                self._key(rf"{wmi_document.RECORDS_KEY}\{application}\{record['task']}", record["values"])
         windows = self._value("windows", None)
         if windows:
             installation, product = windows["installation"], windows["product"]
             self._texts(
-                local_probes.WINDOWS_KEY,
+                wmi_document.WINDOWS_KEY,
                 CurrentBuildNumber=str(windows["build"]),
                 InstallationType=installation,
                 ProductName=product,
             )
-        self._texts(local_probes.CRYPTOGRAPHY_KEY, MachineGuid=self._value("machine_id", ""))
-        self._texts(local_probes.ENGINE_KEY, PowerShellVersion=self._value("powershell", {"version": ""})["version"])
-        keys = {"MachinePolicy": (local_probes.POLICY_KEY, False), "UserPolicy": (local_probes.POLICY_KEY, True)}
-        keys |= {"LocalMachine": (local_probes.SHELL_KEY, False), "CurrentUser": (local_probes.SHELL_KEY, True)}
+        self._texts(wmi_document.CRYPTOGRAPHY_KEY, MachineGuid=self._value("machine_id", ""))
+        self._texts(wmi_document.ENGINE_KEY, PowerShellVersion=self._value("powershell", {"version": ""})["version"])
+        keys = {"MachinePolicy": (wmi_document.POLICY_KEY, False), "UserPolicy": (wmi_document.POLICY_KEY, True)}
+        keys |= {"LocalMachine": (wmi_document.SHELL_KEY, False), "CurrentUser": (wmi_document.SHELL_KEY, True)}
         for policy in self._value("execution_policy", ()):
             if policy["scope"] in keys and policy["policy"] != "Undefined":
                 path, of_user = keys[policy["scope"]]

@@ -6,10 +6,9 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.providers.hyperv.local_probes import local_document
 from rarms_iac.providers.hyperv.observation import observation_of
 from rarms_iac.providers.hyperv.parse import identity_of, to_state
-from rarms_iac.providers.hyperv.wmi_machines import QUERIES, STATES, NotRead, WmiInstance
+from rarms_iac.providers.hyperv.wmi_document import QUERIES, STATES, NotRead, WmiInstance, local_document
 from tests.cases.situations import folders
 from tests.fake_powershell.observing import document_of, host_from
 from tests.recorded_hosts import NAMES, document

@@ -12,10 +12,9 @@ import pytest
 
 from rarms_iac.model.state import ValueKind
 from rarms_iac.planner.task_classes import classes_of, registry_values
-from rarms_iac.providers.hyperv.local_probes import PROFILE_KEY, local_document
 from rarms_iac.providers.hyperv.observation import observation_of
 from rarms_iac.providers.hyperv.parse import to_state
-from rarms_iac.providers.hyperv.wmi_machines import NotRead
+from rarms_iac.providers.hyperv.wmi_document import PROFILE_KEY, NotRead, local_document
 from tests.builders import a_component
 from tests.planning import PLACES
 from tests.unit.cli.running import rarms

@@ -7,8 +7,14 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.model.state import RunState
-from rarms_iac.providers.simulated.content import SimulatedMachine, empty, next_id, read_content, write_content
-from rarms_iac.providers.simulated.registry import Registry
+from rarms_iac.providers.simulated.content import (
+    Registry,
+    SimulatedMachine,
+    empty,
+    next_id,
+    read_content,
+    write_content,
+)
 from rarms_iac.storage.append import Damaged, sealed_line
 from rarms_iac.storage.codec import NotDecodable
 from tests.builders_plan import settings

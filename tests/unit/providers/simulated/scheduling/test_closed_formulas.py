@@ -5,7 +5,7 @@ from itertools import islice
 import pytest
 
 from rarms_iac.model.loads import BusyLoop
-from rarms_iac.providers.simulated.scheduling.guest import QUANTUM_MS
+from rarms_iac.providers.simulated.scheduling.hypervisor import QUANTUM_MS
 from rarms_iac.providers.simulated.scheduling.machine import JobDemand, ModelMachine, VirtualMachine
 from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
 
