@@ -7,14 +7,7 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.shared_findings import DAMAGED, ROUNDED
 from rarms_iac.model.state import Rights
 from rarms_iac.model.wording import quoted
-from rarms_iac.providers.hyperv.observation import (
-    HostObservation,
-    ObservedMachine,
-    ReadProbe,
-    UnreadProbe,
-    is_unread,
-    or_else,
-)
+from rarms_iac.providers.hyperv.observation import HostObservation, ObservedMachine, Unread, is_unread, or_else
 from rarms_iac.providers.hyperv.parse import (
     JOURNAL,
     UnusableJournal,
@@ -32,6 +25,7 @@ def condition_of(observation: HostObservation) -> HostCondition:
     """How the host is, as far as it could be looked at."""
     powershell, windows = or_else(observation.powershell, None), or_else(observation.windows, None)
     sockets, nodes = or_else(observation.processors, None), or_else(observation.numa, None)
+    visible, counters = observation.host_visible, observation.counters
     responsiveness = responsiveness_of(observation)
     return HostCondition(
         powershell=powershell.version if powershell else None,
@@ -42,38 +36,26 @@ def condition_of(observation: HostObservation) -> HostCondition:
             if policy.scope in {*PolicyScope}
         },
         module=or_else(observation.module, None),
-        role=_role(observation),
+        # Without the role Windows has no such namespace (windows.md 5).
+        role=False if _lacks(visible, NO_NAMESPACE) else None if isinstance(visible, Unread) else True,
         hypervisor_running=or_else(observation.hypervisor_running, None),
-        counters=_counters(observation),
+        counters=False if _lacks(counters, NO_CLASS) else or_else(counters, None),
         elevated=or_else(observation.elevated, None),
         hyperv_administrator=or_else(observation.hyperv_administrator, None),
         script_running=or_else(observation.script_running, None),
         seen_processors=sum(socket.logical for socket in sockets) if sockets else None,
         numa_nodes=len(nodes) if nodes else None,
-        machines=tuple(map(_machine, or_else(observation.machines, ()))),
+        machines=tuple(
+            MachineCondition(id=machine.id, clustered=machine.clustered == "True")
+            for machine in or_else(observation.machines, ())
+        ),
         responsiveness=responsiveness.value if responsiveness else None,
         unread=dict(_unread(observation)),
     )
 
 
-def _role(observation: HostObservation) -> bool | None:
-    """Without the role Windows has no such namespace (windows.md 5); None: it could not be asked."""
-    if isinstance(observation.host_visible, ReadProbe):
-        return True
-    return False if NO_NAMESPACE in observation.host_visible.error.lower() else None
-
-
-def _counters(observation: HostObservation) -> bool | None:
-    if isinstance(observation.counters, ReadProbe):
-        return observation.counters.value
-    return False if NO_CLASS in observation.counters.error.lower() else None
-
-
-def _machine(machine: ObservedMachine) -> MachineCondition:
-    return MachineCondition(
-        id=machine.id,
-        clustered=machine.clustered == "True",
-    )
+def _lacks(probe: object, error: str) -> bool:
+    return isinstance(probe, Unread) and error in probe.error.lower()
 
 
 _LOOKED_AT = {
@@ -92,9 +74,8 @@ _LOOKED_AT = {
 def _unread(observation: HostObservation) -> Iterator[tuple[str, str]]:
     for title, name in _LOOKED_AT.items():
         probe = getattr(observation, name)
-        if isinstance(probe, UnreadProbe) and NO_NAMESPACE not in probe.error.lower():  # that is a finding of its own
-            why = "denied" if probe.denied else "absent"
-            yield title, f"{why} ({probe.error})" if probe.error else why
+        if isinstance(probe, Unread) and not _lacks(probe, NO_NAMESPACE):  # that is a finding of its own
+            yield title, f"{probe.status} ({probe.error})" if probe.error else probe.status
     yield from _unread_machines(observation)
 
 

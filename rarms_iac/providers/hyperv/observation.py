@@ -5,8 +5,8 @@ that is not there at all counts as absent: an older script did not look.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any, Generic, TypeVar, get_args, get_type_hints
+from dataclasses import dataclass
+from typing import Any, Literal, TypeVar, get_args, get_type_hints
 
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode_union
@@ -18,27 +18,23 @@ _BEGINNING = '{"format":"rarms-observation/'
 """How the one line of the document begins; lines around it are a profile's or a host's noise."""
 MAX_BYTES = 64 * 2**20
 
+NOT_LOOKED_FOR: Json = {
+    "status": "absent",
+    "error": "NotLookedFor",
+    "message": "the script that looked does not know this probe",
+}
+
 T = TypeVar("T")
-T_co = TypeVar("T_co", covariant=True)
+D = TypeVar("D")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReadProbe(Generic[T_co]):
-    """A probe that answered."""
+class Unread:
+    """In place of a value: what the probe asks for is absent, or the caller was denied."""
 
-    value: T_co
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UnreadProbe:
-    """A probe that has no value: what it asks for is absent, or the caller was denied."""
-
-    denied: bool
-    error: str = ""  # PowerShell's id of the error, in no language
-    message: str = ""  # its message, in the host's language
-
-
-Probe = ReadProbe[T] | UnreadProbe
+    status: Literal["absent", "denied"]
+    error: str  # PowerShell's id of the error, in no language
+    message: str  # its message, in the host's language
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -228,48 +224,48 @@ class HostObservation:
     """Everything that `observe.ps1` looked at."""
 
     computer: str  # as its own operating system calls it
-    powershell: Probe[PowerShell]
-    windows: Probe[Windows]
-    machine_id: Probe[str]
-    elevated: Probe[bool]
-    hyperv_administrator: Probe[bool]  # member of the group S-1-5-32-578
-    host_visible: Probe[bool]  # a caller without rights sees no machines, not even the host's own instance
-    module: Probe[tuple[str, ...]]  # versions of the Hyper-V module
-    scheduler: Probe[int]  # as its event says: 1 and 2 classic, 3 core, 4 root
-    hypervisor_running: Probe[bool]  # the role alone does not start it
-    counters: Probe[bool]  # those that prove contention are registered
-    hypervisor: Probe[HypervisorFacts]
-    processors: Probe[tuple[Socket, ...]]
-    numa: Probe[tuple[NumaNode, ...]]
-    switches: Probe[tuple[str, ...]]
-    machines: Probe[tuple[ObservedMachine, ...]]
-    unread_machines: Probe[tuple[UnreadMachine, ...]]
-    virtual_disks: Probe[tuple[VirtualDisk, ...]]
-    cpu_groups: Probe[tuple[ProcessorSetting, ...]]
-    firmware: Probe[tuple[Firmware, ...]]
-    guests: Probe[tuple[ToldByGuest, ...]]
-    shutdown_services: Probe[tuple[ShutdownService, ...]]
-    profile: Probe[tuple[NamedValue, ...]]  # of the multimedia system profile
-    tasks: Probe[tuple[TaskKey, ...]]
-    records: Probe[tuple[RecordKey, ...]]
-    journal: Probe[JournalText]
-    script_running: Probe[bool]  # of rarms; only rarms itself asks, on the host
-    execution_policy: Probe[tuple[ScopedPolicy, ...]]
+    powershell: PowerShell | Unread
+    windows: Windows | Unread
+    machine_id: str | Unread
+    elevated: bool | Unread
+    hyperv_administrator: bool | Unread  # member of the group S-1-5-32-578
+    host_visible: bool | Unread  # a caller without rights sees no machines, not even the host's own instance
+    module: tuple[str, ...] | Unread  # versions of the Hyper-V module
+    scheduler: int | Unread  # as its event says: 1 and 2 classic, 3 core, 4 root
+    hypervisor_running: bool | Unread  # the role alone does not start it
+    counters: bool | Unread  # those that prove contention are registered
+    hypervisor: HypervisorFacts | Unread
+    processors: tuple[Socket, ...] | Unread
+    numa: tuple[NumaNode, ...] | Unread
+    switches: tuple[str, ...] | Unread
+    machines: tuple[ObservedMachine, ...] | Unread
+    unread_machines: tuple[UnreadMachine, ...] | Unread
+    virtual_disks: tuple[VirtualDisk, ...] | Unread
+    cpu_groups: tuple[ProcessorSetting, ...] | Unread
+    firmware: tuple[Firmware, ...] | Unread
+    guests: tuple[ToldByGuest, ...] | Unread
+    shutdown_services: tuple[ShutdownService, ...] | Unread
+    profile: tuple[NamedValue, ...] | Unread  # of the multimedia system profile
+    tasks: tuple[TaskKey, ...] | Unread
+    records: tuple[RecordKey, ...] | Unread
+    journal: JournalText | Unread
+    script_running: bool | Unread  # of rarms; only rarms itself asks, on the host
+    execution_policy: tuple[ScopedPolicy, ...] | Unread
 
 
-def or_else(probe: Probe[T], default: T) -> T:
+def or_else(probe: T | Unread, default: D) -> T | D:
     """Return the value that was read, or this default where none was."""
-    return probe.value if isinstance(probe, ReadProbe) else default
+    return default if isinstance(probe, Unread) else probe
 
 
-def is_unread(probe: Probe[Any]) -> bool:
+def is_unread(probe: object) -> bool:
     """Whether there may be something that was not read: it is not there only where Windows finds no such path."""
-    return isinstance(probe, UnreadProbe) and (probe.denied or not probe.error.startswith("PathNotFound"))
+    return is_denied(probe) or (isinstance(probe, Unread) and not probe.error.startswith("PathNotFound"))
 
 
-def is_denied(probe: Probe[Any]) -> bool:
+def is_denied(probe: object) -> bool:
     """Whether the caller was not allowed to ask."""
-    return isinstance(probe, UnreadProbe) and probe.denied
+    return isinstance(probe, Unread) and probe.status == "denied"
 
 
 def document_of(data: bytes) -> Json:
@@ -324,35 +320,15 @@ def _encoding(data: bytes) -> str:
 def _probes() -> dict[str, Any]:
     """Of each probe the type of its value."""
     hints = get_type_hints(HostObservation)
-    names = [field.name for field in fields(HostObservation) if field.name != "computer"]
-    return {name: get_args(get_args(hints[name])[0])[0] for name in names}
+    return {name: get_args(hint)[0] for name, hint in hints.items() if name != "computer"}
 
 
-def _probe(document: Mapping[str, Json], name: str, hint: Any) -> Probe[Any]:
-    if name not in document:
-        return UnreadProbe(
-            denied=False, error="NotLookedFor", message="the script that looked does not know this probe"
-        )
-    probe = document[name]
-    if not isinstance(probe, dict):
-        raise NotDecodable(name, "it is no probe")
-    match probe.get("status"):
-        case "value" if probe.keys() == {"status", "value"}:
-            return ReadProbe(value=_decoded(hint, probe["value"], f"{name}.value"))
-        case "absent" | "denied" as status:
-            rest = {key: value for key, value in probe.items() if key != "status"}
-            answer = _decoded(_NoAnswer, rest, name)
-            return UnreadProbe(denied=status == "denied", error=answer.error, message=answer.message)
-        case other:
-            raise NotDecodable(
-                f"{name}.status", f"{quoted(other)} is none of value, absent, denied, with what belongs to it"
-            )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _NoAnswer:
-    error: str
-    message: str
+def _probe(document: Mapping[str, Json], name: str, hint: Any) -> Any:
+    match document.get(name, NOT_LOOKED_FOR):
+        case {"status": "value", "value": value, **rest} if not rest:
+            return _decoded(hint, value, f"{name}.value")
+        case probe:
+            return _decoded(Unread, probe, name)
 
 
 def _decoded(hint: Any, data: Json, path: str) -> Any:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from pathlib import Path
 from typing import TypeVar
 
@@ -39,10 +40,9 @@ from rarms_iac.providers.hyperv.observation import (
     NamedValue,
     ObservedMachine,
     ProcessorSetting,
-    ReadProbe,
     RecordKey,
     Socket,
-    UnreadProbe,
+    Unread,
     VirtualDisk,
     is_denied,
     or_else,
@@ -91,7 +91,7 @@ def ties_of(machine: ObservedMachine, groups: Mapping[str, str]) -> tuple[Tie, .
     return tuple(tie for tie, holds in facts.items() if holds)
 
 
-T = TypeVar("T")
+E = TypeVar("E", bound=Enum)
 
 CLIENT = "Client"
 
@@ -105,14 +105,6 @@ _SCHEDULERS = {
     4: SchedulerType.ROOT,
 }
 _AT_REST = {"Off": RunState.OFF, "Running": RunState.RUNNING, "Paused": RunState.PAUSED, "Saved": RunState.SAVED}
-_START = {"Nothing": StartAction.NOTHING, "StartIfRunning": StartAction.START_IF_RUNNING, "Start": StartAction.START}
-_STOP = {"TurnOff": StopAction.TURN_OFF, "Save": StopAction.SAVE, "ShutDown": StopAction.SHUT_DOWN}
-_CHECKPOINTS = {
-    "Disabled": Checkpoints.DISABLED,
-    "Production": Checkpoints.PRODUCTION,
-    "ProductionOnly": Checkpoints.PRODUCTION_ONLY,
-    "Standard": Checkpoints.STANDARD,
-}
 _RESPONSIVENESS = SYSTEM_RESPONSIVENESS.lower()
 _DISKS = {"Fixed": DiskKind.FIXED, "Dynamic": DiskKind.DYNAMIC, "Differencing": DiskKind.DIFFERENCING}
 _SPELT = {name.lower(): name for name in TASK_VALUES}
@@ -216,16 +208,13 @@ def rights_of(observation: HostObservation) -> Rights:
     asked, Hyper-V's own answer about the host, which it refuses to all others, has to do.
     """
     asked = (observation.elevated, observation.host_visible)
-    if isinstance(observation.machines, UnreadProbe):
-        return (
-            Rights.MISSING
-            if is_denied(observation.machines) or not or_else(observation.elevated, True)
-            else Rights.UNKNOWN
-        )
+    if isinstance(observation.machines, Unread):
+        may_not = is_denied(observation.machines) or not or_else(observation.elevated, True)
+        return Rights.MISSING if may_not else Rights.UNKNOWN
     if any(or_else(probe, False) for probe in asked):
         return Rights.PROVEN
-    if all(isinstance(unread, UnreadProbe) and not unread.denied for unread in asked):
-        return Rights.PROVEN if isinstance(observation.hypervisor, ReadProbe) else Rights.UNKNOWN
+    if all(isinstance(probe, Unread) and not is_denied(probe) for probe in asked):
+        return Rights.UNKNOWN if isinstance(observation.hypervisor, Unread) else Rights.PROVEN
     return Rights.MISSING
 
 
@@ -400,9 +389,9 @@ def _partition(machine: ObservedMachine, facts: HostFacts, secure_boot: str | No
         weight=machine.weight,
         memory=machine.memory,
         dynamic_memory=machine.dynamic_memory,
-        start_action=_named(_START, machine.start_action, machine, "start_action"),
-        stop_action=_named(_STOP, machine.stop_action, machine, "stop_action"),
-        checkpoints=_named(_CHECKPOINTS, machine.checkpoints, machine, "checkpoints"),
+        start_action=_named(StartAction, machine.start_action, machine, "start_action"),
+        stop_action=_named(StopAction, machine.stop_action, machine, "stop_action"),
+        checkpoints=_named(Checkpoints, machine.checkpoints, machine, "checkpoints"),
         running=state is RunState.RUNNING,
         secure_boot=secure_boot,
     )
@@ -415,7 +404,9 @@ def _partition(machine: ObservedMachine, facts: HostFacts, secure_boot: str | No
     )
 
 
-def _named(names: Mapping[str, T], name: str, machine: ObservedMachine, field: str) -> T:
+def _named(kind: type[E], name: str, machine: ObservedMachine, field: str) -> E:
+    """Return the member whose name Hyper-V writes as one word, such as StartIfRunning."""
+    names = {member.name.title().replace("_", ""): member for member in kind}
     if name not in names:
         raise NotDecodable(f"machines[{machine.id}].{field}", f"{quoted(name)} is none of {', '.join(names)}")
     return names[name]

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.providers.hyperv.observation import HostObservation, ReadProbe, UnreadProbe, is_observation, or_else
+from rarms_iac.providers.hyperv.observation import HostObservation, Unread, is_observation, or_else
 from rarms_iac.storage.codec import NotDecodable
 from tests.recorded_hosts import NAMES, document, read_observation, recorded, recorded_bytes
 
@@ -43,11 +43,11 @@ def test_what_profile_says_around_document_is_skipped(encoding: str) -> None:
 def test_a_probe_is_a_value_absent_or_denied() -> None:
     seen = recorded("unprivileged-caller")
 
-    assert seen.machines == ReadProbe(value=())
-    assert isinstance(seen.hypervisor, UnreadProbe)
-    assert seen.hypervisor.denied
-    assert isinstance(seen.records, UnreadProbe)
-    assert not seen.records.denied
+    assert seen.machines == ()
+    assert isinstance(seen.hypervisor, Unread)
+    assert seen.hypervisor.status == "denied"
+    assert isinstance(seen.records, Unread)
+    assert seen.records.status == "absent"
     assert or_else(seen.records, ()) == ()
 
 
@@ -57,7 +57,7 @@ def test_an_older_script_did_not_look() -> None:
 
     seen = read_observation(json.dumps(answer).encode())
 
-    assert isinstance(seen.execution_policy, UnreadProbe)
+    assert isinstance(seen.execution_policy, Unread)
     assert seen.execution_policy.error == "NotLookedFor"
 
 

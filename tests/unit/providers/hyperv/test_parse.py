@@ -6,7 +6,7 @@ from rarms_iac.model.host import ProviderKind, SchedulerType, host_identity
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import RegistryValue, Rights, RunState, StartAction, StopAction, TaskRecord, ValueKind
 from rarms_iac.providers.hyperv.condition import findings_of
-from rarms_iac.providers.hyperv.observation import HostObservation, ReadProbe
+from rarms_iac.providers.hyperv.observation import HostObservation, Unread
 from rarms_iac.providers.hyperv.parse import (
     UnusableJournal,
     last_run,
@@ -143,8 +143,8 @@ def test_the_serials_come_from_a_journal_of_administrators() -> None:
 
 def test_killed_run_is_unfinished() -> None:
     journal = recorded("server-2022-with-strangers").journal
-    assert isinstance(journal, ReadProbe)
-    whole = journal.value.text.splitlines(keepends=True)
+    assert not isinstance(journal, Unread)
+    whole = journal.text.splitlines(keepends=True)
 
     run = last_run("S-1-5-18", "".join(whole[:3]) + whole[3][:40])
 
@@ -157,8 +157,8 @@ def test_killed_run_is_unfinished() -> None:
 
 def test_a_planted_and_a_damaged_journal_say_nothing() -> None:
     journal = recorded("server-2022-with-strangers").journal
-    assert isinstance(journal, ReadProbe)
-    text = journal.value.text
+    assert not isinstance(journal, Unread)
+    text = journal.text
     extra = sealed_line({"number": 0, "status": "begun", "kind": "step_recorded"}).decode()
 
     planted = last_run("S-1-5-21-1-2-3-1013", text)
@@ -189,8 +189,8 @@ def test_a_journal_that_is_not_believed_is_told() -> None:
 
 def test_largest_node_counts_without_spanning() -> None:
     read = recorded("server-2022-with-strangers").hypervisor
-    assert isinstance(read, ReadProbe)
-    facts = {name: getattr(read.value, name) for name in read.value.__dataclass_fields__} | {"numa_spanning": False}
+    assert not isinstance(read, Unread)
+    facts = {name: getattr(read, name) for name in read.__dataclass_fields__} | {"numa_spanning": False}
     nodes = [{"node": number, "memory_available": 1, "memory": 16000 + number} for number in range(2)]
     of_wmi = [{**node, "memory": 0} for node in nodes]
 
@@ -212,8 +212,8 @@ def test_largest_node_counts_without_spanning() -> None:
 )
 def test_mixed_cores_are_told(cores: int, logical: int, kinds: list[tuple[int, int]]) -> None:
     read = recorded("empty-host").hypervisor
-    assert isinstance(read, ReadProbe)
-    whole = {name: getattr(read.value, name) for name in read.value.__dataclass_fields__} | {"logical_processors": 20}
+    assert not isinstance(read, Unread)
+    whole = {name: getattr(read, name) for name in read.__dataclass_fields__} | {"logical_processors": 20}
     socket = {"name": "a processor", "cores": cores, "logical": logical}
 
     found = to_state(recorded("empty-host", hypervisor=whole, processors=[socket]), "cell").facts.processor_kinds
