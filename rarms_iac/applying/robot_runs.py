@@ -3,15 +3,13 @@
 `rarms_iac.robot` does at the other end what this side asks for here. Begin at `run_there`.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from rarms_iac.applying.run_report import RunReport, RunReporter
 from rarms_iac.applying.run_steps import RunControl
 from rarms_iac.model.plan import HostPlan
-from rarms_iac.providers.interface import HostFailed, RobotHost, WaitLimits
-from rarms_iac.providers.robot import perform_call
-from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
+from rarms_iac.providers.interface import HostFailed, RobotHost, RobotListener, WaitLimits
+from rarms_iac.storage.codec import NotDecodable, decode, encode
 
 STEPS = "steps"
 """The `RunReporter` of this side, as calls name it."""
@@ -40,19 +38,6 @@ class UndoJob(RunJob):
     keep: bool  # as of `undo.undo`
 
 
-@dataclass(frozen=True, slots=True)
-class _StepListener:
-    """A `RobotListener` that passes on what a run reports of its steps."""
-
-    reporter: RunReporter
-    should_stop: Callable[[], bool]
-
-    def on_call(self, target: str, method: str, arguments: Json) -> None:
-        if target != STEPS:
-            raise NotDecodable("target", f"a run has no {target[:40]}")
-        perform_call(self.reporter, RunReporter, method, arguments)
-
-
 def run_there(host: RobotHost, command: str, job: ApplyJob | RunJob, control: RunControl) -> RunReport:
     """Have the robot do a run, and return its report.
 
@@ -63,7 +48,8 @@ def run_there(host: RobotHost, command: str, job: ApplyJob | RunJob, control: Ru
     Raises:
         HostError: the robot cannot be reached, refuses, or the connection broke.
     """
-    answer = host.ask(command, encode(job), _StepListener(control.reporter, control.should_stop))
+    listener = RobotListener(reporters={STEPS: (RunReporter, control.reporter)}, should_stop=control.should_stop)
+    answer = host.ask(command, encode(job), listener)
     try:
         return decode(RunReport, answer)
     except NotDecodable as problem:

@@ -21,8 +21,8 @@ from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import Connect
 from rarms_iac.model.state import State
-from rarms_iac.providers.interface import HostFailed
-from rarms_iac.providers.robot import LINE_LIMIT, perform_call
+from rarms_iac.providers.interface import HostFailed, RobotListener
+from rarms_iac.providers.robot import LINE_LIMIT
 from rarms_iac.storage.codec import Json, NotDecodable, encode
 from rarms_iac.storage.datalog.merging import MOST_BYTES, is_log
 from rarms_iac.storage.datalog.named_files import Files
@@ -45,7 +45,7 @@ class ManifestText:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentJob:
-    """The data of an experiment on the robot, without the request of its command."""
+    """The data of an experiment on the robot."""
 
     texts: tuple[ManifestText, ...]  # the manifest, then its overlays in their order
     today: date
@@ -55,6 +55,7 @@ class ExperimentJob:
     hosts: tuple[str, ...]  # the chosen ones, with the robot
     others: Mapping[str, State]  # the other hosts of the manifest that could be reached from here
     may_stop: bool  # partitions may be stopped to measure; counts where no question can be asked
+    request: Any  # of the command, as JSON
 
 
 class RobotReports(Protocol):
@@ -86,7 +87,7 @@ class RobotReports(Protocol):
 
 @dataclass(slots=True, kw_only=True)
 class ExperimentListener(RobotReports):
-    """The `RobotListener` of an experiment: passes reports on to reporters, and adds records to the logs here."""
+    """Passes reports of an experiment on to reporters, and adds records to the logs here."""
 
     hosts: Hosts
     host: str
@@ -95,19 +96,6 @@ class ExperimentListener(RobotReports):
     results: list[ExperimentResult] = field(default_factory=list)
     known: dict[str, bytes] = field(default_factory=dict)  # the robot's logs, as far as this side has them
     came_bytes: int = 0  # of logs, from the robot
-
-    def should_stop(self) -> bool:
-        return self.control.stop.should_stop()
-
-    def on_call(self, target: str, method: str, arguments: Json) -> bool | None:
-        if target == REPORTS:
-            return perform_call(self, RobotReports, method, arguments)
-        if target == SETTINGS:
-            return perform_call(self.control.reporter.settings, MeasuringReporter, method, arguments)
-        if target in self.reporters:
-            interface, reporter = self.reporters[target]
-            return perform_call(reporter, interface, method, arguments)
-        raise NotDecodable("target", f"there is no {target[:40]}")
 
     def consents(self, host: str, partitions: tuple[str, ...]) -> bool:
         return self.control.consents(host, partitions)
@@ -172,11 +160,17 @@ def ask_robot(
         hosts=hosts.chosen,
         others=_other_states(hosts, host),
         may_stop=host in hosts.channels and control.consents(host, ()),
+        request=encode(request),
     )
+    reporters = {
+        REPORTS: (RobotReports, listener),
+        SETTINGS: (MeasuringReporter, control.reporter.settings),
+        **listener.reporters,
+    }
     robot = hosts.robot(host)
     assert robot is not None, "only robots are asked"
     with host_errors(), control.stop.gently():
-        return robot.ask(command, {"job": encode(job), "request": encode(request)}, listener)
+        return robot.ask(command, encode(job), RobotListener(reporters=reporters, should_stop=control.stop.should_stop))
 
 
 @contextmanager

@@ -1,10 +1,10 @@
 """The interface of hosts, for every provider."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import Wording
@@ -345,38 +345,16 @@ class RecordableHost(Protocol):
         """
 
 
-class RobotListener(Protocol):
-    """Follows a command that a robot's rarms does; its methods must not raise, but for arguments that do not fit."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotListener:
+    """Follows a command that a robot's rarms does; what is called must not raise, but for arguments that do not fit."""
 
-    def on_call(self, target: str, method: str, arguments: Json) -> bool | None:
-        """Take a call of a reporter, in the order in which the robot made it.
-
-        Args:
-            arguments: encoded.
-
-        Returns:
-            The answer to a question; None: the call asks nothing.
-
-        Raises:
-            NotDecodable: there is no such call, or the arguments do not fit it.
-        """
-
-    def should_stop(self) -> bool:
-        """Whether the command should end at the next safe place; asked a few times a second."""
+    # By target: a class of reporters, and the one that hears its calls in the order in which the robot made them.
+    reporters: Mapping[str, tuple[type[Any], Any]] = field(default_factory=dict)
+    should_stop: Callable[[], bool] = lambda: False  # at the next safe place; asked a few times a second
 
 
-class _Unheard:
-    """Hears nothing, and lets the command end by itself."""
-
-    def on_call(self, target: str, method: str, arguments: Json) -> bool | None:
-        """Drop the call."""
-
-    def should_stop(self) -> bool:
-        """Return False."""
-        return False
-
-
-UNHEARD: RobotListener = _Unheard()
+UNHEARD = RobotListener()
 """The listener of a command that only reads."""
 
 
@@ -408,7 +386,7 @@ class RobotHost(ReadableHost, Protocol):
     def look_once(self) -> None:
         """Answer from now on from one look, as of `DistantHost`; a command ends that."""
 
-    def ask(self, command: str, job: Json, listener: RobotListener) -> Json:
+    def ask(self, command: str, job: Json, listener: RobotListener = UNHEARD) -> Json:
         """Have the robot's rarms do a command, and return its result.
 
         Args:

@@ -117,13 +117,14 @@ class Look:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """The part of a request that does not depend on the command."""
+    """The line of a request."""
 
     version: str
     command: str
     by: str  # who asks, as of `storage.lock.owner`
     host: Host  # as the manifest describes it, without `connect`
     listens: bool  # this side hears calls as they are made, and answers questions
+    job: Any  # JSON: what the command needs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,14 +134,27 @@ class ReporterCall:
     kind: Literal["call"] = "call"
     target: str
     method: str
+    arguments: Any  # JSON
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result:
+    """The last line of a command that was done."""
+
+    kind: Literal["result"] = "result"
+    value: Any  # JSON
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Failure:
-    """Why a command ended without a result."""
+    """The last line of a command that ended without a result."""
 
+    kind: Literal["failure"] = "failure"
     outcome: Literal["failed", "refused", "negative", "missing", "interrupted"]  # the value of an `Outcome`
     findings: tuple[Diagnostic, ...]  # empty: this side asked for the end
+
+
+Answer = ReporterCall | Result | Failure
 
 
 class EndedThere(HostError):
@@ -208,16 +222,17 @@ class RobotByChannel:
 
     def _looked(self, question: str) -> Look:
         if self._look is None or (question in self._answered and not self._looks_once):
-            look = self.ask("look", None, UNHEARD)
-            self._look, self._answered = self._decoded(Look, look), set()
+            look = self.ask("look", None)
+            with self._readable():
+                self._look, self._answered = decode(Look, look), set()
         self._answered.add(question)
         return self._look
 
-    def ask(self, command: str, job: Json, listener: RobotListener) -> Json:
+    def ask(self, command: str, job: Json, listener: RobotListener = UNHEARD) -> Json:
         self._look = None
         listens = isinstance(self._channel, LiveChannel)
-        request = encode(Request(version=__version__, command=command, by=owner(), host=self._host, listens=listens))
-        data = json.dumps({"request": request, "job": job}, separators=(",", ":")).encode("ascii") + b"\n"
+        request = Request(version=__version__, command=command, by=owner(), host=self._host, listens=listens, job=job)
+        data = line_of(request)
         if len(data) > LINE_LIMIT:
             message = f"the request to it has {len(data):,} bytes, and at most {LINE_LIMIT:,} are sent"
             raise HostFailed(self.name, message, "Ask for less at a time, or move data logs away that are not used.")
@@ -241,19 +256,19 @@ class RobotByChannel:
         try:
             self._await_ready(conversation, look)
             while (line := conversation.next_line(SILENCE_S, look)) is not None:
-                answer = self._parsed(line)
-                if "result" in answer:
-                    return cast("Json", answer["result"])
-                if "failure" in answer:
-                    failure = self._decoded(Failure, answer["failure"])
-                    if failure.findings or (failure.outcome == "interrupted" and listener.should_stop()):
-                        raise EndedThere(self.name, failure)
-                    raise self._garbage("the failure has no reason")
-                call = self._decoded(ReporterCall, answer.get("call"))
                 with self._readable():
-                    reply = listener.on_call(call.target, call.method, answer.get("arguments"))
-                if reply is not None:
-                    conversation.send(f"{YES if reply else NO}\n".encode("ascii"))
+                    answer: Answer = decode_union(Answer, parse_json(line))
+                    reply = perform_call(listener, answer) if isinstance(answer, ReporterCall) else None
+                match answer:
+                    case Result(value=value):
+                        return cast("Json", value)
+                    case Failure(findings=()) if answer.outcome != "interrupted" or not listener.should_stop():
+                        raise self._garbage("the failure has no reason")
+                    case Failure():
+                        raise EndedThere(self.name, answer)
+                    case ReporterCall():
+                        if reply is not None:
+                            conversation.send(f"{YES if reply else NO}\n".encode("ascii"))
         except SilenceTimeout:
             raise self._broken(f"no line came for {SILENCE_S / 3600:.0f} h") from None
         code = conversation.code()
@@ -272,19 +287,6 @@ class RobotByChannel:
         if line != READY:
             installed = line.removeprefix(VERSIONS).split()
             raise OtherVersion(self.name, tuple(sorted(set(installed) - {"current"})))
-
-    def _parsed(self, line: str) -> dict[str, Any]:
-        try:
-            answer = parse_json(line)
-        except NotDecodable as problem:
-            raise self._garbage(problem.message) from None
-        if not isinstance(answer, dict):
-            raise self._garbage("a line is not an object")
-        return answer
-
-    def _decoded(self, hint: type[Any], data: Json) -> Any:
-        with self._readable():
-            return decode(hint, data)
 
     @contextmanager
     def _readable(self) -> Iterator[None]:
@@ -318,7 +320,12 @@ def _saying_here(conversation: Conversation) -> Iterator[None]:
         ended.set()
 
 
-def calls_sent_by(interface: type[Any], target: str, send: Callable[[ReporterCall, Json], None], ask: Ask) -> Any:
+def line_of(message: Request | Answer) -> bytes:
+    """Return a message as its line."""
+    return json.dumps(encode(message), separators=(",", ":")).encode("ascii") + b"\n"
+
+
+def calls_sent_by(interface: type[Any], target: str, send: Callable[[ReporterCall], None], ask: Ask) -> Any:
     """Return a reporter whose calls travel to the other side.
 
     Args:
@@ -332,7 +339,7 @@ def calls_sent_by(interface: type[Any], target: str, send: Callable[[ReporterCal
 
         def call(_self: object, *arguments: object) -> bool | None:
             data: Json = [encode(value, hint) for value, hint in zip(arguments, hints, strict=True)]
-            send(ReporterCall(target=target, method=method), data)
+            send(ReporterCall(target=target, method=method, arguments=data))
             return ask() if is_question else None
 
         return call
@@ -341,22 +348,23 @@ def calls_sent_by(interface: type[Any], target: str, send: Callable[[ReporterCal
     return type(f"Sent{interface.__name__}", (interface,), methods)()
 
 
-def perform_call(reporter: Any, interface: type[Any], method: str, arguments: Json) -> bool | None:
+def perform_call(listener: RobotListener, call: ReporterCall) -> bool | None:
     """Make a call of the other side here, and return the answer if it is a question.
 
-    Args:
-        interface: its class, as of `calls_sent_by`.
-
     Raises:
-        NotDecodable: there is no such method, or the arguments do not fit it.
+        NotDecodable: there is no such reporter or method, or the arguments do not fit it.
     """
-    if method not in _methods_of(interface):
-        raise NotDecodable("method", f"{interface.__name__} has no {method[:40]}")
-    hints = _argument_hints(interface, method)
-    if not isinstance(arguments, list) or len(arguments) != len(hints):
-        raise NotDecodable("arguments", f"{interface.__name__}.{method} takes {len(hints)}")
-    answer = getattr(reporter, method)(*(decode_union(hint, each) for hint, each in zip(hints, arguments, strict=True)))
-    return bool(answer) if _is_question(interface, method) else None
+    if call.target not in listener.reporters:
+        raise NotDecodable("target", f"there is no {call.target[:40]}")
+    interface, reporter = listener.reporters[call.target]
+    if call.method not in _methods_of(interface):
+        raise NotDecodable("method", f"{interface.__name__} has no {call.method[:40]}")
+    hints = _argument_hints(interface, call.method)
+    if not isinstance(call.arguments, list) or len(call.arguments) != len(hints):
+        raise NotDecodable("arguments", f"{interface.__name__}.{call.method} takes {len(hints)}")
+    arguments = (decode_union(hint, each) for hint, each in zip(hints, call.arguments, strict=True))
+    answer = getattr(reporter, call.method)(*arguments)
+    return bool(answer) if _is_question(interface, call.method) else None
 
 
 def _methods_of(interface: type[Any]) -> tuple[str, ...]:

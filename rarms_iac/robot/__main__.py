@@ -1,13 +1,12 @@
 """Answers one request: `python -I -m rarms_iac.robot`, as root, from folders that only root can write to."""
 
-import json
 import os
 import signal
 import stat
 import sys
 import threading
 import traceback
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -21,9 +20,22 @@ from rarms_iac.cli.ending import ExitCode, Interrupted, Interrupts
 from rarms_iac.model.commands import Wording
 from rarms_iac.model.version import __version__
 from rarms_iac.providers.interface import HostRefused
-from rarms_iac.providers.robot import ALL_SENT, LINE_LIMIT, LOST_S, NO, READY, STOP, YES, Failure, Request
+from rarms_iac.providers.robot import (
+    ALL_SENT,
+    LINE_LIMIT,
+    LOST_S,
+    NO,
+    READY,
+    STOP,
+    YES,
+    Answer,
+    Failure,
+    Request,
+    Result,
+    line_of,
+)
 from rarms_iac.robot.caller import Caller
-from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
+from rarms_iac.storage.codec import NotDecodable, decode
 from rarms_iac.storage.json_text import parse_json
 from rarms_iac.storage.lock import act_for
 from rarms_iac.storage.reading import read_file
@@ -52,57 +64,50 @@ def main() -> int:
     output = os.dup(1)
     os.dup2(2, 1)  # other output must not come between the lines of the answer
 
-    def send(answer: Mapping[str, Json]) -> None:
-        _write(output, json.dumps(answer, separators=(",", ":")))
+    def send(answer: Answer) -> None:
+        _write(output, line_of(answer))
 
-    _write(output, READY)
+    _write(output, f"{READY}\n".encode("ascii"))
     host, interrupts, ended = UNKNOWN_HOST, Interrupts(), threading.Event()
     signal.signal(signal.SIGHUP, lambda _number, frame: interrupts.receive(signal.SIGTERM, frame))
     try:
         with interrupts.listening():
             refuse_writable_code()
             set_environment(SETTINGS_FILE)
-            request, job = read_request(sys.stdin.buffer)
+            request = read_request(sys.stdin.buffer)
             host = request.host.name
             act_for(request.by)
             # NOTE: Import before listening: Python ignores a signal's exception in some callbacks of an import.
             module = import_module(f"rarms_iac.robot.{MODULES[request.command]}")
             caller = Caller(send, interrupts, request.listens, SimpleQueue())
             threading.Thread(target=listen, args=(sys.stdin.buffer, caller, ended), daemon=True).start()
-            result = module.COMMANDS[request.command](request.host, job, caller)
+            result = module.COMMANDS[request.command](request.host, request.job, caller)
             ended.set()
-        send({"result": result})
+        send(Result(value=result))
     except BaseException as error:  # noqa: BLE001 - the answer has each error
         ended.set()
-        send({"failure": encode(_failure_of(error, host))})
+        send(_failure_of(error, host))
         return 1
     return 0
 
 
-def read_request(lines: BinaryIO) -> tuple[Request, Json]:
+def read_request(lines: BinaryIO) -> Request:
     """Read the line of a request.
 
     Raises:
         UseCaseError: it is not a request to this version (failed).
     """
     data = lines.readline(LINE_LIMIT + 1)
+    if not data.endswith(b"\n"):
+        raise _unreadable(f"it is not one line of at most {LINE_LIMIT:,} bytes")
     try:
-        request, job = _parts_of(data)
+        request = decode(Request, parse_json(data.decode("utf-8")))
     except (NotDecodable, UnicodeDecodeError) as problem:
-        raise _refused(f"the request cannot be read: {problem}", "Call this program by rarms, not by hand.") from None
+        raise _unreadable(str(problem)) from None
     if request.version != __version__ or request.command not in MODULES:
         message = f"the request {request.command[:20]} is for rarms {request.version[:20]}; this is rarms {__version__}"
         raise _refused(message, "Install the same version on both sides.")
-    return request, job
-
-
-def _parts_of(data: bytes) -> tuple[Request, Json]:
-    if not data.endswith(b"\n"):
-        raise NotDecodable("", f"it is not one line of at most {LINE_LIMIT:,} bytes")
-    document = parse_json(data.decode("utf-8"))
-    if not isinstance(document, dict) or set(document) != {"request", "job"}:
-        raise NotDecodable("", "it does not have a request and a job")
-    return decode(Request, document["request"]), document["job"]
+    return request
 
 
 def refuse_writable_code(package: Path = PACKAGE, paths: Iterable[str] = (sys.executable, *sys.path)) -> None:
@@ -206,9 +211,9 @@ def _end_once(complete: threading.Event, ended: threading.Event) -> None:
         os.kill(os.getpid(), signal.SIGTERM)
 
 
-def _write(output: int, line: str) -> None:
+def _write(output: int, line: bytes) -> None:
     """Write a line, and ignore a closed connection: `listen` detects it at the end of the input."""
-    data = memoryview(line.encode("ascii") + b"\n")
+    data = memoryview(line)
     with suppress(OSError):
         while data:
             data = data[os.write(output, data) :]
@@ -227,6 +232,10 @@ def _failure_of(error: BaseException, host: str) -> Failure:
     traceback.print_exception(error)
     finding = system_finding(error) if isinstance(error, OSError) else bug_finding(error)
     return Failure(outcome=Outcome.FAILED.value, findings=(finding,))
+
+
+def _unreadable(why: str) -> UseCaseError:
+    return _refused(f"the request cannot be read: {why}", "Call this program by rarms, not by hand.")
 
 
 def _refused(message: str, advice: Wording, host: str = UNKNOWN_HOST) -> UseCaseError:

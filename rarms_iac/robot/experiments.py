@@ -40,7 +40,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Place, Sources
 from rarms_iac.model.host import Host
 from rarms_iac.model.journal import Journal
 from rarms_iac.model.state import State
-from rarms_iac.providers.interface import HostFailed, RobotListener
+from rarms_iac.providers.interface import UNHEARD, HostFailed, RobotListener
 from rarms_iac.robot.caller import Caller
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.datalog.merging import is_log
@@ -83,7 +83,7 @@ class OtherHost:
     def look_once(self) -> None:
         """Note that the host was looked at."""
 
-    def ask(self, command: str, job: Json, listener: RobotListener) -> Json:  # noqa: ARG002 - the protocol's
+    def ask(self, command: str, job: Json, listener: RobotListener = UNHEARD) -> Json:  # noqa: ARG002 - the protocol's
         raise HostFailed(self.name, f"a robot does not ask another one to {command}", "Ask it from your computer.")
 
 
@@ -221,9 +221,7 @@ def _workspace(host: Host, job: Json, caller: Caller) -> Iterator[tuple[_Workspa
     Raises:
         UseCaseError: a file of the components is not here, or another one (refused); or what the use case raised.
     """
-    if not isinstance(job, dict) or set(job) != {"job", "request"}:
-        raise NotDecodable("job", "it does not have a job and a request")
-    asked = decode(ExperimentJob, job["job"])
+    asked = decode(ExperimentJob, job)
     with _own_folder():
         try:
             files = _write_texts(asked)
@@ -233,7 +231,7 @@ def _workspace(host: Host, job: Json, caller: Caller) -> Iterator[tuple[_Workspa
                 _write(Path(MEASUREMENTS, path), text)
             workspace = _Workspace(asked, caller, files, host.platform, dict(logs_below(Path())))
             try:
-                yield workspace, _hosts_of(asked, host, tuple(files)), job["request"]
+                yield workspace, _hosts_of(asked, host, tuple(files)), asked.request
             except UseCaseError as error:
                 workspace.send_logs()
                 raise UseCaseError(error.outcome, workspace.named(error.findings)) from error

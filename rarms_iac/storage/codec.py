@@ -2,7 +2,8 @@
 
 A dataclass becomes an object of its fields, an enumeration its value, a `Fraction` the text `1/3`, a date its ISO
 text, a tuple or frozenset an array, a mapping with text as keys an object in its own order. In a union of dataclasses
-the member is told by its `kind` field; where the members have none, an object `{"<class name>": {...}}` says it.
+the member is told by its `kind` field; where the members have none, an object `{"<class name>": {...}}` says it. A
+field of `Any` holds JSON as it is.
 Reading is strict: what is unknown, missing or of a wrong type is `NotDecodable`, with the path to it. Nothing is
 guessed and nothing is executed.
 """
@@ -157,6 +158,8 @@ def _in_64_bits(number: int, path: str) -> int:
 @_once
 def _encoder(hint: Any) -> Encode:
     hint = _bare(hint)
+    if hint is Any:
+        return lambda value: cast("Json", value)
     if _is_record(hint):
         return _encode_dataclass(hint)
     if hint == OpenBound:
@@ -188,6 +191,8 @@ def _encoder(hint: Any) -> Encode:
 @_once
 def _decoder(hint: Any) -> Decode:
     hint = _bare(hint)
+    if hint is Any:
+        return lambda data, _: data
     if _is_record(hint):
         return _decode_dataclass(hint)
     if hint in (str, int, bool, NoneType):

@@ -59,7 +59,7 @@ components:
 """
 """Most of the processors is kept for the host, so that the load takes little of them."""
 
-STEP, RESULT = '"step_started"', '{"result"'
+STEP, RESULT = '"step_started"', '"kind":"result"'
 KINDS = ("here", "there", "connection")
 
 

@@ -66,7 +66,7 @@ class Asked(UnattendedTuning):
 
 
 def call(target: str, method: str, *arguments: Any) -> str:
-    return json.dumps({"call": {"kind": "call", "target": target, "method": method}, "arguments": arguments})
+    return json.dumps({"kind": "call", "target": target, "method": method, "arguments": arguments})
 
 
 def robot_says(folder: Path, *lines: str, file: str = "", asks: bool = False) -> Hosts:
@@ -75,7 +75,12 @@ def robot_says(folder: Path, *lines: str, file: str = "", asks: bool = False) ->
     manifest.write_text(MANIFEST, encoding="utf-8")
     result = TuningResult(platform="onboard", hosts=("onboard",), run=RUN, findings=(), files=(str(manifest),))
     tuned = TunedThere(result=result, texts={file or str(manifest): f"{MANIFEST}# tuned\n"})
-    values = {"ready": READY, "lines": lines, "result": json.dumps({"result": encode(tuned)}), "yes": f"{YES}\n"}
+    values = {
+        "ready": READY,
+        "lines": lines,
+        "result": json.dumps({"kind": "result", "value": encode(tuned)}),
+        "yes": f"{YES}\n",
+    }
     words = (sys.executable, "-c", PROGRAM.format(**values, asks=asks))
     return load(manifest, channels={"onboard": ProgramChannel(host="onboard", target="cell", words=words)})
 

@@ -40,10 +40,10 @@ def saying(*lines: str) -> str:
         (saying(READY, "Segmentation fault"), "not of rarms"),
         (saying(READY, "[" * 100_000), "not of rarms"),
         (saying(READY, '["result"]'), "not of rarms"),
-        (saying(READY, '{"call":{"kind":"call","target":"steps","method":"__init__"},"arguments":[]}'), "broke"),
-        (saying(READY, '{"call":{"kind":"call","target":7,"method":"x"},"arguments":[]}'), "not of rarms"),
-        (saying(READY, '{"failure":{"outcome":"failed"}}'), "not of rarms"),
-        (saying(READY, '{"failure":{"outcome":"perfect","findings":[]}}'), "not of rarms"),
+        (saying(READY, '{"kind":"call","target":"steps","method":"__init__","arguments":[]}'), "not of rarms"),
+        (saying(READY, '{"kind":"call","target":7,"method":"x","arguments":[]}'), "not of rarms"),
+        (saying(READY, '{"kind":"failure","outcome":"failed"}'), "not of rarms"),
+        (saying(READY, '{"kind":"failure","outcome":"perfect","findings":[]}'), "not of rarms"),
         (f"import sys; print({READY!r}); sys.stdout.buffer.write(bytes(2 ** 26 + 9))", "not of rarms"),
         ("while True: print('noise')", "did not start what it was asked for"),
         ("import sys; sys.exit('rarms: not found')", "rarms: not found"),
@@ -72,7 +72,7 @@ def test_another_version_is_named_with_the_command() -> None:
 
 
 def test_noise_of_a_login_is_passed_over() -> None:
-    answer = json.dumps({"result": 7})
+    answer = json.dumps({"kind": "result", "value": 7})
 
     assert answering(saying("Welcome!", READY, answer)).ask("look", None, UNHEARD) == 7
 

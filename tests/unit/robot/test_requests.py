@@ -25,15 +25,14 @@ from tests.needs import require
 
 
 def line_of(**changes: Any) -> bytes:
-    request = Request(version=__version__, command="look", by="ann", host=a_host(), listens=True)
-    document = {"request": {**encode(request), **changes}, "job": None}  # type: ignore[dict-item]
-    return json.dumps(document).encode() + b"\n"
+    request = Request(version=__version__, command="look", by="ann", host=a_host(), listens=True, job=7)
+    return json.dumps({**encode(request), **changes}).encode() + b"\n"  # type: ignore[dict-item]
 
 
 def test_a_request_is_read() -> None:
-    request, job = read_request(io.BytesIO(line_of()))
+    request = read_request(io.BytesIO(line_of()))
 
-    assert (request.command, request.host, job) == ("look", a_host(), None)
+    assert (request.command, request.host, request.job) == ("look", a_host(), 7)
 
 
 @pytest.mark.parametrize(
@@ -45,7 +44,7 @@ def test_a_request_is_read() -> None:
         (line_of()[:-1], "not one line"),
         (b'"' + b"x" * LINE_LIMIT + b'"\n', f"at most {LINE_LIMIT:,} bytes"),
         (b"[" * 100_000 + b"\n", "nested too deeply"),
-        (b'{"request":{},"job":1}\n', "cannot be read"),
+        (b'{"job":1}\n', "cannot be read"),
         (line_of(version="0.0.9"), "is for rarms 0.0.9"),
         (line_of(command="__import__"), "the request __import__"),
     ],
