@@ -229,7 +229,7 @@ def test_odd_kernel_files_are_the_hosts_failure(
             host.execute(SetCpu(partition="vision", reserve=40, limit=90, weight=100), SCOPE)
             host.execute(SetMemory(partition="vision", memory=64 * MIB), SCOPE)
 
-    monkeypatch.setattr(host, "_described_machine", None)  # the machine's own files, too
+    monkeypatch.setattr(host, "_described_facts", None)  # the machine's own files, too
     monkeypatch.setattr(LinuxEffects, "read", read)
     use()
 

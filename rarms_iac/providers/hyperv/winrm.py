@@ -5,6 +5,7 @@ told: a script that changes something goes on to its end, and measuring, whose t
 """
 
 import os
+import re
 from collections import deque
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -36,6 +37,7 @@ POLL_SECONDS = 2
 LARGEST_SEND = 64 * 2**10
 """Bytes of one message: WinRM takes 150 KiB of XML unless its host is told otherwise."""
 UTF_8 = 65001
+_WORDS = re.compile(r'"[^"]*"|\S+')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +89,7 @@ class ServiceChannel(LiveChannel):
             except (WinRMError, SpnegoError, OSError) as error:
                 raise not_reached(self.host, self.target, reason_of(error), self.way) from None
             opened.callback(_close, shell)
-            program, *arguments = command.split(" ")
+            program, *arguments = _WORDS.findall(command)
             process = Process(shell, program, arguments)
             try:
                 process.begin_invoke()

@@ -214,7 +214,7 @@ def read_content(data: bytes, path: Path) -> Content:
         NotDecodable: it is of another format.
     """
     record, *others = records_in(data, path)
-    if others or data.count(b"\n") != 1:
+    if others or data.count(b"\n") != 1 or not data.endswith(b"\n"):
         raise NotDecodable("", "it is not the one line that rarms wrote")
     return decode(Content, record)
 

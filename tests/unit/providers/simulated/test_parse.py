@@ -57,7 +57,7 @@ def test_line_ends_of_git_do_no_harm() -> None:
         b"",
         b"{}",
         b"\xff\xfe",
-        sealed_line({"id": "x"}),
+        sealed_line({"made": 1}),
         write_content(CONTENT)[:-1],
         write_content(CONTENT) + b"\n",
         write_content(CONTENT) * 2,
