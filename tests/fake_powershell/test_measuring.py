@@ -135,9 +135,7 @@ def test_leftover_is_told_and_removed_next_time(measured: Measured) -> None:
     assert leftovers(host) == []
 
 
-def test_newest_of_merged_settings_counts(
-    measured: Measured, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_newest_of_merged_settings_counts(measured: Measured, monkeypatch: pytest.MonkeyPatch) -> None:
     send = FakeConversation.send
 
     def doubled(talk: FakeConversation, data: bytes) -> None:
